@@ -1,0 +1,132 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A user's own measured force surface F(strain, pressure), in tension and compression."""
+
+import csv
+from pathlib import Path
+import warnings
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.effects.base import Effect, Place
+from fam_bundle_ros.units import si_factor
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+_COLUMNS = {'strain': '1', 'pressure': 'kPa', 'force': 'N'}
+_REFINE = 8
+
+
+class MeasuredSurface(Effect):
+    """
+    F(e, P) read from a CSV with columns strain, pressure [unit], force [unit].
+
+    Every isobar needs at least two strains. The table is refined eightfold along strain and then
+    along pressure by shape-preserving cubic (PCHIP) interpolation, so the measured points are
+    met exactly and no oscillation is added; between refined points it is bilinear. Outside the
+    table the nearest edge holds, with one warning.
+
+    Parameters
+    ----------
+    table : str
+        Path of the CSV, as the model file names it.
+    folder : Path
+        Folder that a relative path is looked up in: that of the model file.
+    """
+
+    name = 'measured_surface'
+    summary = "interpolates the user's own force table F(strain, pressure)"
+    source = 'the way Kim, Mazzoleni and Bryant 2021 simulate; PCHIP by scipy'
+    place = Place.FORCE
+    family = 'surface'
+    signature = 'a measured table replaces mesh and bladder'
+
+    def __init__(self, table: str, folder: Path = Path('.')):
+        super().__init__()
+        self.table = table
+        self._path = Path(folder) / table
+        self._strain, self._pressure, self._force = _refine(*_read(self._path))
+        self._warned = False
+
+    def options(self):
+        return {'table': self.table}
+
+    def contribution(self, x):
+        strain, pressure = np.broadcast_arrays(x.strain, x.pressure)
+        if not self._warned and (np.any(strain < self._strain[0])
+                                 or np.any(strain > self._strain[-1])
+                                 or np.any(pressure < self._pressure[0])
+                                 or np.any(pressure > self._pressure[-1])):
+            self._warned = True
+            warnings.warn(
+                f'{self._path.name}: asked outside strain {self._strain[0]:g} to '
+                f'{self._strain[-1]:g} and pressure {self._pressure[0] / 1e3:g} to '
+                f'{self._pressure[-1] / 1e3:g} kPa; the nearest edge is used', stacklevel=2)
+        i, u = _cell(self._strain, strain)
+        j, v = _cell(self._pressure, pressure)
+        f = self._force
+        return ((1 - u) * ((1 - v) * f[i, j] + v * f[i, j + 1])
+                + u * ((1 - v) * f[i + 1, j] + v * f[i + 1, j + 1]))
+
+
+def _cell(grid, value):
+    """Return the index of the cell and the position in it, clamped to the grid."""
+    index = np.clip(np.searchsorted(grid, value, side='right') - 1, 0, len(grid) - 2)
+    return index, np.clip((value - grid[index]) / (grid[index + 1] - grid[index]), 0.0, 1.0)
+
+
+def _refine(strain, pressure, force):
+    """Return the table on a grid eight times as fine in both directions."""
+    isobars = np.unique(pressure)
+    if len(isobars) < 2:
+        raise InputError('measured_surface: the table needs at least two pressures')
+    strains = _subdivide(np.unique(strain))
+    columns = []
+    for isobar in isobars:
+        rows = pressure == isobar
+        at, first = np.unique(strain[rows], return_index=True)
+        if len(at) < 2 or len(at) < np.count_nonzero(rows):
+            raise InputError(f'measured_surface: the isobar {isobar / 1e3:g} kPa needs two or '
+                             'more strains, each once')
+        inside = np.clip(strains, at[0], at[-1])
+        columns.append(PchipInterpolator(at, force[rows][first])(inside))
+    fine = _subdivide(isobars)
+    return strains, fine, PchipInterpolator(isobars, np.array(columns), axis=0)(fine).T
+
+
+def _subdivide(grid):
+    steps = np.linspace(0.0, 1.0, _REFINE, endpoint=False)
+    inner = grid[:-1, None] + np.diff(grid)[:, None] * steps
+    return np.append(inner.ravel(), grid[-1])
+
+
+def _read(path):
+    """Return strain, pressure and force (SI) from a CSV with units in its header."""
+    try:
+        with open(path, newline='', encoding='utf-8') as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f'{path}: cannot be read as a CSV ({error})') from error
+    if len(rows) < 2:
+        raise InputError(f'{path}: is empty; expected columns {", ".join(_COLUMNS)}')
+    found = {}
+    for index, title in enumerate(rows[0]):
+        quantity, _, unit = title.partition('[')
+        if quantity.strip() in _COLUMNS:
+            like = _COLUMNS[quantity.strip()]
+            try:
+                found[quantity.strip()] = (index, si_factor(unit.strip(' ]'), like))
+            except InputError as error:
+                raise InputError(f'{path}, header "{title}": {error}') from error
+    missing = set(_COLUMNS) - set(found)
+    if missing:
+        raise InputError(f'{path}: has no column {", ".join(sorted(missing))}')
+    values = {name: np.empty(len(rows) - 1) for name in _COLUMNS}
+    for number, row in enumerate(rows[1:], start=2):
+        for name, (index, factor) in found.items():
+            try:
+                values[name][number - 2] = float(row[index]) * factor
+            except (ValueError, IndexError) as error:
+                raise InputError(f'{path}, row {number}: {name} is not a number') from error
+    if not all(np.all(np.isfinite(column)) for column in values.values()):
+        raise InputError(f'{path}: has values that are not finite')
+    return values['strain'], values['pressure'], values['force']

@@ -1,0 +1,104 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Geometry of one McKibben muscle: radius, volume, lengths.
+
+All functions take the strain e = (L0 - L)/L0 (positive when shorter) as an array of any shape,
+and a `Geometry` whose fields are floats or arrays that broadcast with it. SI units.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+#: Radius tolerance (relative) and braid angle tolerance (rad): how far a data-sheet or calliper
+#: value is commonly off; used as priors when a model is refitted.
+RADIUS_TOLERANCE = 0.04
+BRAID_ANGLE_TOLERANCE = np.radians(1.5)
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """
+    Initial dimensions of a muscle.
+
+    Parameters
+    ----------
+    radius : float or array, m
+        Initial outer radius r0.
+    length : float or array, m
+        Initial (active) length L0.
+    braid_angle : float or array, rad
+        Initial angle a0 of the threads, from the axis.
+    wall_thickness : float or array, m
+        Wall of the bladder, t < r0.
+    """
+
+    radius: Any
+    length: Any
+    braid_angle: Any
+    wall_thickness: Any
+
+    def __post_init__(self):
+        """Keep the trigonometry of the braid angle: the engine needs it at every tick."""
+        cosine, sine = np.cos(self.braid_angle), np.sin(self.braid_angle)
+        object.__setattr__(self, 'cos2', cosine * cosine)
+        object.__setattr__(self, 'sin2', sine * sine)
+        object.__setattr__(self, 'cot2', cosine * cosine / (sine * sine))
+        object.__setattr__(self, 'area', np.pi * self.radius * self.radius)
+
+    cos2: Any = None
+    sin2: Any = None
+    cot2: Any = None
+    area: Any = None
+
+    @classmethod
+    def stack(cls, geometries):
+        """Return one Geometry with array fields (n,) from n geometries."""
+        names = [field.name for field in fields(cls)[:4]]
+        return cls(*(np.array([getattr(g, name) for g in geometries], float) for name in names))
+
+    @property
+    def bladder_volume(self) -> Any:
+        """Volume of the bladder's wall, pi (r0^2 - (r0 - t)^2) L0, m^3."""
+        inner = self.radius - self.wall_thickness
+        return np.pi * (self.radius * self.radius - inner * inner) * self.length
+
+
+def radius(geometry, strain, braid=1.0):
+    """
+    Return the radius of the muscle, r0 sqrt(B - l^2 cos^2 a0)/sin a0, in m.
+
+    ``braid`` is B, the square of the thread's stretch (1 for a stiff thread): the kinematics of
+    threads of length b = L0/cos a0 wound n times [CH96].
+    """
+    stretch = 1.0 - strain
+    return geometry.radius * np.sqrt((braid - stretch * stretch * geometry.cos2) / geometry.sin2)
+
+
+def volume(geometry, strain):
+    """
+    Return the volume inside the braid, pi r0^2 L0 (l - l^3 cos^2 a0)/sin^2 a0, in m^3 [CH96].
+
+    Examples
+    --------
+    >>> paper = Geometry(6.35e-3, 0.127, np.radians(33), 1.59e-3)
+    >>> print(f'{1e6 * volume(paper, 0.0):.2f} mL')
+    16.09 mL
+    """
+    stretch = 1.0 - strain
+    cubic = stretch * (1.0 - stretch * stretch * geometry.cos2)
+    return geometry.area * geometry.length * cubic / geometry.sin2
+
+
+def volume_slope(geometry, strain):
+    """Return dV/de in m^3: how fast the volume grows as the muscle shortens."""
+    stretch = 1.0 - strain
+    return -geometry.area * geometry.length * (
+        1.0 - 3.0 * stretch * stretch * geometry.cos2) / geometry.sin2
+
+
+def ideal_free_strain(geometry):
+    """Return the free strain of the ideal muscle, 1 - 1/(sqrt(3) cos a0) [CH96]."""
+    return 1.0 - 1.0 / np.sqrt(3.0 * geometry.cos2)

@@ -1,0 +1,356 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The model file (YAML, units in every value) <-> a Bundle.
+
+Errors name the file, the line and the key. Aliases are refused (a few of them can make a file
+that fills the memory), and nothing in a file is executed: a Python file of effects that it names
+is loaded only with ``allow_python=True``.
+"""
+
+from pathlib import Path
+from typing import Any, Union
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.bundle import Bundle, MotorUnit
+from fam_bundle_ros.model.effects import catalogue
+from fam_bundle_ros.model.effects.base import Effect, Parameter
+from fam_bundle_ros.model.effects.expression import Expression, expression_class
+from fam_bundle_ros.model.effects.surface import MeasuredSurface
+from fam_bundle_ros.model.geometry import Geometry
+from fam_bundle_ros.units import express, parse, si_factor
+import numpy as np
+import yaml
+
+FORMAT = 'fam-bundle-model/1'
+_MAX_BYTES = 1_000_000
+_DIMENSIONS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
+
+
+class _Map(dict):
+    """A mapping that remembers the line of each key."""
+
+    lines: dict[str, int]
+    line: int
+
+
+class _Reader:
+    """Walks one file's tree; every complaint carries the file and the line."""
+
+    def __init__(self, where: str):
+        self.where = where
+
+    def error(self, line, message):
+        return InputError(f'{self.where}, line {line}: {message}')
+
+    def tree(self, text: str) -> Any:
+        try:
+            for event in yaml.parse(text, Loader=yaml.SafeLoader):
+                if isinstance(event, yaml.AliasEvent):
+                    raise self.error(event.start_mark.line + 1, 'aliases (*name) are not allowed')
+            node = yaml.compose(text, Loader=yaml.SafeLoader)
+        except yaml.YAMLError as error:
+            mark = getattr(error, 'problem_mark', None)
+            problem = getattr(error, 'problem', None) or 'it holds characters that YAML forbids'
+            raise self.error(mark.line + 1 if mark else 1, f'is not YAML: {problem}') from error
+        except RecursionError as error:
+            raise self.error(1, 'is nested too deeply') from error
+        return self._plain(node)
+
+    def _plain(self, node):
+        if isinstance(node, yaml.MappingNode):
+            result = _Map()
+            result.lines, result.line = {}, node.start_mark.line + 1
+            for key, value in node.value:
+                line = key.start_mark.line + 1
+                if not isinstance(key, yaml.ScalarNode):
+                    raise self.error(line, 'a key must be a word')
+                if key.value in result:
+                    raise self.error(line, f"'{key.value}' stands twice")
+                result[key.value] = self._plain(value)
+                result.lines[key.value] = line
+            return result
+        if isinstance(node, yaml.SequenceNode):
+            return [self._plain(item) for item in node.value]
+        return None if node is None else node.value
+
+    def known(self, mapping, allowed, what, line=1):
+        """Raise unless ``mapping`` is one and has only allowed keys."""
+        if not isinstance(mapping, _Map):
+            raise self.error(line, f'{what} must be a mapping of {", ".join(allowed)}')
+        for key in mapping:
+            if key not in allowed:
+                raise self.error(mapping.lines[key], f"{what} has no key '{key}'; expected "
+                                 f'{", ".join(allowed)}')
+        return mapping
+
+    def quantity(self, value, unit, key, line):
+        try:
+            return parse(value, unit)
+        except InputError as error:
+            raise self.error(line, f'{key}: {error}') from error
+
+    # --- the parts of a model file -------------------------------------------------------------
+
+    def bundle(self, tree, folder, allow_python):
+        keys = ('format', 'name', 'description', 'motor_units', 'effects', 'error',
+                'effect_files', 'notes')
+        self.known(tree, keys, 'a model file')
+        if tree.get('format') != FORMAT:
+            raise self.error(tree.lines.get('format', 1),
+                             f"format is {tree.get('format')!r}; expected '{FORMAT}'")
+        for key in ('motor_units', 'effects'):
+            if not isinstance(tree.get(key), list):
+                raise self.error(tree.lines.get(key, 1), f'{key} must be a list')
+        extra = self.python_effects(tree, folder, allow_python)
+        units = [self.motor_unit(item, i + 1, tree.lines['motor_units'])
+                 for i, item in enumerate(tree['motor_units'])]
+        effects = [self.effect(item, tree.lines['effects'], folder, extra)
+                   for item in tree['effects']]
+        error = self.quantity(tree['error'], 'N', 'error', tree.lines['error']) \
+            if 'error' in tree else 0.0
+        notes = _undecorate(tree.get('notes') or {})
+        if 'description' in tree:
+            notes = {'description': tree['description'], **notes}
+        try:
+            return Bundle(tree.get('name') or 'model', units, effects, error, notes)
+        except InputError as error:
+            raise InputError(f'{self.where}: {error}') from error
+
+    def python_effects(self, tree, folder, allow_python):
+        files = tree.get('effect_files') or []
+        if files and not allow_python:
+            raise self.error(tree.lines['effect_files'],
+                             'names Python files, which would be run; allow it with '
+                             '--allow-python when you trust them')
+        return {effect.name: effect for file in files
+                for effect in catalogue.from_python_file(folder / file)}
+
+    def motor_unit(self, item, number, line):
+        what = f'motor unit {number}'
+        self.known(item, ('name', 'muscles', 'geometry', 'max_pressure'), what, line)
+        if 'geometry' not in item:
+            raise self.error(item.line, f'{what} has no geometry')
+        shape = self.known(item['geometry'], tuple(_DIMENSIONS), f'geometry of {what}', item.line)
+        values = {}
+        for key, unit in _DIMENSIONS.items():
+            if key not in shape:
+                raise self.error(shape.line, f'geometry of {what} has no {key}')
+            values[key] = self.quantity(shape[key], unit, key, shape.lines[key])
+            if values[key] <= 0.0:
+                raise self.error(shape.lines[key], f'{key} must be above zero')
+        if values['wall_thickness'] >= values['radius']:
+            raise self.error(shape.lines['wall_thickness'],
+                             'wall_thickness must be below the radius')
+        if not 5.0 < np.degrees(values['braid_angle']) < 54.7:
+            raise self.error(shape.lines['braid_angle'],
+                             'braid_angle must lie between 5 and 54.7 deg: a muscle that '
+                             'contracts')
+        pressure = self.quantity(item.get('max_pressure', '413.7 kPa'), 'kPa', 'max_pressure',
+                                 item.lines.get('max_pressure', item.line))
+        if not 0.0 < pressure <= 2e6:
+            raise self.error(item.lines.get('max_pressure', item.line),
+                             'max_pressure must lie between 0 and 2 MPa')
+        count = item.get('muscles', '1')
+        if not (isinstance(count, str) and count.isdecimal() and 1 <= int(count) <= 1000):
+            raise self.error(item.lines.get('muscles', item.line),
+                             f"muscles is '{count}'; expected a whole number from 1")
+        return MotorUnit(item.get('name') or f'mu{number}', int(count), Geometry(**values),
+                         pressure)
+
+    def effect(self, item, line, folder, extra) -> Effect:
+        if isinstance(item, _Map):
+            line = item.line
+            if len(item) != 1:
+                raise self.error(line, 'an effect must be one name with its parameters')
+            (name, settings), = item.items()
+            settings = settings if settings is not None else _empty(line)
+        elif isinstance(item, str):
+            name, settings = item, _empty(line)
+        else:
+            raise self.error(line, 'an effect must be a name')
+        if not isinstance(settings, _Map):
+            raise self.error(line, f'{name}: parameters must be a mapping')
+        try:
+            if 'expression' in settings:
+                kind = self.expression(name, settings)
+                settings = settings.get('parameters') or _empty(line)
+            else:
+                kind = extra.get(name) or catalogue.get(name)
+        except InputError as error:
+            text = str(error)
+            raise (error if text.startswith(self.where) else self.error(line, text)) from error
+        if issubclass(kind, MeasuredSurface):
+            self.known(settings, ('table',), name, line)
+            if 'table' not in settings:
+                raise self.error(line, f'{name}: needs a table (a CSV file)')
+            return kind(settings['table'], folder)
+        return self.values(kind, settings, line)
+
+    def expression(self, name, settings):
+        self.known(settings, ('expression', 'place', 'parameters'), name)
+        listed = self.known(settings.get('parameters') or _empty(settings.line),
+                            tuple(settings.get('parameters') or ()), f'parameters of {name}')
+        place = settings.get('place')
+        if place is None:
+            place = 'loss' if 'strain_rate' in settings['expression'] else 'force'
+        return expression_class(name, settings['expression'], place, tuple(
+            self.user_parameter(name, key, value, listed.lines[key])
+            for key, value in listed.items()))
+
+    def user_parameter(self, effect, key, setting, line):
+        """Describe a parameter of an expression from its own value and bounds."""
+        parts = setting if isinstance(setting, _Map) else {'value': setting}
+        if not isinstance(parts.get('value'), str):
+            raise self.error(line, f'{effect}.{key} needs a value with a unit')
+        unit = parts['value'].strip().partition(' ')[2].strip() or '1'
+        value = self.quantity(parts['value'], unit, f'{effect}.{key}', line)
+        factor = si_factor(unit, unit)
+        wide = 1e3 * max(abs(value), factor)
+        bounds = [self.quantity(parts[end], unit, f'{effect}.{key}.{end}', line)
+                  if end in parts else default
+                  for end, default in (('lower', -wide), ('upper', wide))]
+        return Parameter(key, unit, value / factor, bounds[0] / factor, bounds[1] / factor,
+                         f'parameter of {effect}')
+
+    def values(self, kind, settings, line):
+        described = {p.name: p for p in kind.parameters}
+        values, bounds, intervals = {}, {}, {}
+        for key, setting in settings.items():
+            at = settings.lines[key]
+            if key not in described:
+                raise self.error(at, f"{kind.name} has no parameter '{key}'; it has "
+                                 f"{', '.join(described) or 'none'}")
+            parameter = described[key]
+            label = f'{kind.name}.{key}'
+            if isinstance(setting, _Map):
+                self.known(setting, ('value', 'lower', 'upper', 'interval'), label, at)
+                if 'value' in setting:
+                    values[key] = self.quantity(setting['value'], parameter.unit, label, at)
+                low, high = (
+                    self.quantity(setting[end], parameter.unit, f'{label}.{end}', at)
+                    if end in setting else default * parameter.scale
+                    for end, default in (('lower', parameter.lower), ('upper', parameter.upper)))
+                if low > high:
+                    raise self.error(at, f'{label}: lower is above upper')
+                bounds[key] = (low, high)
+                if 'interval' in setting:
+                    if not isinstance(setting['interval'], list) or len(setting['interval']) != 2:
+                        raise self.error(at, f'{label}.interval must be a list of two values')
+                    intervals[key] = tuple(
+                        self.quantity(v, parameter.unit, f'{label}.interval', at)
+                        for v in setting['interval'])
+            else:
+                values[key] = self.quantity(setting, parameter.unit, label, at)
+        try:
+            for key, value in values.items():
+                if key in bounds and not bounds[key][0] <= value <= bounds[key][1]:
+                    raise InputError(
+                        f'{key} is {express(value, described[key].unit)}; expected between '
+                        f'{express(bounds[key][0], described[key].unit)} and '
+                        f'{express(bounds[key][1], described[key].unit)}')
+            effect = kind(**values)
+        except InputError as error:
+            at = max((settings.lines[key] for key in values), default=line)
+            raise self.error(at, f'{kind.name}: {error}') from error
+        effect.bounds, effect.intervals = bounds, intervals
+        return effect
+
+
+def load_model(path: Union[str, Path], allow_python: bool = False) -> Bundle:
+    """
+    Read a model file.
+
+    Parameters
+    ----------
+    path : str or Path
+    allow_python : bool
+        Whether Python files that the model names under ``effect_files`` may be run.
+
+    Raises
+    ------
+    InputError
+        With file, line and key.
+    """
+    path = Path(path)
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise InputError(f'{path}: is larger than 1 MB; this is not a model file')
+        text = path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = 'it is not text' if isinstance(error, UnicodeDecodeError) else error.strerror
+        raise InputError(f'{path}: cannot be read ({reason})') from error
+    return loads_model(text, str(path), path.parent, allow_python)
+
+
+def loads_model(text: str, where: str = 'model', folder: Path = Path('.'),
+                allow_python: bool = False) -> Bundle:
+    """Read a model from text; ``where`` stands for the file in errors."""
+    reader = _Reader(where)
+    return reader.bundle(reader.tree(text), Path(folder), allow_python)
+
+
+def dumps_model(bundle: Bundle) -> str:
+    """Return a model file's text; `loads_model` gives the same bundle again."""
+    tree: dict[str, Any] = {'format': FORMAT, 'name': bundle.name}
+    if bundle.error:
+        tree['error'] = express(bundle.error, 'N')
+    if bundle.notes:
+        tree['notes'] = bundle.notes
+    tree['motor_units'] = [
+        {'name': unit.name, 'muscles': unit.muscles,
+         'geometry': {key: express(float(getattr(unit.geometry, key)), shown, 9)
+                      for key, shown in _DIMENSIONS.items()},
+         'max_pressure': express(unit.max_pressure, 'kPa', 9)} for unit in bundle.motor_units]
+    tree['effects'] = [_effect_entry(effect, bundle.n) for effect in bundle.effects]
+    return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=99)
+
+
+def save_model(bundle: Bundle, path: Union[str, Path]) -> None:
+    """Write a model file, whole or not at all (InputError when the folder cannot be written)."""
+    path = Path(path)
+    draft = path.with_name(path.name + '.part')
+    try:
+        draft.write_text(dumps_model(bundle), encoding='utf-8')
+        draft.replace(path)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written ({error.strerror})') from error
+
+
+def _effect_entry(effect: Effect, units: int) -> Any:
+    settings = {}
+    for parameter in effect.active(units):
+        key = parameter.name
+        value = _written(effect.values[key], parameter.unit)
+        if key not in effect.bounds and key not in effect.intervals \
+                and not isinstance(effect, Expression):
+            settings[key] = value
+            continue
+        low, high = (_written(v, parameter.unit) for v in effect.limits(key))
+        settings[key] = {'value': value, 'lower': low, 'upper': high}
+        if key in effect.intervals:
+            settings[key]['interval'] = [_written(v, parameter.unit)
+                                         for v in effect.intervals[key]]
+    options = effect.options()
+    if isinstance(effect, Expression):
+        return {effect.name: {**options, 'parameters': settings}}
+    return {effect.name: {**options, **settings}} if options or settings else effect.name
+
+
+def _written(value: float, unit: str) -> Any:
+    """Return a value as the file shows it: text with a unit, or a bare number where it has none."""
+    text = express(value, unit, 9)
+    return float(text) if unit == '1' else text
+
+
+def _empty(line: int) -> _Map:
+    empty = _Map()
+    empty.lines, empty.line = {}, line
+    return empty
+
+
+def _undecorate(value: Any) -> Any:
+    """Return plain containers (for notes, which are kept and written again)."""
+    if isinstance(value, dict):
+        return {key: _undecorate(item) for key, item in value.items()}
+    return [_undecorate(item) for item in value] if isinstance(value, list) else value

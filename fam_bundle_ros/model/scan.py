@@ -1,0 +1,86 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Recurrences over time, vectorised: the memory of friction, relaxation and line lag.
+
+Both recurrences are compositions of maps that are closed under composition, so a long record is
+cut into blocks of about sqrt(T) samples that advance side by side: cost linear in T, exact for
+any sampling, and the same call serves one control tick (T = 1).
+"""
+
+import numpy as np
+
+
+def affine_scan(gain, offset, start):
+    """
+    Return y with y[k] = gain[k] y[k-1] + offset[k] and y[-1] = start.
+
+    Parameters
+    ----------
+    gain, offset : array, shape (T, ...)
+    start : array, shape (...)
+
+    Returns
+    -------
+    array, shape (T, ...)
+
+    Examples
+    --------
+    >>> affine_scan(np.full(3, 0.5), np.ones(3), 0.0)
+    array([1.  , 1.5 , 1.75])
+    """
+    gain, offset = np.broadcast_arrays(gain, offset)
+    if len(offset) == 1:
+        return gain * start + offset
+    gains, offsets = _blocks(gain, 1.0), _blocks(offset, 0.0)
+    for k in range(1, len(gains)):
+        offsets[k] += gains[k] * offsets[k - 1]
+        gains[k] *= gains[k - 1]
+    carry = np.empty_like(offsets[0])
+    value = start
+    for block in range(len(carry)):
+        carry[block] = value
+        value = gains[-1, block] * value + offsets[-1, block]
+    return _record(gains * carry + offsets, len(offset))
+
+
+def clamp_scan(lower, upper, start):
+    """
+    Return y with y[k] = clip(y[k-1], lower[k], upper[k]) and y[-1] = start: a play operator.
+
+    Shapes as in `affine_scan`. Where ``lower`` equals ``upper`` the value is set (a reset).
+
+    Examples
+    --------
+    >>> clamp_scan(np.array([1., -1., -1.]), np.array([2., 3., 0.5]), 0.0)
+    array([1. , 1. , 0.5])
+    """
+    lower, upper = np.broadcast_arrays(lower, upper)
+    if len(lower) == 1:
+        return np.minimum(np.maximum(start, lower), upper)
+    lowers, uppers = _blocks(lower, -np.inf), _blocks(upper, np.inf)
+    for k in range(1, len(lowers)):
+        low, high = lowers[k].copy(), uppers[k].copy()
+        lowers[k] = np.minimum(np.maximum(lowers[k - 1], low), high)
+        uppers[k] = np.minimum(np.maximum(uppers[k - 1], low), high)
+    carry = np.empty_like(lowers[0])
+    value = start
+    for block in range(len(carry)):
+        carry[block] = value
+        value = np.minimum(np.maximum(value, lowers[-1, block]), uppers[-1, block])
+    return _record(np.minimum(np.maximum(carry, lowers), uppers), len(lower))
+
+
+def _blocks(values, identity):
+    """Return a copy as (samples in a block, blocks, ...), padded with the identity map."""
+    length = len(values)
+    size = max(int(np.sqrt(length)), 1)
+    count = -(-length // size)
+    padded = np.full((count * size,) + values.shape[1:], identity, dtype=float)
+    padded[:length] = values
+    return np.ascontiguousarray(padded.reshape((count, size) + values.shape[1:]).swapaxes(0, 1))
+
+
+def _record(blocks, length):
+    """Undo `_blocks`."""
+    return blocks.swapaxes(0, 1).reshape((-1,) + blocks.shape[2:])[:length]

@@ -1,0 +1,110 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Units at the edges of the package: text with units in, SI floats out, and back."""
+
+from functools import lru_cache
+import math
+from typing import Union
+
+from fam_bundle_ros.errors import InputError
+import pint
+
+#: Words that people write in lab notes and that pint does not take as units.
+_SPELLINGS = {'%': 'percent', '': 'dimensionless', '1': 'dimensionless', '-': 'dimensionless',
+              'lbf': 'pound_force', 'deg': 'degree'}
+
+
+@lru_cache(maxsize=1)
+def registry() -> pint.UnitRegistry:
+    """Return the package's only pint registry (made on first use: it takes 0.2 s)."""
+    ureg = pint.UnitRegistry()
+    if 'percent' not in ureg:
+        ureg.define('percent = 0.01 = %')
+    return ureg
+
+
+@lru_cache(maxsize=512)
+def si_factor(unit: str, like: str) -> float:
+    """
+    Return how many SI units of the dimension of ``like`` one ``unit`` is.
+
+    Raises
+    ------
+    InputError
+        When ``unit`` is unknown or has another dimension than ``like``.
+
+    Examples
+    --------
+    >>> si_factor('kPa', like='Pa')
+    1000.0
+    """
+    ureg = registry()
+    try:
+        quantity = ureg.Quantity(1.0, _SPELLINGS.get(unit.strip(), unit.strip()))
+    except Exception as error:  # pint raises many kinds, also its tokenizer's own
+        raise InputError(f"unit '{unit}' is not known") from error
+    target = ureg.Quantity(1.0, _SPELLINGS.get(like.strip(), like.strip()))
+    if quantity.dimensionality != target.dimensionality:
+        raise InputError(f"unit '{unit}' does not fit; expected a unit like {like}")
+    factor = float(quantity.to_base_units().magnitude)
+    if quantity.units == ureg.degree:
+        return math.radians(1.0)
+    return factor
+
+
+def parse(value: Union[str, int, float], like: str) -> float:
+    """
+    Return a quantity such as ``'6.35 mm'`` in SI units.
+
+    Parameters
+    ----------
+    value : str or number
+        A number with a unit; a bare number is taken only where ``like`` is dimensionless.
+    like : str
+        A unit of the expected dimension, for example ``'kPa'``.
+
+    Raises
+    ------
+    InputError
+        When there is no number, no unit, or the unit does not fit.
+
+    Examples
+    --------
+    >>> parse('50 psi', like='Pa') // 1
+    344737.0
+    """
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise InputError(f'{value!r} is not a quantity; expected for example "1 {like}"')
+    number, _, unit = str(value).strip().partition(' ')
+    try:
+        magnitude = float(number)
+    except ValueError as error:
+        raise InputError(f"'{value}' is not a quantity; expected a number, a space and a unit "
+                         f'like {like}') from error
+    if not math.isfinite(magnitude):
+        raise InputError(f"'{value}' is not finite")
+    if not unit and si_dimension(like) != '':
+        raise InputError(f"'{value}' has no unit; expected a unit like {like}")
+    return magnitude * si_factor(unit, like)
+
+
+@lru_cache(maxsize=128)
+def si_dimension(unit: str) -> str:
+    """Return the dimension of a unit as text, empty for a pure number (an angle has one)."""
+    quantity = registry().Quantity(1.0, _SPELLINGS.get(unit.strip(), unit.strip()))
+    if quantity.dimensionless and quantity.units not in (registry().degree, registry().radian):
+        return ''
+    return str(quantity.dimensionality) or 'angle'
+
+
+def express(value: float, unit: str, digits: int = 6) -> str:
+    """
+    Return an SI value as text in ``unit``: the inverse of `parse`.
+
+    Examples
+    --------
+    >>> express(0.00635, 'mm')
+    '6.35 mm'
+    """
+    shown = f'{value / si_factor(unit, unit):.{digits}g}'
+    return shown if si_dimension(unit) == '' and unit in ('', '1') else f'{shown} {unit}'
