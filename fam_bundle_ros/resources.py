@@ -1,0 +1,73 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Finds the files that ship with the package: models, parameters, trajectories, data.
+
+An installed package (colcon or pip) carries ``config/`` inside itself; a source tree, also one
+installed with ``pip install -e`` or ``colcon build --symlink-install``, has it beside the
+package. No ROS share directory is asked for, so nodes start from wherever Python finds them.
+"""
+
+from pathlib import Path
+
+from fam_bundle_ros.errors import InputError
+
+__all__ = ['config_names', 'config_path']
+
+
+def config_path(relative: str | Path) -> Path:
+    """
+    Return the path of a file or folder that ships in ``config/``.
+
+    Parameters
+    ----------
+    relative : str or Path
+        Path below ``config/``, for example ``models/spie2021.yaml``.
+
+    Returns
+    -------
+    Path
+        Absolute path of an existing file or folder.
+
+    Raises
+    ------
+    InputError
+        When nothing of that name ships, or when the name leads out of ``config/``.
+
+    """
+    root = _root()
+    path = (root / relative).resolve()
+    if path.is_relative_to(root) and path.exists():
+        return path
+    folder = Path(relative).parent
+    inside = (root / folder).resolve().is_relative_to(root)
+    known = ', '.join(config_names(str(folder))) if inside else ''
+    raise InputError(
+        f'{relative}: no such file ships with fam_bundle_ros; '
+        f'config/{"" if str(folder) == "." or not inside else folder} has: {known or "nothing"}'
+    )
+
+
+def config_names(folder: str = '.') -> tuple[str, ...]:
+    """
+    Return the names of what ships in a folder of ``config/``, sorted.
+
+    Parameters
+    ----------
+    folder : str
+        Folder below ``config/``, for example ``models``. One that does not exist is empty.
+
+    """
+    path = _root() / folder
+    if not path.is_dir():
+        return ()
+    return tuple(sorted(p.name for p in path.iterdir() if p.name[0] not in '._'))
+
+
+def _root() -> Path:
+    package = Path(__file__).resolve().parent
+    source = package.parent
+    # package.xml tells a source tree from a site-packages that has some other config beside us.
+    if (source / 'package.xml').is_file():
+        return source / 'config'
+    return package / 'config'
