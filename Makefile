@@ -1,0 +1,42 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+#
+# Everything runs in .venv, which scripts/venv.sh makes from requirements.txt. With ROS sourced
+# (ROS_DISTRO set) it uses that ROS instead of rclpy's wheels.
+
+BIN := .venv/bin
+JOBS ?= 2
+export PYTHON
+
+.PHONY: help install demo test test-oldest lint build clean
+
+help:  ## show this list (default)
+	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | \
+		while IFS='|' read -r name text; do printf '  make %-12s %s\n' "$$name" "$$text"; done
+
+install:  ## make .venv with pinned requirements and this package
+	@sh scripts/venv.sh .venv
+
+demo: install  ## run the whole story on simulated hardware and write report/
+	@$(BIN)/fam_bundle demo
+
+test: install  ## run all tests (JOBS=2 in parallel)
+	@$(BIN)/python -m pytest -n $(JOBS)
+
+test-oldest:  ## run what the nodes import with Ubuntu 24.04's numpy, scipy, pint
+	@sh scripts/venv.sh .venv-oldest ubuntu
+	@.venv-oldest/bin/python -m pytest -n $(JOBS) \
+		$(wildcard test/model test/plant test/control test/nodes)
+
+lint: install  ## run ruff and mypy
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+build: install  ## build with colcon into install/ (ament_python)
+	@$(if $(ROS_DISTRO),$(shell command -v colcon || echo $(BIN)/colcon),$(BIN)/colcon) \
+		build --packages-select fam_bundle_ros
+
+clean:  ## remove .venv, build products and caches; keeps report/
+	rm -rf .venv .venv-oldest build install log *.egg-info
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find fam_bundle_ros test -name __pycache__ -type d -prune -exec rm -rf {} +
