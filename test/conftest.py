@@ -1,0 +1,68 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Fixtures that every test may use.
+
+rclpy is imported by the fixtures that need it, so that tests of the library run without ROS.
+"""
+
+import fcntl
+import os
+from pathlib import Path
+import tempfile
+
+import pytest
+
+# Both are read when rclpy or a message is first imported, in this process or in one it starts.
+# Jazzy's messages check the types of their fields only when asked to.
+os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ.setdefault('ROS_LOG_DIR', str(Path(tempfile.gettempdir(), 'fam_bundle_ros_log')))
+# The workers of pytest-xdist share the cores; threads of BLAS would only get in their way.
+os.environ.setdefault('OMP_NUM_THREADS', '1')
+
+# Above 101 the DDS ports of Linux meet those of outgoing connections.
+LARGEST_DOMAIN = 101
+
+
+@pytest.fixture(scope='session')
+def repository():
+    """Return the root of the source tree."""
+    return Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope='session')
+def domain_id():
+    """
+    Return a ROS domain that no other test process on this machine uses.
+
+    It is in ROS_DOMAIN_ID too, for the processes that a test starts. A lock, not the worker's
+    number, chooses it: two test runs at once must not hear each other.
+    """
+    for candidate in range(1, LARGEST_DOMAIN + 1):
+        path = Path(tempfile.gettempdir(), f'fam_bundle_ros_domain_{candidate}.lock')
+        try:
+            lock = path.open('w')
+        except PermissionError:
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.close()
+            continue
+        os.environ['ROS_DOMAIN_ID'] = str(candidate)
+        yield candidate
+        lock.close()
+        return
+    pytest.fail(f'all {LARGEST_DOMAIN} ROS domains are in use by other test runs')
+
+
+@pytest.fixture
+def ros_context(domain_id):
+    """Yield a fresh, initialised rclpy context in the worker's own domain."""
+    from rclpy.context import Context
+
+    context = Context()
+    context.init(domain_id=domain_id)
+    yield context
+    context.try_shutdown()
