@@ -1,0 +1,145 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Read a measurement from a ROS 2 bag (mcap or sqlite3) without ROS, by the package rosbags.
+
+Topics, under any namespace: `force` (WrenchStamped, force.x), `strain` (JointState, joints
+`strain` or `contraction`), `mu<i>/pressure` (FluidPressure, absolute). Everything is brought to
+the stamps of the force by linear interpolation, within the time that all topics cover.
+"""
+
+from pathlib import Path
+import re
+from typing import Any, Optional
+
+from fam_bundle_ros.discovery.measurement import build, MAX_ROWS, Measurement
+from fam_bundle_ros.errors import InputError
+import numpy as np
+
+#: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
+_GAP_PERIODS = 20.0
+
+
+def read_bag(path: Path, *, rest_length: Optional[float] = None,
+             ambient_pressure: float = 101325.0, name: Optional[str] = None,
+             allow_constant_pressure: bool = False) -> Measurement:
+    """
+    Return the measurement that a bag holds.
+
+    Raises
+    ------
+    InputError
+        Where rosbags is not installed, the bag cannot be read, or a topic is missing.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import get_typestore, Stores
+    except ImportError as error:
+        raise InputError(f'{path.name}: reading a bag needs the package rosbags; install the '
+                         'extra `tools`') from error
+    label = name or path.name
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            topics = _topics(label, reader.connections)
+            series = _collect(label, reader, topics)
+    except InputError:
+        raise
+    except Exception as error:  # rosbags raises its own and sqlite's, zstd's, ...
+        first = str(error).strip().splitlines()
+        raise InputError(f'{label}: cannot be read as a ROS 2 bag '
+                         f'({first[0] if first else type(error).__name__})') from error
+    return _resample(label, series, rest_length, ambient_pressure, allow_constant_pressure)
+
+
+def _topics(label: str, connections: Any) -> dict[str, str]:
+    found: dict[str, list[str]] = {}
+    for connection in connections:
+        topic, kind = connection.topic, connection.msgtype.rsplit('/', 1)[-1]
+        if topic.endswith('/force') and kind == 'WrenchStamped' and not re.search(
+                r'/(reference|model)/force$', topic):
+            found.setdefault('force', []).append(topic)
+        elif topic.endswith('/strain') and kind == 'JointState' and not topic.endswith(
+                '/reference/strain'):
+            found.setdefault('strain', []).append(topic)
+        elif (match := re.search(r'/(mu\d+)/pressure$', topic)) and kind == 'FluidPressure':
+            found.setdefault(f'pressure.{match.group(1)}', []).append(topic)
+    pressures = sorted((key for key in found if key.startswith('pressure.')),
+                       key=lambda key: int(re.sub(r'\D', '', key)))
+    for key in ['force', 'strain'] + (pressures or ['mu1/pressure']):
+        if key not in found:
+            raise InputError(f"{label}: no topic '{key}' of the right type; expected force "
+                             '(WrenchStamped), strain (JointState) and mu<i>/pressure '
+                             '(FluidPressure)')
+        if len(found[key]) > 1:
+            raise InputError(f"{label}: topics {' and '.join(sorted(found[key])[:2])}; expected "
+                             'the topics of one bundle')
+    return {found[key][0]: key for key in ['force', 'strain'] + pressures}
+
+
+def _collect(label: str, reader: Any, topics: dict[str, str]) -> dict[str, np.ndarray]:
+    rows: dict[str, list[tuple[float, float]]] = {key: [] for key in topics.values()}
+    wanted = [c for c in reader.connections if c.topic in topics]
+    for connection, received, raw in reader.messages(connections=wanted):
+        message = reader.deserialize(raw, connection.msgtype)
+        key = topics[connection.topic]
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        stamp = stamp or 1e-9 * received
+        if key == 'force':
+            value = float(message.wrench.force.x)
+        elif key == 'strain':
+            names = list(message.name)
+            joint = 'strain' if 'strain' in names else 'contraction'
+            if joint not in names:
+                raise InputError(f"{label}: topic '{connection.topic}' names {names}; expected a "
+                                 "joint 'strain' or 'contraction'")
+            value = float(message.position[names.index(joint)])
+            key = joint
+            rows.setdefault(key, [])
+        else:
+            value = float(message.fluid_pressure)
+        rows[key].append((stamp, value))
+        if len(rows[key]) > MAX_ROWS:
+            raise InputError(f'{label}: more than {MAX_ROWS} messages on {connection.topic}')
+    series = {}
+    for key, pairs in rows.items():
+        if key == 'strain' and not pairs and rows.get('contraction'):
+            continue
+        if len(pairs) < 2:
+            raise InputError(f'{label}: {len(pairs)} messages of {key}; expected a log')
+        table = np.array(pairs)
+        table = table[np.argsort(table[:, 0], kind='stable')]
+        series[key] = table[np.concatenate([[True], np.diff(table[:, 0]) > 0])]
+    return series
+
+
+def _resample(label: str, series: dict[str, np.ndarray], rest_length: Optional[float],
+              ambient_pressure: float, allow_constant_pressure: bool) -> Measurement:
+    begin = max(table[0, 0] for table in series.values())
+    end = min(table[-1, 0] for table in series.values())
+    clock = series['force'][:, 0]
+    inside = (clock >= begin) & (clock <= end)
+    clock = clock[inside]
+    if len(clock) < 2:
+        raise InputError(f'{label}: the topics do not overlap in time; expected one recording')
+    values = {key: np.interp(clock, table[:, 0], table[:, 1]) for key, table in series.items()}
+    if 'strain' in values:
+        strain = values['strain']
+    elif rest_length is None:
+        raise InputError(f'{label}: strain gives the contraction in m alone; expected the rest '
+                         'length (option or model) to make a strain')
+    else:
+        strain = values['contraction'] / rest_length
+    units = [key for key in values if key.startswith('pressure.')]
+    pressure = np.stack([values[key] for key in units], -1)
+    notes = []
+    if pressure.min() < 60e3:
+        notes.append(f'lowest pressure {pressure.min() / 1e3:.1f} kPa absolute: taken as gauge, '
+                     'as FluidPressure should not be')
+    else:
+        pressure = pressure - ambient_pressure
+    steps = np.diff(clock)
+    gap = max(0.5, _GAP_PERIODS * float(np.median(steps)))
+    trial = np.concatenate([[0], np.cumsum(steps > gap)])
+    return build(label, strain, pressure, values['force'], trial, clock - clock[0],
+                 [key.partition('.')[2] for key in units], notes=notes,
+                 allow_constant_pressure=allow_constant_pressure)

@@ -1,0 +1,233 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Compare a model with a measurement: how large the error is, where, and against which noise floor.
+
+    result = compare(load_model('model.yaml'), read_measurement('data.csv'))
+    print(result)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import json
+from typing import Any, Optional, Union
+
+from fam_bundle_ros.discovery.grouping import (pressure_levels, rms, strain_bins,
+                                               varying_unit)
+from fam_bundle_ros.discovery.locate import locate, Region
+from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
+from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, visit_cells
+from fam_bundle_ros.discovery.predict import free_mask, predict
+from fam_bundle_ros.model import Bundle
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """
+    A model against a measurement.
+
+    Attributes
+    ----------
+    model, data : str
+        Names.
+    error_N, bias_N, largest_N : float, N
+        Root mean square, mean and largest absolute error (measured minus model).
+    relative_error : float
+        ``error_N`` over the rms of the measured force.
+    noise : NoiseFloor
+    lack_of_fit : float
+        Mean square of the cell means over what noise alone would give them; about 1 for a model
+        that is right, cells of strain, pressure and direction.
+    even_N, odd_N : float, N
+        Rms of the even and the odd part of the error in the direction of motion, noise taken off.
+    tables : dict of str to list of dict
+        ``pressure``, ``strain``, ``direction``, ``rate``, ``region``, ``motor_unit``, ``trial``:
+        rows with ``label``, ``samples``, ``error_N``, ``bias_N``, ``beyond_noise``.
+    located : tuple of Region
+    prediction, residual : ndarray, shape (T,), N
+    """
+
+    model: str
+    data: str
+    error_N: float
+    bias_N: float
+    largest_N: float
+    relative_error: float
+    noise: NoiseFloor
+    lack_of_fit: float
+    even_N: float
+    odd_N: float
+    tables: dict[str, list[dict[str, Any]]]
+    located: tuple[Region, ...]
+    measurement: Measurement
+    prediction: np.ndarray
+    residual: np.ndarray
+
+    def __str__(self) -> str:
+        lines = [f'{self.model} against {self.data}: error {self.error_N:.3g} N rms '
+                 f'({100 * self.relative_error:.3g} % of the force), mean {self.bias_N:+.3g} N, '
+                 f'largest {self.largest_N:.3g} N', str(self.noise)]
+        for title in ('pressure', 'strain'):
+            lines.append(f'by {title}')
+            for row in self.tables[title]:
+                mark = '' if row['beyond_noise'] else '  (noise)'
+                lines.append(f"  {row['label']:>22}  {row['error_N']:9.3g} N  mean "
+                             f"{row['bias_N']:+9.3g} N{mark}")
+        if self.located:
+            lines.append('where it fails')
+            lines += [f'  {region}' for region in self.located]
+        else:
+            lines.append('no region stands out of the noise')
+        return '\n'.join(lines)
+
+    def maps(self, strains: int = 24) -> dict[str, np.ndarray]:
+        """
+        Return the even and odd parts of the error over strain and isobar, for figures.
+
+        Returns
+        -------
+        dict
+            ``strain`` (s,), ``pressure`` (p,) Pa, ``even`` and ``odd`` (p, s) N (nan where
+            nothing was measured both ways), ``mean`` (p, s) over every direction.
+        """
+        return residual_maps(self.measurement, self.residual, strains)
+
+    def to_frame(self) -> Any:
+        """Return measurement, model force and residual as a pandas DataFrame."""
+        frame = self.measurement.to_frame()
+        frame['model force [N]'] = self.prediction
+        frame['residual [N]'] = self.residual
+        return frame
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all but the arrays as plain numbers, lists and text."""
+        return {'model': self.model, 'data': self.data, 'samples': len(self.measurement),
+                'error_N': self.error_N, 'bias_N': self.bias_N, 'largest_N': self.largest_N,
+                'relative_error': self.relative_error, 'noise_floor_N': self.noise.value,
+                'noise': self.noise.to_dict(), 'lack_of_fit': self.lack_of_fit,
+                'even_N': self.even_N, 'odd_N': self.odd_N, 'tables': self.tables,
+                'located': [region.to_dict() for region in self.located],
+                'notes': list(self.measurement.notes),
+                'data_sha256': self.measurement.sha256}
+
+    def to_json(self) -> str:
+        """Return `to_dict` as JSON."""
+        return json.dumps(self.to_dict(), indent=1)
+
+    def figure(self) -> Any:
+        """Return the plotly figure of the comparison (extra `tools`)."""
+        from fam_bundle_ros.report import figures  # the report imports us: late, and on demand
+        return figures.comparison(self)
+
+
+def compare(model: Bundle, measurement: Union[Measurement, Any], *,
+            noise: Optional[NoiseFloor] = None) -> Comparison:
+    """
+    Compare a model with a measurement.
+
+    Parameters
+    ----------
+    model : Bundle
+    measurement : Measurement, path, or DataFrame
+    noise : NoiseFloor, optional
+        By default estimated from the data.
+
+    Raises
+    ------
+    InputError
+        Where the data has another number of pressures than the model has motor units.
+    """
+    data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
+    prediction = predict(model, data)
+    residual = data.force - prediction
+    floor = noise or noise_floor(data, residual)
+    past_free = free_mask(model, data)
+    maps = residual_maps(data, residual)
+    lack = lack_of_fit(data, residual, floor)
+    return Comparison(
+        model.name, data.name, rms(residual), float(residual.mean()),
+        float(np.abs(residual).max()), rms(residual) / max(rms(data.force), 1e-12), floor, lack,
+        _part(maps['even']), _part(maps['odd']), _tables(data, residual, floor, past_free),
+        locate(data, residual, floor.value, past_free), data, prediction, residual)
+
+
+def residual_maps(data: Measurement, residual: np.ndarray, strains: int = 24,
+                  ) -> dict[str, np.ndarray]:
+    """Return even and odd residual maps over isobars and strain; see `Comparison.maps`."""
+    level, means = pressure_levels(data.pressure[:, varying_unit(data)])
+    index, edges = strain_bins(data.strain, strains)
+    shape = (len(means), len(edges) - 1)
+    cell = np.ravel_multi_index((level, index), shape)
+
+    def mean_over(rows: np.ndarray) -> np.ndarray:
+        count = np.bincount(cell[rows], minlength=shape[0] * shape[1])
+        total = np.bincount(cell[rows], residual[rows], shape[0] * shape[1])
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(shape)
+
+    up, down = mean_over(data.direction > 0), mean_over(data.direction < 0)
+    every = mean_over(np.ones(len(residual), bool))
+    return {'strain': (edges[1:] + edges[:-1]) / 2, 'pressure': means, 'mean': every,
+            'even': every if data.is_static else (up + down) / 2, 'odd': (up - down) / 2}
+
+
+def lack_of_fit(data: Measurement, residual: np.ndarray, floor: NoiseFloor) -> float:
+    """Return the mean square of cell means over what noise alone would leave in them."""
+    cell, _ = visit_cells(data, 24)
+    count = np.bincount(cell)
+    mean = np.bincount(cell, residual) / np.maximum(count, 1)
+    used = count > 0
+    expected = floor.value ** 2 * floor.correlation
+    return float(np.mean((mean ** 2 * count)[used]) / max(expected, 1e-30))
+
+
+def _part(grid: np.ndarray) -> float:
+    known = grid[np.isfinite(grid)]
+    return rms(known) if len(known) else 0.0
+
+
+def _tables(data: Measurement, residual: np.ndarray, floor: NoiseFloor, past_free: np.ndarray,
+            ) -> dict[str, list[dict[str, Any]]]:
+    def table(label_rows: list[tuple[str, np.ndarray]]) -> list[dict[str, Any]]:
+        rows = []
+        for label, mask in label_rows:
+            inside = residual[mask]
+            if not len(inside):
+                continue
+            error = rms(inside)
+            limit = floor.value * (1.0 + 3.0 * np.sqrt(floor.correlation / (2.0 * len(inside))))
+            rows.append({'label': label, 'samples': len(inside), 'error_N': error,
+                         'bias_N': float(inside.mean()), 'beyond_noise': bool(error > limit)})
+        return rows
+
+    unit = varying_unit(data)
+    level, means = pressure_levels(data.pressure[:, unit])
+    prefix = '' if data.pressure.shape[1] == 1 else f'{data.motor_units[unit]} '
+    index, edges = strain_bins(data.strain, 8)
+    tables = {
+        'pressure': table([(f'{prefix}{round(mean / 1e3) + 0:d} kPa', level == k)
+                           for k, mean in enumerate(means)]),
+        'strain': table([(f'{max(edges[k], 0):.3f} to {edges[k + 1]:.3f}', index == k)
+                         for k in range(len(edges) - 1)]),
+        'region': table([('tensile', ~past_free), ('past free strain', past_free)]),
+    }
+    if not data.is_static:
+        tables['direction'] = table([('shortening', data.direction > 0),
+                                     ('at rest', data.direction == 0),
+                                     ('lengthening', data.direction < 0)])
+        speed = np.abs(data.strain_rate)
+        cuts = np.unique(np.quantile(speed, [0.0, 0.25, 0.5, 0.75, 1.0]))
+        tables['rate'] = table([
+            (f'{low:.3g} to {high:.3g} 1/s', (speed >= low) & (speed <= high))
+            for low, high in zip(cuts[:-1], cuts[1:])])
+    if data.pressure.shape[1] > 1:
+        on = data.pressure > 0.1 * data.pressure.max()
+        states = sorted({tuple(bool(v) for v in row) for row in on})
+        tables['motor_unit'] = table([
+            (' + '.join(m for m, v in zip(data.motor_units, state) if v) or 'none',
+             (on == np.array(state)).all(axis=1)) for state in states])
+    if len(data.trial_names) > 1:
+        tables['trial'] = table([(name, data.trial == k)
+                                 for k, name in enumerate(data.trial_names)])
+    return tables

@@ -1,0 +1,214 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The noise floor of a force measurement, three ways, none of which trusts the model's shape.
+
+- second differences: neighbours within one pass; sees white noise only
+- repeats: the same strain, pressure and direction met again later; sees all that does not repeat
+- visits: means of whole visits to a cell; against what white noise allows, it sees coloured noise
+
+The residual of a fair model takes the slope out of the differences; any smooth error that the
+model has drops out again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Optional
+
+from fam_bundle_ros.discovery.measurement import Measurement
+import numpy as np
+
+_ROBUST = 1.4826  # median absolute deviation -> standard deviation, normal noise
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """
+    How much of the force does not repeat.
+
+    Attributes
+    ----------
+    value : float, N
+        The floor that errors are held against (standard deviation).
+    differences, repeats, visits : float or None, N
+        The three estimates; None where the data cannot give one.
+    correlation : float
+        Samples per independent sample, 1 for white noise (from visits against differences).
+    basis : str
+        Which estimate ``value`` is.
+    note : str
+        What a disagreement between the estimates tells, empty when they agree.
+    """
+
+    value: float
+    differences: Optional[float]
+    repeats: Optional[float]
+    visits: Optional[float]
+    correlation: float
+    basis: str
+    note: str = ''
+
+    def __str__(self) -> str:
+        def show(number: Optional[float]) -> str:
+            return '-' if number is None else f'{number:.3g} N'
+        text = (f'noise floor {self.value:.3g} N ({self.basis}; second differences '
+                f'{show(self.differences)}, repeats {show(self.repeats)}, visits '
+                f'{show(self.visits)})')
+        return text + (f'\n  {self.note}' if self.note else '')
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers and text."""
+        return asdict(self)
+
+
+def noise_floor(measurement: Measurement, residual: Optional[np.ndarray] = None) -> NoiseFloor:
+    """
+    Estimate the noise floor of the force.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    residual : ndarray, shape (T,), N, optional
+        Measured minus modelled force; by default the force itself (then slopes remain).
+
+    Returns
+    -------
+    NoiseFloor
+    """
+    values = measurement.force if residual is None else residual
+    differences = second_differences(measurement, values)
+    cells = visit_cells(measurement)
+    repeats, visits, correlation = _from_visits(values, cells)
+    note = ''
+    if differences is None and repeats is None:
+        spread = _ROBUST * float(np.median(np.abs(values - np.median(values))))
+        return NoiseFloor(max(spread, 1e-9), None, None, None, 1.0, 'spread of the residual',
+                          'too few neighbours or repeats to tell noise from error')
+    if repeats is None:
+        return NoiseFloor(float(differences or 0.0), differences, None, None, 1.0,
+                          'second differences', 'nothing was measured twice: slow noise and '
+                          'drift cannot be told from a model error')
+    if differences is None:
+        return NoiseFloor(repeats, None, repeats, visits, correlation, 'repeats')
+    if repeats < 0.8 * differences:
+        note = ('repeats agree better than neighbours do: the force has a fine ripple that comes '
+                'back each time')
+        return NoiseFloor(repeats, differences, repeats, visits, correlation, 'repeats', note)
+    if repeats > 1.3 * differences:
+        note = ('repeats differ more than neighbours do: slow noise, drift, or an effect of '
+                'history or speed')
+    return NoiseFloor(differences, differences, repeats, visits, correlation,
+                      'second differences', note)
+
+
+def second_differences(measurement: Measurement, values: np.ndarray) -> Optional[float]:
+    """
+    Return the white-noise standard deviation from triples of neighbours, N, or None.
+
+    In a static map neighbours are rows of equal strain in the order of their pressure.
+    """
+    order, line = _lines(measurement)
+    v, g = values[order], line[order]
+    x = (measurement.clock if not measurement.is_static else measurement.pressure.sum(-1))[order]
+    if len(v) < 6:
+        return None
+    same = (g[2:] == g[:-2]) & (x[2:] > x[:-2]) & (x[1:-1] > x[:-2])
+    span = np.where(same, x[2:] - x[:-2], 1.0)
+    left = np.where(same, (x[2:] - x[1:-1]) / span, 0.5)
+    gap = v[1:-1] - left * v[:-2] - (1.0 - left) * v[2:]
+    gap = (gap / np.sqrt(1.0 + left ** 2 + (1.0 - left) ** 2))[same]
+    if measurement.is_static:
+        # a slack stretch reads exactly zero: no noise is visible there
+        f = measurement.force[order]
+        flat = ((f[:-2] == f[1:-1]) & (f[2:] == f[1:-1]))[same]
+        gap = gap[~flat]
+    if len(gap) < 6:
+        return None
+    return float(_ROBUST * np.median(np.abs(gap - np.median(gap))))
+
+
+def _lines(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
+    """Return a row order and a line label: rows of one line are neighbours in that order."""
+    if not measurement.is_static:
+        return np.arange(len(measurement)), measurement.trial
+    level = np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, 1e-9))
+    _, line = np.unique(level, return_inverse=True)
+    total = measurement.pressure.sum(-1)
+    return np.lexsort((total, line)), line
+
+
+def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return a cell label and a visit label for each row, (T,) int; -1 where there is no cell.
+
+    A cell is a bin of strain, of each pressure, and the direction; a visit is an unbroken stay
+    in one. For a static map all rows of one trial in a cell are a visit.
+    """
+    span = max(float(np.ptp(measurement.strain)), 1e-9)
+    parts = [np.floor(measurement.strain / span * strains).astype(int)]
+    for column in measurement.pressure.T:
+        width = max(float(np.ptp(column)) / 40.0, 5e3)
+        # isobars differ by their noise: bins are centred on the usual steps by rounding
+        parts.append(np.round(column / width).astype(int))
+    parts.append(measurement.direction)
+    _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    change = np.ones(len(cell), bool)
+    change[1:] = (np.diff(cell) != 0) | (np.diff(measurement.trial) != 0)
+    visit = np.cumsum(change) - 1
+    return cell, visit
+
+
+def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray],
+                 ) -> tuple[Optional[float], Optional[float], float]:
+    """Return the repeat noise, the noise of visit means, and the correlation they imply."""
+    cell, visit = cells
+    count = np.bincount(visit)
+    mean = np.bincount(visit, values) / count
+    where = np.zeros(len(count), int)
+    where[visit] = cell
+    order = np.argsort(where, kind='stable')
+    again = np.flatnonzero(np.diff(where[order]) == 0)
+    if len(again) < 12:
+        return None, None, 1.0
+    a, b = order[again], order[again + 1]
+    # a visit's first sample stands for a sample met again later
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])
+    gap = values[first[a]] - values[first[b]]
+    repeats = float(_ROBUST * np.median(np.abs(gap - np.median(gap))) / np.sqrt(2.0))
+    scale = np.sqrt(1.0 / count[a] + 1.0 / count[b])
+    spread = float(_ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
+    correlation = max((spread / repeats) ** 2, 1.0) if repeats > 0 else 1.0
+    return repeats, spread, float(min(correlation, 100.0))
+
+
+def autocorrelation_time(residual: np.ndarray, trial: np.ndarray, longest: int = 400) -> float:
+    """
+    Return how many samples make one independent sample: 1 + 2 sum of autocorrelations.
+
+    The sum stops at the first pair of lags that is not positive (Geyer). At least 1.
+    """
+    values = residual - residual.mean()
+    parts = np.split(values, np.flatnonzero(np.diff(trial)) + 1)
+    lags = min(longest, max(len(values) // 4, 2))
+    total, weight = np.zeros(lags), np.zeros(lags)
+    for part in parts:
+        n = len(part)
+        if n < 4:
+            continue
+        size = 1 << int(np.ceil(np.log2(2 * n)))
+        spectrum = np.fft.rfft(part, size)
+        auto = np.fft.irfft(spectrum * np.conj(spectrum), size)[:min(n, lags)]
+        total[:len(auto)] += auto
+        weight[:len(auto)] += n - np.arange(len(auto))
+    if total[0] <= 0:
+        return 1.0
+    rho = (total / np.maximum(weight, 1)) / (total[0] / weight[0])
+    tau = 1.0
+    for k in range(1, lags - 1, 2):
+        pair = rho[k] + rho[k + 1]
+        if pair <= 0:
+            break
+        tau += 2.0 * pair
+    return float(max(tau, 1.0))

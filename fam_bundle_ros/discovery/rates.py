@@ -1,0 +1,128 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Smoothed strain rate and direction of motion from sampled strain.
+
+A local quadratic (Savitzky-Golay) per trial that also takes uneven time steps. The window is the
+widest that the data bear: it grows until the rate is clean enough or the fit starts to miss the
+strain's own bends.
+"""
+
+import numpy as np
+
+_WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
+
+
+def local_quadratic(time: np.ndarray, value: np.ndarray, half: int,
+                    ) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return value and slope of a quadratic fitted to ``2 half + 1`` neighbours of each sample.
+
+    Cost is linear in the samples (running sums). At the ends the window is cut short.
+
+    Parameters
+    ----------
+    time, value : ndarray, shape (T,)
+    half : int
+
+    Returns
+    -------
+    fitted, slope : ndarray, shape (T,)
+    """
+    rows = len(time)
+    if rows < 3:
+        slope = np.gradient(value, time) if rows == 2 else np.zeros(rows)
+        return value.copy(), slope
+    scale = np.median(np.diff(time)) * max(half, 1)
+    centre = np.arange(rows)
+    low = np.clip(centre - half, 0, max(rows - 3, 0))
+    high = np.clip(centre + half + 1, 3, rows)
+    # running sums about the middle of blocks keep the numbers small enough to subtract
+    t = (time - time[rows // 2]) / scale
+    sums = [np.concatenate([[0.0], np.cumsum(t ** k)]) for k in range(5)]
+    moments = [np.concatenate([[0.0], np.cumsum(value * t ** k)]) for k in range(3)]
+    s = [total[high] - total[low] for total in sums]
+    m = [total[high] - total[low] for total in moments]
+    # shift the sums from the common origin to each sample's own time
+    c = t
+    s1 = s[1] - c * s[0]
+    s2 = s[2] - 2 * c * s[1] + c ** 2 * s[0]
+    s3 = s[3] - 3 * c * s[2] + 3 * c ** 2 * s[1] - c ** 3 * s[0]
+    s4 = s[4] - 4 * c * s[3] + 6 * c ** 2 * s[2] - 4 * c ** 3 * s[1] + c ** 4 * s[0]
+    m1 = m[1] - c * m[0]
+    m2 = m[2] - 2 * c * m[1] + c ** 2 * m[0]
+    normal = np.stack([np.stack([s[0], s1, s2], -1), np.stack([s1, s2, s3], -1),
+                       np.stack([s2, s3, s4], -1)], -2)
+    normal[:, 2, 2] += 1e-12
+    solved = np.linalg.solve(normal, np.stack([m[0], m1, m2], -1)[..., None])[..., 0]
+    return solved[:, 0], solved[:, 1] / scale
+
+
+def _blocks(time: np.ndarray, value: np.ndarray, half: int, block: int = 2000,
+            ) -> tuple[np.ndarray, np.ndarray]:
+    """Run `local_quadratic` in overlapping blocks, so that long logs lose no digits."""
+    rows = len(time)
+    if rows <= block + 2 * half:
+        return local_quadratic(time, value, half)
+    fitted, slope = np.empty(rows), np.empty(rows)
+    for begin in range(0, rows, block):
+        low, high = max(begin - half, 0), min(begin + block + half, rows)
+        part = local_quadratic(time[low:high], value[low:high], half)
+        keep = slice(begin - low, min(begin + block, rows) - low)
+        fitted[begin:begin + block], slope[begin:begin + block] = part[0][keep], part[1][keep]
+    return fitted, slope
+
+
+def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
+    """Return the white-noise standard deviation of a sampled signal, by third differences."""
+    third = np.diff(value, 3)
+    same = trial[3:] == trial[:-3]
+    third = third[same]
+    if len(third) < 4:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
+
+
+def strain_rate(time: np.ndarray, strain: np.ndarray, trial: np.ndarray,
+                ) -> tuple[np.ndarray, float]:
+    """
+    Return the smoothed strain rate (T,) in 1/s and the standard deviation of its noise.
+
+    Parameters
+    ----------
+    time, strain : ndarray, shape (T,)
+    trial : ndarray of int, shape (T,)
+        Rows of one trial are neighbours; no window reaches across trials.
+    """
+    noise = sample_noise(strain, trial)
+    bounds = np.flatnonzero(np.diff(trial)) + 1
+    parts = np.split(np.arange(len(time)), bounds)
+    step = np.median(np.diff(time)[np.diff(trial) == 0]) if len(time) > len(parts) else 1.0
+    best, best_noise = np.zeros(len(time)), 0.0
+    for window in _WINDOWS:
+        half = window // 2
+        fitted, slope = np.empty(len(time)), np.empty(len(time))
+        for rows in parts:
+            fitted[rows], slope[rows] = _blocks(time[rows], strain[rows], half)
+        # a quadratic through w points has the slope of a line: variance 12 s^2 / (w^3 dt^2)
+        slope_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
+        leverage = 1.0 - 2.25 / window
+        missed = float(np.mean((strain - fitted) ** 2))
+        expected = noise ** 2 * leverage
+        if window > _WINDOWS[0] and missed > 1.3 * expected + (0.3 * noise) ** 2:
+            break
+        best, best_noise = slope, slope_noise
+        if slope_noise < 0.005 * np.sqrt(np.mean(slope ** 2)):
+            break
+    return best, float(best_noise)
+
+
+def direction(rate: np.ndarray, rate_noise: float) -> np.ndarray:
+    """
+    Return +1 shortening, -1 lengthening, 0 where the motion is not beyond its own noise, (T,).
+
+    Crawling counts as rest: below 3 sd of the rate's noise, or 2 % of the usual fast motion.
+    """
+    fast = np.percentile(np.abs(rate), 90) if len(rate) else 0.0
+    threshold = max(3.0 * rate_noise, 0.02 * fast)
+    return np.where(rate > threshold, 1, np.where(rate < -threshold, -1, 0))
