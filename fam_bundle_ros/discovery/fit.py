@@ -1,0 +1,291 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Joint refit of a model to a measurement: least squares with tolerances as priors.
+
+The model's own parameters move together with those of an added effect, each held by what is known
+before: geometry by its tolerances, constants of the model's effects by half their size. A small
+Levenberg-Marquardt with bounds, written for many fits of few parameters on the same data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Mapping, Optional, Sequence
+
+from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.discovery.noise import autocorrelation_time, second_differences
+from fam_bundle_ros.discovery.predict import motion, predict
+from fam_bundle_ros.model import Bundle, Effect
+from fam_bundle_ros.model.geometry import BRAID_ANGLE_TOLERANCE, RADIUS_TOLERANCE
+import numpy as np
+
+#: How far a constant of the model's own effects is commonly off, relative.
+CONSTANT_TOLERANCE = 0.5
+_STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class Term:
+    """
+    One free parameter: key, bounds, the size in which it is counted, and what is known before.
+
+    ``prior`` is None for a parameter of an added effect: nothing is known before but its bounds.
+    """
+
+    key: str
+    lower: float
+    upper: float
+    scale: float
+    start: float
+    prior: Optional[float] = None
+
+
+def base_terms(model: Bundle) -> list[Term]:
+    """Return the free parameters that a model has of its own: geometry, then its effects'."""
+    first = model.motor_units[0].geometry
+    thinnest = 1.02 * max(u.geometry.wall_thickness / u.geometry.radius
+                          for u in model.motor_units)
+    radius, angle = float(first.radius), float(first.braid_angle)
+    spread = [float(u.geometry.braid_angle) - angle for u in model.motor_units]
+    terms = [
+        Term('geometry.radius', thinnest * radius, 4.0 * radius, RADIUS_TOLERANCE * radius,
+             radius, radius),
+        Term('geometry.braid_angle', np.radians(8.0) - min(spread), np.radians(54.0) - max(spread),
+             BRAID_ANGLE_TOLERANCE, angle, angle)]
+    for effect in model.effects:
+        terms += effect_terms(effect, model.n, known=True)
+    return terms
+
+
+def effect_terms(effect: Effect, units: int, known: bool = False) -> list[Term]:
+    """
+    Return the free parameters of an effect.
+
+    Parameters
+    ----------
+    units : int
+        Motor units of the bundle: some effects have a parameter for each.
+    known : bool
+        True where the values are the model's own (a prior about them holds).
+    """
+    terms = []
+    for parameter in effect.active(units):
+        if not parameter.fitted:
+            continue
+        low, high = effect.limits(parameter.name)
+        value = effect.values[parameter.name]
+        if high <= low:
+            continue
+        size = abs(value) if value else 0.05 * (high - low)
+        if known:
+            size = CONSTANT_TOLERANCE * abs(value) if value else 0.1 * (high - low)
+        terms.append(Term(f'{effect.name}.{parameter.name}', low, high, size, value,
+                          value if known else None))
+    return terms
+
+
+@dataclass
+class Fit:
+    """
+    A model fitted to a problem.
+
+    Attributes
+    ----------
+    model : Bundle
+    terms : list of Term
+    values : ndarray, shape (p,)
+        SI, in the order of ``terms``.
+    residual : ndarray, shape (T,), N
+    chi2 : float
+        Sum of squares over the noise variance, spikes left out.
+    prior : float
+        Squared tolerances moved, summed.
+    jacobian : ndarray, shape (T, p)
+        Of the whitened prediction in scaled parameters.
+    """
+
+    model: Bundle
+    terms: list[Term]
+    values: np.ndarray
+    residual: np.ndarray
+    chi2: float
+    prior: float
+    jacobian: np.ndarray
+    added: tuple[str, ...] = ()
+
+    @property
+    def cost(self) -> float:
+        """Return what the fit has made small."""
+        return self.chi2 + self.prior
+
+    def moved(self) -> dict[str, float]:
+        """Return how many tolerances each of the model's own parameters has moved."""
+        return {term.key: float((value - term.prior) / term.scale)
+                for term, value in zip(self.terms, self.values) if term.prior is not None}
+
+
+class Problem:
+    """
+    A measurement made ready for many fits.
+
+    Parameters
+    ----------
+    data : Measurement
+    model : Bundle
+        The model to start from; its residual shows noise and spikes.
+    largest : int
+        Longer logs are averaged in blocks of neighbours down to about this many rows.
+    noise : float, N, optional
+        Standard deviation of one row's noise; by default measured.
+    """
+
+    def __init__(self, data: Measurement, model: Bundle, largest: int = 6000,
+                 noise: Optional[float] = None):
+        self.full = data
+        self.block = max(1, int(np.ceil(len(data) / largest))) if not data.is_static else 1
+        self.data = data if self.block == 1 else average(data, self.block)
+        self.motion = motion(self.data)
+        residual = self.data.force - predict(model, self.data)
+        self.noise = noise or second_differences(self.data, residual) or 1e-9
+        self.noise = max(self.noise, 1e-6 * max(np.abs(self.data.force).max(), 1e-9))
+        self.weight = ~spikes(self.data, residual, self.noise)
+        if noise is None and self.weight.sum() < len(self.data):
+            kept = self.data.select(self.weight)
+            self.noise = second_differences(kept, residual[self.weight]) or self.noise
+        self.model = model
+
+    @property
+    def samples(self) -> int:
+        """Number of rows that count."""
+        return int(self.weight.sum())
+
+    def residual(self, model: Bundle) -> np.ndarray:
+        """Return measured minus modelled force, (T,), N."""
+        return self.data.force - model.predict(self.motion)
+
+    def chi2(self, residual: np.ndarray) -> float:
+        """Return the sum of squares over the noise variance."""
+        return float(np.sum((residual[self.weight] / self.noise) ** 2))
+
+    def correlation(self, residual: np.ndarray) -> float:
+        """Return samples per independent sample of a residual (at least 1)."""
+        kept = np.where(self.weight, residual, 0.0)
+        return autocorrelation_time(kept, self.data.trial)
+
+    def fit(self, model: Bundle, terms: Sequence[Term], start: Optional[Mapping[str, float]] = None,
+            iterations: int = 25, tolerance: float = 0.05, huber: bool = False) -> Fit:
+        """
+        Refit ``terms`` of a model from their start values (or from ``start``).
+
+        Stops when a step gains less than ``tolerance`` (in chi2).
+        """
+        terms = list(terms)
+        scale = np.array([t.scale for t in terms])
+        low = np.array([t.lower for t in terms])
+        high = np.array([t.upper for t in terms])
+        centre = np.array([np.nan if t.prior is None else t.prior for t in terms])
+        held = np.isfinite(centre)
+        given = start or {}
+        theta = np.clip(np.array([given.get(t.key, t.start) for t in terms], float), low, high)
+
+        def evaluate(values: np.ndarray) -> np.ndarray:
+            bundle = model.with_parameters({t.key: v for t, v in zip(terms, values)})
+            return self.residual(bundle)
+
+        def cost_of(residual: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+            z = (values[held] - centre[held]) / scale[held]
+            total = self.chi2(residual)
+            return (total if np.isfinite(total) else np.inf), float(np.sum(z * z))
+
+        residual = evaluate(theta)
+        chi2, prior = cost_of(residual, theta)
+        damping = 1e-3
+        jacobian = np.zeros((len(residual), len(terms)))
+        fresh = False
+        for _ in range(iterations):
+            jacobian = self._jacobian(evaluate, theta, residual, scale, low, high)
+            fresh = True
+            if not terms:
+                break
+            r = np.where(self.weight, residual, 0.0) / self.noise
+            gradient = jacobian.T @ r
+            hessian = jacobian.T @ jacobian
+            z = np.where(held, (theta - np.nan_to_num(centre)) / scale, 0.0)
+            gradient -= z * held
+            hessian[np.diag_indices_from(hessian)] += held * 1.0
+            free = ~(((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0)))
+            gained = 0.0
+            for _ in range(8):
+                step = np.zeros(len(terms))
+                part = hessian[np.ix_(free, free)]
+                diagonal = np.diag(part).copy()
+                part = part + np.diag(damping * (diagonal + 1e-9 * diagonal.max(initial=1.0))
+                                      + 1e-12)
+                step[free] = np.linalg.lstsq(part, gradient[free], rcond=None)[0]
+                trial = np.clip(theta + step * scale, low, high)
+                new = evaluate(trial)
+                new_chi2, new_prior = cost_of(new, trial)
+                gained = chi2 + prior - new_chi2 - new_prior
+                if np.isfinite(gained) and gained > 0:
+                    theta, residual, chi2, prior = trial, new, new_chi2, new_prior
+                    damping = max(damping / 5.0, 1e-7)
+                    fresh = False
+                    break
+                damping *= 8.0
+            if not gained > tolerance:
+                break
+        if not fresh:
+            jacobian = self._jacobian(evaluate, theta, residual, scale, low, high)
+        fitted = model.with_parameters({t.key: v for t, v in zip(terms, theta)})
+        return Fit(fitted, terms, theta, residual, chi2, prior, jacobian)
+
+    def _jacobian(self, evaluate, theta: np.ndarray, residual: np.ndarray, scale: np.ndarray,
+                  low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        columns = np.zeros((len(residual), len(theta)))
+        for j in range(len(theta)):
+            step = _STEP * scale[j]
+            if theta[j] + step > high[j]:
+                step = -step
+            moved = theta.copy()
+            moved[j] += step
+            change = (residual - evaluate(moved)) * (scale[j] / (step * self.noise))
+            columns[:, j] = np.where(self.weight & np.isfinite(change), change, 0.0)
+        return columns
+
+
+def average(data: Measurement, block: int) -> Measurement:
+    """Return the log with so many neighbours averaged into one row, trial by trial."""
+    position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
+    first = (position % block == 0)
+    label = np.cumsum(first) - 1
+    count = np.bincount(label)
+    first_rows = np.flatnonzero(first)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.bincount(label, values) / count
+
+    from dataclasses import replace
+    rate = mean(data.strain_rate)
+    return replace(
+        data, strain=mean(data.strain), force=mean(data.force), strain_rate=rate,
+        pressure=np.stack([mean(column) for column in data.pressure.T], -1),
+        trial=data.trial[first_rows], direction=data.direction[first_rows],
+        time=None if data.time is None else mean(data.time))
+
+
+def spikes(data: Measurement, residual: np.ndarray, noise: float, half: int = 3,
+           threshold: float = 5.0) -> np.ndarray:
+    """
+    Return which rows stand alone: far from the median of their neighbours in time, (T,) bool.
+
+    An effect that a model lacks moves neighbours together; an outlier stands by itself.
+    """
+    rows = len(residual)
+    if data.is_static or rows < 2 * half + 1:
+        return np.zeros(rows, bool)
+    window = np.clip(np.arange(rows)[:, None] + np.arange(-half, half + 1), 0, rows - 1)
+    near = residual[window]
+    foreign = data.trial[window] != data.trial[:, None]
+    near = np.where(foreign, residual[:, None], near)
+    return np.abs(residual - np.median(near, axis=1)) > threshold * noise
