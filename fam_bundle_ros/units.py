@@ -4,10 +4,10 @@
 
 from functools import lru_cache
 import math
-from typing import Union
+
+import pint
 
 from fam_bundle_ros.errors import InputError
-import pint
 
 #: Words that people write in lab notes and that pint does not take as units.
 _SPELLINGS = {'%': 'percent', '': 'dimensionless', '1': 'dimensionless', '-': 'dimensionless',
@@ -17,7 +17,7 @@ _SPELLINGS = {'%': 'percent', '': 'dimensionless', '1': 'dimensionless', '-': 'd
 @lru_cache(maxsize=1)
 def registry() -> pint.UnitRegistry:
     """Return the package's only pint registry (made on first use: it takes 0.2 s)."""
-    ureg = pint.UnitRegistry()
+    ureg: pint.UnitRegistry = pint.UnitRegistry()
     if 'percent' not in ureg:
         ureg.define('percent = 0.01 = %')
     return ureg
@@ -52,7 +52,7 @@ def si_factor(unit: str, like: str) -> float:
     return factor
 
 
-def parse(value: Union[str, int, float], like: str) -> float:
+def parse(value: str | int | float, like: str) -> float:
     """
     Return a quantity such as ``'6.35 mm'`` in SI units.
 

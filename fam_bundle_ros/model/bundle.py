@@ -6,9 +6,13 @@ A bundle: motor units in parallel that share the strain, their forces add.
 Pressures are gauge, Pa, with the motor units on the last axis; strains are positive when shorter.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Mapping, Optional
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import geometry as geo
@@ -16,8 +20,6 @@ from fam_bundle_ros.model.effects import catalogue
 from fam_bundle_ros.model.effects.base import Effect, Place, Sample, SensorError
 from fam_bundle_ros.model.geometry import Geometry
 from fam_bundle_ros.model.muscle import Muscle
-import numpy as np
-from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,8 @@ class Motion:
     strain: np.ndarray
     pressure: np.ndarray
     strain_rate: np.ndarray
-    time: Optional[np.ndarray] = None
-    start: Optional[np.ndarray] = None
+    time: np.ndarray | None = None
+    start: np.ndarray | None = None
 
 
 class Bundle:
@@ -84,7 +86,7 @@ class Bundle:
     """
 
     def __init__(self, name, motor_units, effects, error: float = 0.0,
-                 notes: Optional[Mapping[str, Any]] = None):
+                 notes: Mapping[str, Any] | None = None):
         self.name = name
         self.motor_units: tuple[MotorUnit, ...] = tuple(motor_units)
         self.effects: tuple[Effect, ...] = tuple(effects)
@@ -321,8 +323,8 @@ class Bundle:
                  'error': self.error, 'notes': self.notes, **changes}
         return Bundle(**parts)
 
-    def named(self, name: str, error: Optional[float] = None,
-              notes: Optional[Mapping[str, Any]] = None) -> 'Bundle':
+    def named(self, name: str, error: float | None = None,
+              notes: Mapping[str, Any] | None = None) -> 'Bundle':
         """Return the same model under another name, with its error and notes."""
         return self._with(name=name, error=self.error if error is None else error,
                           notes=self.notes if notes is None else notes)

@@ -9,7 +9,10 @@ is loaded only with ``allow_python=True``.
 """
 
 from pathlib import Path
-from typing import Any, Union
+from typing import Any
+
+import numpy as np
+import yaml
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.bundle import Bundle, MotorUnit
@@ -19,8 +22,6 @@ from fam_bundle_ros.model.effects.expression import Expression, expression_class
 from fam_bundle_ros.model.effects.surface import MeasuredSurface
 from fam_bundle_ros.model.geometry import Geometry
 from fam_bundle_ros.units import express, parse, si_factor
-import numpy as np
-import yaml
 
 FORMAT = 'fam-bundle-model/1'
 _MAX_BYTES = 1_000_000
@@ -31,6 +32,12 @@ class _Map(dict):
     """A mapping that remembers the line of each key."""
 
     lines: dict[str, int]
+    line: int
+
+
+class _Text(str):
+    """A word that remembers its line."""
+
     line: int
 
 
@@ -47,10 +54,11 @@ class _Reader:
         try:
             for event in yaml.parse(text, Loader=yaml.SafeLoader):
                 if isinstance(event, yaml.AliasEvent):
-                    raise self.error(event.start_mark.line + 1, 'aliases (*name) are not allowed')
+                    line = event.start_mark.line + 1 if event.start_mark else 1
+                    raise self.error(line, 'aliases (*name) are not allowed')
             node = yaml.compose(text, Loader=yaml.SafeLoader)
         except yaml.YAMLError as error:
-            mark = getattr(error, 'problem_mark', None)
+            mark: Any = getattr(error, 'problem_mark', None)
             problem = getattr(error, 'problem', None) or 'it holds characters that YAML forbids'
             raise self.error(mark.line + 1 if mark else 1, f'is not YAML: {problem}') from error
         except RecursionError as error:
@@ -72,7 +80,11 @@ class _Reader:
             return result
         if isinstance(node, yaml.SequenceNode):
             return [self._plain(item) for item in node.value]
-        return None if node is None else node.value
+        if node is None:
+            return None
+        text = _Text(node.value)
+        text.line = node.start_mark.line + 1
+        return text
 
     def known(self, mapping, allowed, what, line=1):
         """Raise unless ``mapping`` is one and has only allowed keys."""
@@ -111,9 +123,9 @@ class _Reader:
             if 'error' in tree else 0.0
         notes = _undecorate(tree.get('notes') or {})
         if 'description' in tree:
-            notes = {'description': tree['description'], **notes}
+            notes = {'description': str(tree['description']), **notes}
         try:
-            return Bundle(tree.get('name') or 'model', units, effects, error, notes)
+            return Bundle(str(tree.get('name') or 'model'), units, effects, error, notes)
         except InputError as error:
             raise InputError(f'{self.where}: {error}') from error
 
@@ -155,7 +167,7 @@ class _Reader:
         if not (isinstance(count, str) and count.isdecimal() and 1 <= int(count) <= 1000):
             raise self.error(item.lines.get('muscles', item.line),
                              f"muscles is '{count}'; expected a whole number from 1")
-        return MotorUnit(item.get('name') or f'mu{number}', int(count), Geometry(**values),
+        return MotorUnit(str(item.get('name') or f'mu{number}'), int(count), Geometry(**values),
                          pressure)
 
     def effect(self, item, line, folder, extra) -> Effect:
@@ -165,7 +177,8 @@ class _Reader:
                 raise self.error(line, 'an effect must be one name with its parameters')
             (name, settings), = item.items()
             settings = settings if settings is not None else _empty(line)
-        elif isinstance(item, str):
+        elif isinstance(item, _Text):
+            line = item.line
             name, settings = item, _empty(line)
         else:
             raise self.error(line, 'an effect must be a name')
@@ -184,7 +197,7 @@ class _Reader:
             self.known(settings, ('table',), name, line)
             if 'table' not in settings:
                 raise self.error(line, f'{name}: needs a table (a CSV file)')
-            return kind(settings['table'], folder)
+            return kind(str(settings['table']), folder)
         return self.values(kind, settings, line)
 
     def expression(self, name, settings):
@@ -257,7 +270,7 @@ class _Reader:
         return effect
 
 
-def load_model(path: Union[str, Path], allow_python: bool = False) -> Bundle:
+def load_model(path: str | Path, allow_python: bool = False) -> Bundle:
     """
     Read a model file.
 
@@ -306,7 +319,7 @@ def dumps_model(bundle: Bundle) -> str:
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=99)
 
 
-def save_model(bundle: Bundle, path: Union[str, Path]) -> None:
+def save_model(bundle: Bundle, path: str | Path) -> None:
     """Write a model file, whole or not at all (InputError when the folder cannot be written)."""
     path = Path(path)
     draft = path.with_name(path.name + '.part')
@@ -338,7 +351,7 @@ def _effect_entry(effect: Effect, units: int) -> Any:
 
 
 def _written(value: float, unit: str) -> Any:
-    """Return a value as the file shows it: text with a unit, or a bare number where it has none."""
+    """Return a value as the file shows it: text with a unit, a bare number where it has none."""
     text = express(value, unit, 9)
     return float(text) if unit == '1' else text
 
@@ -353,4 +366,6 @@ def _undecorate(value: Any) -> Any:
     """Return plain containers (for notes, which are kept and written again)."""
     if isinstance(value, dict):
         return {key: _undecorate(item) for key, item in value.items()}
-    return [_undecorate(item) for item in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return [_undecorate(item) for item in value]
+    return str(value) if isinstance(value, str) else value

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """One muscle: geometry and effects composed into a force. Arrays in, arrays out, SI units."""
 
-from typing import Any, Optional, Sequence
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.model.effects.base import Effect, Place, Sample, SensorError
 from fam_bundle_ros.model.geometry import Geometry
-import numpy as np
 
 
 class Muscle:
@@ -30,7 +32,7 @@ class Muscle:
         """Return the effects that act at a place."""
         return self._at[place]
 
-    def force(self, x: Sample, states: Optional[dict[str, Any]] = None):
+    def force(self, x: Sample, states: dict[str, Any] | None = None):
         """
         Return the tension of one muscle, N, and the memory after the last sample.
 

@@ -3,6 +3,12 @@
 """Physical effects, one file for each, and the catalogue of them."""
 
 from fam_bundle_ros.model.effects.base import (
-    Effect, GeometryChange, Parameter, Place, Sample, SensorError)
+    Effect,
+    GeometryChange,
+    Parameter,
+    Place,
+    Sample,
+    SensorError,
+)
 
 __all__ = ['Effect', 'GeometryChange', 'Parameter', 'Place', 'Sample', 'SensorError']

@@ -9,10 +9,11 @@ and no effect can overwrite what another one contributed.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
 import math
-from typing import Any, ClassVar, Mapping, Optional
+from typing import Any, ClassVar
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.geometry import Geometry
@@ -110,6 +111,8 @@ class Effect(ABC):
     place: ClassVar[Place]
     #: Effects of one family are look-alikes: the same physics with another shape.
     family: ClassVar[str]
+    #: For a second shape: the name of the effect whose physics it is. Empty for a first shape.
+    variant_of: ClassVar[str] = ''
     #: What a residual looks like when this effect is missing, in plain words.
     signature: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]] = ()
@@ -190,7 +193,7 @@ class Effect(ABC):
         `SensorError`; ``pneumatics`` None (the plant reads the values).
         """
 
-    def advance(self, x: Sample, state: Optional[Any]) -> tuple[Any, Any]:
+    def advance(self, x: Sample, state: Any | None) -> tuple[Any, Any]:
         """
         Return the contribution over time and the state after the last sample.
 

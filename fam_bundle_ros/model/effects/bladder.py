@@ -48,6 +48,7 @@ class BladderPolynomial(_Bladder):
     """F = -(k1 e + k2 e^2 + k3 e^3)."""
 
     name = 'bladder_polynomial'
+    variant_of = 'bladder_elasticity'
     summary = 'rubber tube as a cubic in strain, no material law'
     source = 'derived: third-order expansion of any elastic tube about its rest length'
     parameters = (
@@ -66,6 +67,7 @@ class BladderOgden(_Bladder):
     """One-term Ogden tube, W = (mu/alpha) (l1^alpha + l2^alpha + l3^alpha - 3), incompressible."""
 
     name = 'bladder_ogden'
+    variant_of = 'bladder_elasticity'
     summary = 'one-term Ogden rubber tube'
     source = 'derived: Ogden 1972 strain energy with the stretches of Klute and Hannaford 2000'
     parameters = (

@@ -58,6 +58,7 @@ class ResistivePlateau(Effect):
     """Lowest force of a compressed muscle, -(F_E + c pi r0^2 P), with no collapse."""
 
     name = 'resistive_plateau'
+    variant_of = 'resistive_buckling'
     summary = 'resistive force past free strain that saturates and never drops'
     source = 'derived: Euler load of the tube plus a pressure part'
     place = Place.LIMIT

@@ -2,15 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """The catalogue: every effect that a model file can name, built in or a user's."""
 
+from collections.abc import Iterator
 import importlib.metadata
 import importlib.util
 from pathlib import Path
-from typing import Iterator
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effects import (
-    bladder, braid, buckling, end_caps, friction, lag, mesh, mismatch, pneumatic, relaxation,
-    rubber, sensors, slack, surface, threshold, viscous)
+    bladder,
+    braid,
+    buckling,
+    end_caps,
+    friction,
+    lag,
+    mesh,
+    mismatch,
+    pneumatic,
+    relaxation,
+    relaxation_rubber,
+    rubber,
+    sensors,
+    slack,
+    surface,
+    threshold,
+    viscous,
+)
 from fam_bundle_ros.model.effects.base import Effect
 
 #: Entry points in this group name Effect classes of other packages.
@@ -21,7 +37,7 @@ BUILT_IN: tuple[type[Effect], ...] = (
     surface.MeasuredSurface, buckling.ResistiveBuckling, buckling.ResistivePlateau,
     slack.TendonSlack, friction.CoulombFriction, friction.PreslidingHysteresis,
     viscous.ViscousDamping, viscous.ViscousPower, relaxation.ViscoelasticRelaxation,
-    relaxation.RelaxationProny, end_caps.EndCaps, end_caps.TonduFactor, braid.BraidElasticity,
+    relaxation.RelaxationProny, relaxation_rubber.RelaxationRubber, end_caps.EndCaps, end_caps.TonduFactor, braid.BraidElasticity,
     threshold.ThresholdPressure, threshold.SoftThreshold, lag.PressureLineLag, rubber.Temperature,
     rubber.Softening, sensors.ForceSensorBias, sensors.ForceSensorGain,
     sensors.PressureSensorBias, sensors.PressureSensorGain, sensors.StrainSensorOffset,

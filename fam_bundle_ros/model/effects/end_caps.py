@@ -32,6 +32,7 @@ class TonduFactor(_EndCaps):
     """e -> (1 + k + j exp(-P/p0)) e: tapered ends, more so at low pressure."""
 
     name = 'tondu_factor'
+    variant_of = 'end_caps'
     summary = 'tapered ends that matter more at low pressure'
     source = 'Tondu and Lopez 2000, IEEE CSM 20(2): strain factor; pressure form from memory'
     parameters = (

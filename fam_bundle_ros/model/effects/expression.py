@@ -9,13 +9,15 @@ see that the result has the unit of the place where the effect acts.
 """
 
 import ast
+from collections.abc import Callable, Mapping
 import operator
 from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effects.base import Effect, GeometryChange, Parameter, Place
 from fam_bundle_ros.units import registry
-import numpy as np
 
 _MAX_LENGTH = 500
 _MAX_POWER = 12
@@ -28,10 +30,11 @@ VARIABLES = {
 #: Places where a formula may act, and the unit that its result must have.
 RESULTS = {'force': 'N', 'loss': 'N', 'limit': 'N', 'pressure': 'Pa', 'geometry': ''}
 
-_BINARY = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
-           ast.Div: operator.truediv, ast.Pow: operator.pow}
-_UNARY = {ast.USub: operator.neg, ast.UAdd: operator.pos}
-_FUNCTIONS = {
+_BINARY: dict[Any, Callable] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
+    ast.Div: operator.truediv, ast.Pow: operator.pow}
+_UNARY: dict[Any, Callable] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
+_FUNCTIONS: dict[str, tuple[Callable, int]] = {
     'abs': (np.abs, 1), 'sqrt': (np.sqrt, 1), 'exp': (np.exp, 1), 'log': (np.log, 1),
     'tanh': (np.tanh, 1), 'sin': (np.sin, 1), 'cos': (np.cos, 1), 'sign': (np.sign, 1),
     'min': (np.minimum, 2), 'max': (np.maximum, 2),
@@ -63,6 +66,11 @@ class Expression(Effect):
     def options(self):
         return {'expression': self.formula, 'place': self.place.value}
 
+    def __reduce__(self):
+        """Let worker processes have it: the class is made at run time and cannot be imported."""
+        return _remake, (self.name, self.formula, self.place.value, self.parameters,
+                         self.values, self.bounds, self.intervals)
+
 
 def expression_class(name: str, formula: str, place: str, parameters: tuple[Parameter, ...]):
     """
@@ -92,6 +100,12 @@ def expression_class(name: str, formula: str, place: str, parameters: tuple[Para
         'name': name, 'summary': formula, 'place': Place(place), 'parameters': parameters,
         'formula': formula, '_tree': tree, 'signature': f'the error has the shape of {formula}',
         '__doc__': f'F = {formula}.'})
+
+
+def _remake(name, formula, place, parameters, values, bounds, intervals):
+    effect = expression_class(name, formula, place, parameters)().replace(**values)
+    effect.bounds, effect.intervals = bounds, intervals
+    return effect
 
 
 def _parse(name, formula, parameters):
@@ -136,13 +150,15 @@ def _check(name, node, names):
                          f'{type(node).__name__}')
 
 
-def _walk(node, values) -> Any:
+def _walk(node: Any, values: Mapping[str, Any]) -> Any:
+    """Return the value of a tree that `_check` has passed."""
     if isinstance(node, ast.BinOp):
         return _BINARY[type(node.op)](_walk(node.left, values), _walk(node.right, values))
     if isinstance(node, ast.UnaryOp):
         return _UNARY[type(node.op)](_walk(node.operand, values))
     if isinstance(node, ast.Call):
-        return _FUNCTIONS[node.func.id][0](*(_walk(a, values) for a in node.args))
+        function: Any = node.func
+        return _FUNCTIONS[function.id][0](*(_walk(a, values) for a in node.args))
     if isinstance(node, ast.Name):
         return values[node.id]
     return float(node.value)
@@ -151,7 +167,8 @@ def _walk(node, values) -> Any:
 def _check_units(name, tree, place, parameters):
     """Walk the tree once with pint quantities: the dimensions must come out right."""
     ureg = registry()
-    values = {key: ureg.Quantity(0.5, unit or 'dimensionless') for key, unit in VARIABLES.items()}
+    values: dict[str, Any] = {key: ureg.Quantity(0.5, unit or 'dimensionless')
+                              for key, unit in VARIABLES.items()}
     for parameter in parameters:
         unit = parameter.unit if parameter.unit not in ('', '1') else 'dimensionless'
         values[parameter.name] = ureg.Quantity(0.5, unit).to_base_units()

@@ -65,7 +65,7 @@ class PreslidingHysteresis(Effect):
         if state is None:
             state = [strain[0]] * len(self._SPREAD)
         slip, after = 0.0, []
-        for share, play in zip(self._SPREAD, state):
+        for share, play in zip(self._SPREAD, state, strict=True):
             half = share * self.width
             lower = np.where(x.start, strain, strain - half)
             upper = np.where(x.start, strain, strain + half)

@@ -43,6 +43,7 @@ class RelaxationProny(_Relaxation):
     """Two Maxwell arms side by side: a Prony series of two terms."""
 
     name = 'relaxation_prony'
+    variant_of = 'viscoelastic_relaxation'
     summary = 'force relaxes with a fast and a slow time constant'
     source = 'Prony series of two terms'
     parameters = (

@@ -6,11 +6,12 @@ import csv
 from pathlib import Path
 import warnings
 
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effects.base import Effect, Place
 from fam_bundle_ros.units import si_factor
-import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 _COLUMNS = {'strain': '1', 'pressure': 'kPa', 'force': 'N'}
 _REFINE = 8

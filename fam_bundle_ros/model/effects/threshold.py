@@ -33,6 +33,7 @@ class SoftThreshold(_Threshold):
     """P -> P - Pth (1 - exp(-P/Pth)): the bladder seats gradually."""
 
     name = 'soft_threshold'
+    variant_of = 'threshold_pressure'
     summary = 'pressure lost on seating the bladder, gradually'
     source = 'derived: smooth form of threshold_pressure'
     signature = 'the error has the shape of dF/dP and grows from zero to a constant with pressure'

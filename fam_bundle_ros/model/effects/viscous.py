@@ -30,6 +30,7 @@ class ViscousPower(_Viscous):
     """F = -c v0 |v/v0|^n sgn(v), v = L0 de/dt, v0 = 10 mm/s; n = 1 is viscous_damping."""
 
     name = 'viscous_power'
+    variant_of = 'viscous_damping'
     summary = 'damping as a power of the speed'
     source = 'derived: power law through the linear one at 10 mm/s'
     parameters = (

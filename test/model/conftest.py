@@ -1,0 +1,29 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's muscle, written out in numbers and not read from a shipped file."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.model import Bundle, Geometry, MotorUnit
+from fam_bundle_ros.model.effects.bladder import BladderElasticity
+from fam_bundle_ros.model.effects.buckling import ResistiveBuckling
+from fam_bundle_ros.model.effects.mesh import Mesh
+
+PAPER = Geometry(6.35e-3, 0.127, np.radians(33.0), 1.59e-3)
+
+
+def units(count, max_pressure=344.7e3):
+    return [MotorUnit(f'mu{i + 1}', 1, PAPER, max_pressure) for i in range(count)]
+
+
+@pytest.fixture
+def muscle():
+    """One muscle of the paper: mesh and bladder."""
+    return Bundle('muscle', units(1, 413.7e3), [Mesh(), BladderElasticity()])
+
+
+@pytest.fixture
+def paper_bundle():
+    """Two muscles of the paper, resistive forces included."""
+    return Bundle('paper', units(2), [Mesh(), BladderElasticity(), ResistiveBuckling()])

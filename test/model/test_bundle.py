@@ -1,0 +1,93 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Motor units in parallel: onset pressure, overlap, other sizes and counts."""
+
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, MotorUnit
+from fam_bundle_ros.model.effects.bladder import BladderElasticity
+from fam_bundle_ros.model.effects.mesh import Mesh
+
+from .conftest import PAPER, units
+
+
+def test_forces_of_motor_units_add(paper_bundle):
+    """The bundle's force is the sum over units, each as if it were alone."""
+    alone = Bundle('one', units(1), paper_bundle.effects)
+    together = paper_bundle.force(0.15, [3e5, 1e5])
+    assert_allclose(together, alone.force(0.15, [3e5]) + alone.force(0.15, [1e5]))
+
+
+def test_a_unit_of_three_muscles_pulls_three_times_as_much(muscle):
+    """Count scales force and gas volume alike."""
+    three = Bundle('three', [replace(muscle.motor_units[0], muscles=3)], muscle.effects)
+    assert_allclose(three.force(0.1, [2e5]), 3 * muscle.force(0.1, [2e5]))
+    assert_allclose(three.gas_volume(0.1), 3 * muscle.gas_volume(0.1))
+
+
+def test_onset_pressure_is_where_the_dip_is_made_good(paper_bundle):
+    """At the onset pressure MU2 gives what it gave when off; below it less, above it more."""
+    overlap = paper_bundle.overlap(0.2, 1)
+    force = paper_bundle.force(0.2, paper_bundle.state_pressures(
+        2, np.array([0.0, overlap.dip_pressure, overlap.onset_pressure])))
+    assert_allclose(force[2], force[0], atol=1e-6)
+    assert_allclose(force[0] - force[1], overlap.dip)
+    assert overlap.dip > 5.0
+    assert 0.0 < overlap.dip_pressure < overlap.onset_pressure < 344.7e3
+
+
+def test_no_dip_before_the_free_strain(paper_bundle):
+    """A muscle that is not compressed helps from the first kilopascal."""
+    overlap = paper_bundle.overlap(0.0, 1)
+    assert overlap.dip == 0.0
+    assert overlap.onset_pressure == 0.0
+    assert_allclose(overlap.high, 163.4, atol=0.05)
+
+
+def test_a_unit_that_never_helps_has_no_onset(paper_bundle):
+    """Past the free strain of its highest pressure a unit only pushes back."""
+    assert np.isnan(paper_bundle.onset_pressure(0.25, 2))
+
+
+@given(st.floats(0.02, 0.22), st.floats(0.0, 1.0))
+def test_both_states_reach_every_force_of_the_overlap(strain, where):
+    """One force and strain, two ways to make it: that is what overlap means."""
+    bundle = Bundle('two', units(2), [Mesh(), BladderElasticity()]).with_effect(
+        'resistive_buckling')
+    overlap = bundle.overlap(strain, 1)
+    demand = overlap.low + where * overlap.width
+    for state in (1, 2):
+        last = np.linspace(0.0, 344.7e3, 4001)
+        force = bundle.force(strain, bundle.state_pressures(state, last))
+        assert np.min(np.abs(force - demand)) < 0.15
+
+
+def test_new_sizes_keep_the_ratio_of_the_units():
+    """A refitted radius is that of the first unit; the second one scales with it."""
+    big = replace(PAPER, radius=2 * PAPER.radius, wall_thickness=2 * PAPER.wall_thickness)
+    bundle = Bundle('mixed', [MotorUnit('a', 1, PAPER), MotorUnit('b', 1, big)], [Mesh()])
+    other = bundle.with_parameters({'geometry.radius': 6.0e-3})
+    assert_allclose(other.geometry.radius, [6.0e-3, 12.0e-3])
+    with pytest.raises(InputError, match="geometry has no dimension 'diameter'"):
+        bundle.with_parameters({'geometry.diameter': 1.0})
+
+
+def test_an_added_effect_leaves_the_model_it_was_added_to_alone(muscle):
+    """Models are values: with_effect gives a new one."""
+    other = muscle.with_effect('coulomb_friction', force=4.0)
+    assert [e.name for e in muscle.effects] == ['mesh', 'bladder_elasticity']
+    assert other.effect('coulomb_friction').force == 4.0
+    assert other.without_effect('coulomb_friction').force(0.1, [2e5]) == muscle.force(0.1, [2e5])
+
+
+def test_names_must_differ(muscle):
+    """Two effects of one name would overwrite each other."""
+    with pytest.raises(InputError, match='effect mesh is named twice'):
+        Bundle('double', muscle.motor_units, [Mesh(), Mesh()])

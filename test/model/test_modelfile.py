@@ -1,0 +1,161 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The model file: read, written, and refused with file, line and key."""
+
+import pickle
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import dumps_model, load_model, loads_model, save_model
+
+GOOD = """\
+format: fam-bundle-model/1
+name: small
+error: 0.6 N
+notes: {data: rig.csv}
+motor_units:
+  - name: a
+    muscles: 2
+    geometry: {radius: 0.25 in, length: 12.7 cm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
+    max_pressure: 50 psi
+effects:
+  - mesh
+  - bladder_elasticity: {c10: 0.1184 MPa}
+  - coulomb_friction:
+      force: {value: 4.1 N, lower: 0 N, upper: 20 N, interval: [3.9 N, 4.3 N]}
+  - drag: {expression: "-k * strain_rate", parameters: {k: {value: 5 N*s, lower: 0 N*s,
+           upper: 100 N*s}}}
+"""
+
+
+def test_units_of_any_kind_are_read():
+    """Inches, centimetres, psi and MPa come out as SI."""
+    bundle = loads_model(GOOD)
+    unit = bundle.motor_units[0]
+    assert_allclose([unit.geometry.radius, unit.geometry.length, unit.max_pressure],
+                    [6.35e-3, 0.127, 344737.9], rtol=1e-6)
+    assert_allclose(unit.geometry.braid_angle, np.radians(33.0))
+    assert_allclose(bundle.effect('bladder_elasticity').c10, 118.4e3)
+    assert bundle.error == 0.6
+    assert bundle.effect('coulomb_friction').intervals['force'] == (3.9, 4.3)
+
+
+def test_a_model_survives_being_written_and_read(tmp_path):
+    """Values, bounds, intervals, expressions and notes come back; so does every force."""
+    first = loads_model(GOOD)
+    save_model(first, tmp_path / 'm.yaml')
+    again = load_model(tmp_path / 'm.yaml')
+    assert dumps_model(again) == dumps_model(first)
+    assert_allclose(again.force(0.1, [2e5], 0.3), first.force(0.1, [2e5], 0.3), rtol=1e-9)
+    assert_allclose(first.force(0.1, [2e5]) - first.force(0.1, [2e5], 0.3),
+                    2 * (4.1 + 5 * 0.3), rtol=1e-6)
+
+
+def test_a_model_reaches_worker_processes():
+    """Expressions too, whose class is made at run time."""
+    first = loads_model(GOOD)
+    again = pickle.loads(pickle.dumps(first))
+    assert again.force(0.1, [2e5], 0.3) == first.force(0.1, [2e5], 0.3)
+
+
+def test_a_model_is_written_whole_or_not_at_all(tmp_path):
+    """No folder, no file: the error names the path."""
+    with pytest.raises(InputError, match='nowhere/m.yaml: cannot be written'):
+        save_model(loads_model(GOOD), tmp_path / 'nowhere' / 'm.yaml')
+
+
+@pytest.mark.parametrize(('old', 'new', 'message'), [
+    ('mesh', 'mehs', "line 11: effect 'mehs' is not known; did you mean mesh"),
+    ('0.25 in', '0.25 kPa', "line 8: radius: unit 'kPa' does not fit; expected a unit like mm"),
+    ('0.25 in', '0.25', "line 8: radius: '0.25' has no unit; expected a unit like mm"),
+    ('0.25 in', 'wide', "line 8: radius: 'wide' is not a quantity"),
+    ('0.25 in', '.nan mm', "line 8: radius: '.nan mm' is not a quantity"),
+    ('0.25 in', 'nan mm', "line 8: radius: 'nan mm' is not finite"),
+    ('0.25 in', '-1 mm', 'line 8: radius must be above zero'),
+    ('1.59 mm', '8 mm', 'line 8: wall_thickness must be below the radius'),
+    ('33 deg', '60 deg', 'line 8: braid_angle must lie between 5 and 54.7 deg'),
+    ('muscles: 2', 'muscles: two', "line 7: muscles is 'two'; expected a whole number"),
+    ('50 psi', '50 MPa', 'line 9: max_pressure must lie between 0 and 2 MPa'),
+    ('c10: 0.1184 MPa', 'c10: 118 MPa', 'line 12: bladder_elasticity: c10 is 118000 kPa; '
+     'expected between 0 and 1500 kPa'),
+    ('c10:', 'c11:', "line 12: bladder_elasticity has no parameter 'c11'; it has c10, c01"),
+    ('4.1 N', '40 N', 'force is 40 N; expected between 0 N and 20 N'),
+    ('name: a', 'nmae: a', "line 6: motor unit 1 has no key 'nmae'"),
+    ('model/1', 'model/9', "line 1: format is 'fam-bundle-model/9'"),
+    ('5 N*s', '5 N', r'drag.k: .*lower|drag'),
+    ('name: small', 'name: small\nname: big', "line 3: 'name' stands twice"),
+    ('name: small', 'name: [a', 'line 3: is not YAML|line 4: is not YAML'),
+])
+def test_a_bad_file_is_refused_with_line_and_key(old, new, message):
+    """One sentence says where and what was expected."""
+    assert old in GOOD
+    with pytest.raises(InputError, match='model, .*' + message.replace('(', r'\(')):
+        loads_model(GOOD.replace(old, new, 1))
+
+
+def test_aliases_are_refused():
+    """Ten lines of aliases can stand for a billion entries."""
+    bomb = 'a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n'
+    with pytest.raises(InputError, match=r'line 2: aliases \(\*name\) are not allowed'):
+        loads_model(bomb)
+
+
+@pytest.mark.parametrize('content', [b'', b'\x00\x01\xff\xfe', b'- 1\n- 2\n', b'[' * 5000])
+def test_what_is_no_model_file_is_refused(tmp_path, content):
+    """Empty, binary, a list, or nested without end: one sentence each, and the file's name."""
+    path = tmp_path / 'm.yaml'
+    path.write_bytes(content)
+    with pytest.raises(InputError, match='m.yaml'):
+        load_model(path)
+
+
+def test_python_files_are_run_only_with_leave(tmp_path):
+    """A model file from a stranger executes nothing."""
+    (tmp_path / 'mine.py').write_text("""
+from fam_bundle_ros.model.effects.base import Effect, Parameter, Place
+class Glue(Effect):
+    name, summary, source, family = 'glue', 's', 's', 'user'
+    place, signature = Place.FORCE, 's'
+    parameters = (Parameter('size', 'N', 3.0, 0.0, 9.0, 'd'),)
+    def contribution(self, x):
+        return self.size + 0.0 * x.strain
+""")
+    path = tmp_path / 'm.yaml'
+    path.write_text(GOOD.replace('effects:', 'effect_files: [mine.py]\neffects:\n  - glue'))
+    with pytest.raises(InputError, match='line 10: names Python files.*--allow-python'):
+        load_model(path)
+    assert load_model(path, allow_python=True).effect('glue').size == 3.0
+
+
+@pytest.mark.parametrize(('formula', 'message'), [
+    ("__import__('os').system('touch owned')", 'only arithmetic is allowed'),
+    ("open('x')", "function 'open' is not one of"),
+    ('().__class__', 'only arithmetic is allowed'),
+    ('strain.real', 'only arithmetic is allowed'),
+    ('[k for k in (1,)]', 'only arithmetic is allowed'),
+    ('k * pressure', 'gives .* but a force effect must give N'),
+    ('k * wobble', "'wobble' is not known"),
+    ('k * 9 ** 9 ** 9', 'a power must be a number of at most 12'),
+    ('k * 10 ** 400', 'a power must be a number of at most 12'),
+    ('k *', 'cannot be read'),
+    ('k * exp(strain, strain)', r"function 'exp' takes 1 argument\(s\)"),
+    ('k + strain', 'units do not fit'),
+    ('k' + '+k' * 400, 'at most 500 characters'),
+])
+def test_an_expression_may_only_calculate(formula, message):
+    """No imports, no attributes, no calls but the listed functions, units that fit."""
+    text = GOOD.replace('-k * strain_rate', formula).replace('N*s', 'N')
+    with pytest.raises(InputError, match=message):
+        loads_model(text)
+
+
+def test_an_expression_acts_at_the_place_that_it_names():
+    """A formula for the pressure is felt by the braid."""
+    text = GOOD.replace('"-k * strain_rate"', '"-min(pressure, k)", place: pressure').replace(
+        'N*s', 'kPa')
+    felt = loads_model(text).without_effect('coulomb_friction')
+    plain = felt.without_effect('drag')
+    assert_allclose(felt.force(0.1, [2e5]), plain.force(0.1, [1.95e5]))

@@ -1,0 +1,65 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A measured force table in the place of a formula."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.effects.surface import MeasuredSurface
+
+from .conftest import units
+
+
+@pytest.fixture
+def table(tmp_path, paper_bundle):
+    """A coarse table of one muscle of the paper, in tension and compression."""
+    one = Bundle('one', units(1), paper_bundle.effects)
+    lines = ['strain,pressure [psi],force [N]']
+    for psi in range(0, 70, 10):
+        for e in np.linspace(0.0, 0.30, 16):
+            lines.append(f'{e:.3f},{psi},{one.force(round(e, 3), [psi * 6894.757]):.6f}')
+    (tmp_path / 'map.csv').write_text('\n'.join(lines))
+    return one, Bundle('table', units(1), [MeasuredSurface('map.csv', tmp_path)])
+
+
+def test_measured_points_are_met_exactly(table):
+    """Interpolation goes through the data, compressed region included."""
+    one, surface = table
+    for psi, e in ((0, 0.02), (30, 0.10), (60, 0.30), (10, 0.18)):
+        assert_allclose(surface.force(e, [psi * 6894.757]), one.force(e, [psi * 6894.757]),
+                        atol=1e-4)
+
+
+def test_between_points_it_adds_no_overshoot(table):
+    """Shape preserving: every value lies within the four corners of its cell."""
+    _, surface = table
+    e, p = np.meshgrid(np.linspace(0.0, 0.02, 9), np.linspace(0, 68947.57, 9))
+    inside = surface.force(e, p[..., None])
+    corners = surface.force(np.array([0, 0, .02, .02]), np.array([[0], [68947.57]] * 2))
+    assert inside.min() >= corners.min() - 1e-9
+    assert inside.max() <= corners.max() + 1e-9
+
+
+def test_extrapolation_warns_once_and_holds_the_edge(table):
+    """A table does not know what lies outside it."""
+    _, surface = table
+    with pytest.warns(UserWarning, match='asked outside strain 0 to 0.3'):
+        outside = surface.force(0.4, [2e5])
+    assert outside == surface.force(0.3, [2e5])
+
+
+@pytest.mark.parametrize(('text', 'message'), [
+    ('', 'is empty'),
+    ('strain,pressure [kPa]\n0,1\n', 'has no column force'),
+    ('strain,pressure [N],force [N]\n0,1,2\n', "unit 'N' does not fit"),
+    ('strain,pressure [kPa],force [N]\n0,1,much\n', 'row 2: force is not a number'),
+    ('strain,pressure [kPa],force [N]\n0,1,2\n.1,1,2\n', 'at least two pressures'),
+])
+def test_a_bad_table_is_refused(tmp_path, text, message):
+    """The error names the file and the row."""
+    (tmp_path / 'map.csv').write_text(text)
+    with pytest.raises(InputError, match=message):
+        MeasuredSurface('map.csv', tmp_path)
