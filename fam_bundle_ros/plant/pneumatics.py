@@ -1,0 +1,246 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One proportional valve with its spool, one chamber, and what follows from them in closed form.
+
+The flow law itself is `fam_bundle_ros.model.pneumatics`, shared with the controller. Pressures
+of the public functions here are GAUGE, as everywhere in the package outside the flow law.
+"""
+
+from dataclasses import dataclass
+import math
+
+from fam_bundle_ros.model.pneumatics import (
+    ATMOSPHERE,
+    GAS_CONSTANT,
+    LAMINAR_RATIO,
+    mass_flow,
+    POLYTROPIC,
+    REFERENCE_DENSITY,
+    REFERENCE_TEMPERATURE,
+    ValveFlow,
+)
+from fam_bundle_ros.plant.checks import require
+
+#: R T of the air in the rig, J/kg.
+RT = GAS_CONSTANT * REFERENCE_TEMPERATURE
+
+
+@dataclass(frozen=True)
+class ValveConfig(ValveFlow):
+    """
+    A 3-way proportional valve: its flow (`ValveFlow`) and how fast its spool follows.
+
+    Parameters
+    ----------
+    bandwidth : float, Hz
+        Frequency at which the spool follows at -3 dB.
+    damping : float
+        Damping ratio of the spool, below 1.
+    """
+
+    bandwidth: float = 125.0
+    damping: float = 0.7
+
+    def __post_init__(self):
+        require(self, 'conductance', 'bandwidth', above=0.0)
+        require(self, 'critical_ratio', 'dead_band', least=0.0, most=0.9)
+        require(self, 'damping', least=0.1, most=0.99)
+
+    @property
+    def natural_frequency(self) -> float:
+        """Natural frequency of the spool, rad/s, that gives the -3 dB bandwidth."""
+        z2 = self.damping ** 2
+        return 2.0 * math.pi * self.bandwidth / math.sqrt(
+            1.0 - 2.0 * z2 + math.sqrt(4.0 * z2 * z2 - 4.0 * z2 + 2.0))
+
+    def spool_step(self, dt: float) -> tuple[float, float, float, float]:
+        """
+        Return (a, b, c, d) of the spool's exact step over ``dt`` at a constant command u.
+
+        With the error e = position - u: e' = a e + b rate, rate' = c e + d rate.
+        """
+        wn = self.natural_frequency
+        decay = self.damping * wn
+        wd = wn * math.sqrt(1.0 - self.damping ** 2)
+        envelope = math.exp(-decay * dt)
+        sine = envelope * math.sin(wd * dt)
+        cosine = envelope * math.cos(wd * dt)
+        return (cosine + decay / wd * sine, sine / wd,
+                -wn * wn / wd * sine, cosine - decay / wd * sine)
+
+
+#: The valve of the rig that the defaults describe.
+DEFAULT_VALVE = ValveConfig()
+
+
+@dataclass(frozen=True)
+class ChamberConfig:
+    """
+    What surrounds the gas of one motor unit: dead volume, exponents, relief valve.
+
+    dp/dt = (g_in R T m_in - g_out R T m_out - g_v p dV/dt)/V with p absolute.
+
+    Parameters
+    ----------
+    tube_volume : float, m^3
+        Tube and fittings between valve and muscles, per motor unit.
+    inflow_exponent, outflow_exponent, volume_exponent : float
+        g_in, g_out, g_v; 1 is isothermal, 1.4 adiabatic.
+    relief_pressure : float, Pa (gauge)
+        Where the mechanical relief valve begins to open.
+    relief_band : float, Pa
+        Over this much more it opens fully, to the valve's conductance.
+    """
+
+    tube_volume: float = 5e-6
+    inflow_exponent: float = POLYTROPIC
+    outflow_exponent: float = POLYTROPIC
+    volume_exponent: float = POLYTROPIC
+    relief_pressure: float = 500e3
+    relief_band: float = 20e3
+
+    def __post_init__(self):
+        require(self, 'tube_volume', 'relief_pressure', 'relief_band', above=0.0)
+        require(self, 'inflow_exponent', 'outflow_exponent', 'volume_exponent',
+                least=1.0, most=1.4)
+
+
+@dataclass(frozen=True)
+class ChamberLinearisation:
+    """
+    The chamber at an operating point, as a control engineer writes it.
+
+    dp/dt = gain (opening) - p/time_constant: an integrator where the flow is choked (infinite
+    time constant), a first-order lag where it is not. The spool comes before it.
+    """
+
+    #: Pa/s per unit of opening on the fill side and on the exhaust side.
+    fill_gain: float
+    exhaust_gain: float
+    #: s, at the opening asked for.
+    fill_time_constant: float
+    exhaust_time_constant: float
+    #: rad/s and 1 of the spool.
+    spool_frequency: float
+    spool_damping: float
+
+
+def linearise(pressure: float, volume: float, supply: float,
+              valve: ValveConfig = DEFAULT_VALVE, opening: float = 1.0,
+              ambient: float = ATMOSPHERE,
+              exponent: float = POLYTROPIC) -> ChamberLinearisation:
+    """
+    Linearise valve and chamber at an operating point.
+
+    Parameters
+    ----------
+    pressure, supply : float, Pa (gauge)
+    volume : float, m^3
+        Gas volume with tubing, taken as constant.
+    valve : ValveConfig
+    opening : float
+        Opening (beyond the dead band, 0..1) at which the time constants hold; they go with
+        1/opening.
+    ambient : float, Pa (absolute)
+
+    Examples
+    --------
+    >>> point = linearise(200e3, 16e-6, 500e3)
+    >>> print(f'{point.fill_gain / 1e6:.1f} MPa/s, {point.exhaust_gain / 1e6:.1f} MPa/s')
+    16.9 MPa/s, 8.8 MPa/s
+    """
+    def rate(p: float, side: float) -> float:
+        return exponent * RT / volume * valve.flow(side, p, supply + ambient, ambient)
+
+    def time_constant(side: float) -> float:
+        small = 1.0
+        p = pressure + ambient
+        slope = opening * (rate(p + small, side) - rate(p - small, side)) / (2.0 * small)
+        return -1.0 / slope if slope < 0.0 else math.inf
+
+    return ChamberLinearisation(
+        rate(pressure + ambient, 1.0), -rate(pressure + ambient, -1.0),
+        time_constant(1.0), time_constant(-1.0), valve.natural_frequency, valve.damping)
+
+
+def _edge(b: float) -> float:
+    """Return the flow factor where the linear region begins."""
+    return math.sqrt(1.0 - ((LAMINAR_RATIO - b) / (1.0 - b)) ** 2)
+
+
+def fastest_rise(start: float, end: float, volume: float, supply: float,
+                 valve: ValveFlow = DEFAULT_VALVE, ambient: float = ATMOSPHERE,
+                 exponent: float = POLYTROPIC) -> float:
+    """
+    Return the least time, s, in which the open valve can fill a chamber of constant volume.
+
+    Closed form: choked (constant rate), then the quarter ellipse of ISO 6358 (an arc sine),
+    then the linear region (a logarithm). The spool's own delay is not in it.
+
+    Parameters
+    ----------
+    start, end, supply : float, Pa (gauge)
+    volume : float, m^3
+        With tubing.
+
+    Returns
+    -------
+    float
+        0 when ``end`` is not above ``start``; infinite at or above the supply.
+
+    Examples
+    --------
+    >>> print(f'{1e3 * fastest_rise(0.0, 300e3, 16e-6, 500e3):.1f} ms')
+    17.6 ms
+    """
+    if end <= start:
+        return 0.0
+    if end >= supply:
+        return math.inf
+    b = valve.critical_ratio
+    source = supply + ambient
+    ratios = ((start + ambient) / source, (end + ambient) / source)
+    rate = exponent * RT / volume * valve.conductance * REFERENCE_DENSITY
+
+    def elapsed(r: float) -> float:
+        choked = min(r, b)
+        ellipse = (1.0 - b) * math.asin((min(max(r, b), LAMINAR_RATIO) - b) / (1.0 - b))
+        linear = (1.0 - LAMINAR_RATIO) / _edge(b) * math.log(
+            (1.0 - LAMINAR_RATIO) / (1.0 - max(r, LAMINAR_RATIO)))
+        return (choked + ellipse + linear) / rate
+
+    return elapsed(ratios[1]) - elapsed(ratios[0])
+
+
+def fastest_fall(start: float, end: float, volume: float,
+                 valve: ValveFlow = DEFAULT_VALVE, ambient: float = ATMOSPHERE,
+                 exponent: float = POLYTROPIC) -> float:
+    """
+    Return the least time, s, in which the open valve can vent a chamber of constant volume.
+
+    Parameters
+    ----------
+    start, end : float, Pa (gauge)
+    volume : float, m^3
+        With tubing.
+
+    Returns
+    -------
+    float
+        0 when ``end`` is not below ``start``; infinite at or below ambient.
+    """
+    if end >= start:
+        return 0.0
+    if end <= 0.0:
+        return math.inf
+    # In x = log(p - ambient) the integrand stays finite up to ambient: trapezium rule.
+    low, high = math.log(end), math.log(start)
+    count = max(8, int(64 * (high - low)))
+    width = (high - low) / count
+    total = 0.0
+    for i in range(count + 1):
+        gauge = math.exp(low + i * width)
+        flow = mass_flow(valve.conductance, valve.critical_ratio, gauge + ambient, ambient)
+        total += (0.5 if i in (0, count) else 1.0) * gauge / flow
+    return total * width * volume / (exponent * RT)
