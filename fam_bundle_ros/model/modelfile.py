@@ -207,7 +207,7 @@ class _Reader:
         place = settings.get('place')
         if place is None:
             place = 'loss' if 'strain_rate' in settings['expression'] else 'force'
-        return expression_class(name, settings['expression'], place, tuple(
+        return expression_class(name, str(settings['expression']), str(place), tuple(
             self.user_parameter(name, key, value, listed.lines[key])
             for key, value in listed.items()))
 

@@ -14,6 +14,7 @@ PAPER = Geometry(6.35e-3, 0.127, np.radians(33.0), 1.59e-3)
 
 
 def units(count, max_pressure=344.7e3):
+    """Return motor units of one muscle each."""
     return [MotorUnit(f'mu{i + 1}', 1, PAPER, max_pressure) for i in range(count)]
 
 

@@ -44,6 +44,7 @@ def effect(request):
 
 
 def bundle_with(*effects):
+    """Return two units with mesh, bladder and these effects."""
     own = {e.name for e in effects}
     base = [e for e in (Mesh(), BladderElasticity()) if e.name not in own]
     return Bundle('test', units(2), [*base, *effects])
