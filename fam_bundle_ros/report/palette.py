@@ -1,0 +1,123 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One colour per effect and per recruitment state: in every figure, page, README and workbench.
+
+Hues come from Okabe and Ito's set, darkened for white paper and lightened for dark pages until a
+line stands out by 3 to 1. Look-alikes (a second shape of the same physics) share the hue of the
+first and are dashed, so that colour is never the only difference between them.
+"""
+
+from typing import NamedTuple
+
+__all__ = ['Colour', 'NEUTRAL', 'by_page', 'dash', 'effect', 'fade', 'recruitment_state']
+
+
+class Colour(NamedTuple):
+    """A colour on a light page and the one that stands for it on a dark page, '#RRGGBB'."""
+
+    light: str
+    dark: str
+
+
+#: Paper, ink and what lies between. ``measured`` and ``reference`` are data, never a hue.
+NEUTRAL = {
+    'paper': Colour('#FFFFFF', '#15181B'),
+    'surface': Colour('#F6F6F4', '#1D2125'),
+    'ink': Colour('#1B1D1F', '#ECEDEE'),
+    'muted': Colour('#5E6469', '#A3AAB0'),
+    'faint': Colour('#8E9499', '#787F86'),
+    'rule': Colour('#D5D6D3', '#3A4147'),
+    'grid': Colour('#EAEAE7', '#2A3035'),
+}
+
+_BLUE = Colour('#0072B2', '#4FA8DE')
+_GREEN = Colour('#008F68', '#22B58B')
+_ORANGE = Colour('#BF7A00', '#F0AE33')
+_VERMILLION = Colour('#D55E00', '#FF8B45')
+_PURPLE = Colour('#B5538C', '#EDA4CC')
+_SKY = Colour('#2E93C7', '#8CCDF2')
+_OLIVE = Colour('#7D7A00', '#D9D25A')
+_INDIGO = Colour('#4B3F9E', '#A79DF0')
+_WINE = Colour('#7F2253', '#CF6FA2')
+_TEAL = Colour('#1F7F86', '#63C6CC')
+_BROWN = Colour('#80583A', '#C9A083')
+_GREY = Colour('#6E757B', '#99A1A8')
+
+#: Colour and dash of each effect. Where two that can stand in one figure share a hue, the dash
+#: differs. A name that is not here (a user's own effect) is drawn in `_OWN`.
+_EFFECTS = {
+    'mesh': (_BLUE, 'solid'),
+    'bladder_elasticity': (_GREEN, 'solid'),
+    'bladder_polynomial': (_GREEN, 'dash'),
+    'bladder_ogden': (_GREEN, 'dot'),
+    'softening': (_GREEN, 'dashdot'),
+    'resistive_buckling': (_VERMILLION, 'solid'),
+    'resistive_plateau': (_VERMILLION, 'dash'),
+    'tendon_slack': (_BROWN, 'solid'),
+    'temperature': (_BROWN, 'dash'),
+    'coulomb_friction': (_PURPLE, 'solid'),
+    'presliding_hysteresis': (_WINE, 'solid'),
+    'viscous_damping': (_SKY, 'solid'),
+    'viscous_power': (_SKY, 'dash'),
+    'viscoelastic_relaxation': (_INDIGO, 'solid'),
+    'relaxation_prony': (_INDIGO, 'dash'),
+    'motor_unit_mismatch': (_INDIGO, 'dot'),
+    'measured_surface': (_INDIGO, 'dashdot'),
+    'end_caps': (_OLIVE, 'solid'),
+    'tondu_factor': (_OLIVE, 'dash'),
+    'strain_sensor_offset': (_OLIVE, 'dot'),
+    'braid_elasticity': (_TEAL, 'solid'),
+    'pressure_line_lag': (_TEAL, 'dash'),
+    'threshold_pressure': (_ORANGE, 'solid'),
+    'soft_threshold': (_ORANGE, 'dash'),
+    'pressure_sensor_bias': (_ORANGE, 'dot'),
+    'pressure_sensor_gain': (_ORANGE, 'dashdot'),
+    'force_sensor_bias': (_GREY, 'solid'),
+    'force_sensor_gain': (_GREY, 'dash'),
+    'leak': (_SKY, 'dot'),
+    'supply_droop': (_BLUE, 'dot'),
+}
+_OWN = Colour('#A0343C', '#F08A8F')
+_STATES = (_GREY, _BLUE, _ORANGE, _GREEN, _PURPLE, _SKY, _VERMILLION)
+
+
+def effect(name: str) -> Colour:
+    """Return the colour of an effect of the catalogue, or that of users' own effects."""
+    return _EFFECTS.get(name, (_OWN, 'solid'))[0]
+
+
+def dash(name: str) -> str:
+    """Return the dash of an effect's line, as plotly names it."""
+    return _EFFECTS.get(name, (_OWN, 'solid'))[1]
+
+
+def recruitment_state(state: int) -> Colour:
+    """
+    Return the colour of recruitment state RSk, and of motor unit k, which it brings in.
+
+    RS0 (all off) is grey; from seven units on the hues come round again.
+    """
+    return _STATES[0] if state <= 0 else _STATES[1 + (state - 1) % (len(_STATES) - 1)]
+
+
+def fade(colour: str, opacity: float) -> str:
+    """
+    Return '#RRGGBBAA' for fills.
+
+    Examples
+    --------
+    >>> fade('#0072B2', 0.2)
+    '#0072B233'
+    """
+    return f'{colour}{round(255 * opacity):02X}'
+
+
+def by_page() -> dict[str, str]:
+    """
+    Return the light colour -> the dark one, for pages that change theme after drawing.
+
+    Fills made by `fade` change with their first seven characters.
+    """
+    colours = [*NEUTRAL.values(), *(colour for colour, _ in _EFFECTS.values()), *_STATES, _OWN]
+    return {colour.light: colour.dark for colour in colours}
