@@ -81,16 +81,18 @@ pins() {
     fi | if [ -n "${ROS_DISTRO:-}" ]; then grep -v '^ros-'; else cat; fi
 }
 
-python=$(find_python)
-version=$("$python" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])')
-made_from="$PWD/$venv $("$python" -c 'import sys; print(sys.executable)') $version
-${ROS_DISTRO:-no ROS} $(cat requirements*.txt setup.py setup.cfg scripts/venv.sh | cksum)"
+made_from="$PWD/$venv, ROS: ${ROS_DISTRO:-wheels}, \
+$(cat requirements*.txt setup.py setup.cfg scripts/venv.sh | cksum)"
 
-if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$made_from" ] &&
+# A complete environment keeps its interpreter unless the user names another.
+if [ -f "$stamp" ] && [ "$(sed 1q "$stamp")" = "$made_from" ] &&
+    { [ -z "${PYTHON:-}" ] || [ "$(sed -n 2p "$stamp")" = "$(command -v "$PYTHON")" ]; } &&
     "$venv/bin/python" -c 'import numpy' 2>/dev/null; then
     exit 0
 fi
 
+python=$(find_python)
+version=$("$python" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])')
 if [ -f "$stamp" ]; then
     say "$venv was made for other pins or another Python: making it again"
 elif [ -f "$venv/pyvenv.cfg" ] || [ -f "$log" ] || [ -d "$venv/bin" ]; then
@@ -121,5 +123,5 @@ say "installing $(grep -c == "$venv/pins.txt") pinned packages, about a minute (
 pip_install -r "$venv/pins.txt"
 say "installing fam_bundle_ros"
 pip_install --no-deps --no-build-isolation --editable .
-printf '%s\n' "$made_from" >"$stamp"
+printf '%s\n' "$made_from" "$python" >"$stamp"
 say "$venv is ready"
