@@ -113,8 +113,9 @@ fi
     tail -n 3 "$log" >&2
     fail "$python could not make $venv: see the lines above, then run make again"
 }
-if [ -n "$system" ] && ! "$venv/bin/python" -c 'import rclpy' 2>>"$log"; then
-    fail "ROS_DISTRO is $ROS_DISTRO but $python cannot import rclpy:" \
+has_rclpy='import importlib.util, sys; sys.exit(importlib.util.find_spec("rclpy") is None)'
+if [ -n "$system" ] && ! "$venv/bin/python" -c "$has_rclpy" 2>>"$log"; then
+    fail "ROS_DISTRO is $ROS_DISTRO but $python finds no rclpy:" \
         "source /opt/ros/$ROS_DISTRO/setup.sh, or 'unset ROS_DISTRO' to use wheels"
 fi
 

@@ -132,11 +132,11 @@ def test_something_else_named_venv_is_left_alone(tree):
 
 
 def test_ros_distro_without_ros_fails(tree):
-    """With ROS_DISTRO set but no rclpy to import, one line says what to source."""
+    """With ROS_DISTRO set but no rclpy to be found, one line says what to source."""
     add_working_python(tree)
     status, lines = make_install(tree, ROS_DISTRO='jazzy')
     assert status != 0
-    assert 'cannot import rclpy: source /opt/ros/jazzy/setup.sh' in lines[-1]
+    assert 'finds no rclpy: source /opt/ros/jazzy/setup.sh' in lines[-1]
 
 
 def test_a_complete_venv_is_left_alone(repository):
