@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bundle for the rigs of these tests."""
 
+import pytest
+
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.resources import config_path
-import pytest
 
 
 @pytest.fixture(scope='session')

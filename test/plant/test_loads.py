@@ -4,12 +4,13 @@
 
 import math
 
-from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring, SeriesSpringMass
-from fam_bundle_ros.plant.loads import GRAVITY
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring, SeriesSpringMass
+from fam_bundle_ros.plant.loads import GRAVITY
 
 LENGTH = 0.127
 WIDE = (-0.15, 0.5)

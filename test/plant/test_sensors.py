@@ -4,11 +4,12 @@
 
 import math
 
+import numpy as np
+import pytest
+
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import Readings, SensorConfig
 from fam_bundle_ros.plant.sensors import SensorFaults, Sensors
-import numpy as np
-import pytest
 
 LENGTH = 0.127
 DT = 5e-3
