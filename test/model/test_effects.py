@@ -56,7 +56,8 @@ def record(seed=1, samples=157, trials=3):
     start = np.zeros(samples, bool)
     start[np.linspace(0, samples, trials, endpoint=False).astype(int)] = True
     time = np.cumsum(rng.uniform(0.002, 0.05, samples))
-    strain = np.clip(np.cumsum(rng.normal(0, 0.01, samples)) + 0.1, 0.0, 0.27)
+    jumps = 0.07 * np.cumsum(start)  # a trial begins where the last one did not end
+    strain = np.clip(np.cumsum(rng.normal(0, 0.01, samples)) + jumps, 0.0, 0.27)
     pressure = np.clip(np.cumsum(rng.normal(0, 2e4, (samples, 2)), axis=0) + 2e5, 0.0, 4e5)
     return Motion(strain, pressure, np.gradient(strain, time), time, start)
 
