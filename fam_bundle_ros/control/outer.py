@@ -1,0 +1,252 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Outer loops: a force or strain reference and the readings -> the force that the model shall give.
+
+Feed-forward says what the model knows, feedback corrects the rest; each works alone too. The bias
+estimate is the slow mean of measured minus model force at the pressures that are there: it needs
+no anti-windup, since a demand out of reach does not change what it sees.
+"""
+
+from dataclasses import dataclass
+import math
+from typing import Optional
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+
+
+@dataclass(frozen=True)
+class LoadModel:
+    """
+    What is known of the load on the bundle, for strain references; zeros where nothing is.
+
+    Parameters
+    ----------
+    force : float, N
+        That holds the load at zero strain.
+    stiffness : float, N
+        Change of it per unit of strain.
+    inertia : float, N s^2
+        Force per strain acceleration.
+    damping : float, N s
+        Force per strain rate.
+    """
+
+    force: float = 0.0
+    stiffness: float = 0.0
+    inertia: float = 0.0
+    damping: float = 0.0
+
+
+@dataclass(frozen=True)
+class OuterConfig:
+    """
+    Gains of the outer loops.
+
+    Parameters
+    ----------
+    feed_forward : bool
+        The model's own inverse: demand = reference (force), load model (strain).
+    feedback : bool
+        Bias estimate and the gains below.
+    bias_time : float, s
+        Of the bias estimate.
+    force_gain : float
+        On the force error.
+    force_integral : float, 1/s
+        On the force error, without feed-forward (with it, the bias estimate does this).
+    strain_gain : float, N
+        Per unit of strain error.
+    strain_integral : float, N/s
+    strain_damping : float, N s
+        On the error of the strain rate.
+    filter_time : float, s
+        Of the force reading.
+    strain_reach : float
+        Pressures are worked out for the reference strain where it is no further away than this:
+        the muscles' own stiffness then pulls towards it.
+    fade_time : float, s
+        Over which a force taken over on enabling fades into the demand.
+    """
+
+    feed_forward: bool = True
+    feedback: bool = True
+    bias_time: float = 0.25
+    force_gain: float = 0.3
+    force_integral: float = 12.0
+    strain_gain: float = 300.0
+    strain_integral: float = 2000.0
+    strain_damping: float = 15.0
+    filter_time: float = 0.02
+    strain_reach: float = 0.03
+    fade_time: float = 0.2
+
+    def __post_init__(self):
+        """Refuse what cannot be meant."""
+        if not (self.feed_forward or self.feedback):
+            raise InputError('feed_forward and feedback are both off; expected one at least')
+        for name in ('bias_time', 'filter_time', 'fade_time'):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f'{name} is {getattr(self, name)}; expected more than 0 s')
+        for name in ('force_gain', 'force_integral', 'strain_gain', 'strain_integral',
+                     'strain_damping', 'strain_reach'):
+            if not getattr(self, name) >= 0.0:
+                raise InputError(f'{name} is {getattr(self, name)}; expected 0 or more')
+
+
+@dataclass(frozen=True)
+class Target:
+    """
+    What is to be allocated.
+
+    Attributes
+    ----------
+    force : float, N
+        Reference, feedback and bias together.
+    feed_forward, feed_forward_rate : float, N and N/s
+        The part that is free of noise, and how fast it moves where that is known.
+    strain, strain_rate : float, and 1/s
+        For which the pressures are to be worked out.
+    """
+
+    force: float
+    feed_forward: float
+    feed_forward_rate: float
+    strain: float
+    strain_rate: float
+
+
+class OuterLoop:
+    """
+    Force and strain loop of one bundle.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        For the error of its fit, which enters the uncertainty.
+    config : OuterConfig
+    load : LoadModel
+    """
+
+    def __init__(self, bundle: Bundle, config: OuterConfig = OuterConfig(),
+                 load: LoadModel = LoadModel()):
+        self.config = config
+        self.load = load
+        self._model_error = bundle.error
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was learnt."""
+        #: Measured minus model force, slowly, N.
+        self.bias = 0.0
+        self._integral = 0.0
+        self._filtered: Optional[float] = None
+        self._take_over: Optional[float] = None
+        self._fade = 0.0
+        self._correction = (0.0, 0.0)
+        self._reference_rate = (0.0, 0.0)
+        self._kind = ''
+
+    @property
+    def uncertainty(self) -> float:
+        """Three standard deviations of the correction, plus the model's own error, N."""
+        return 3.0 * math.sqrt(self._correction[1]) + self._model_error + 0.1
+
+    def take_over(self, measurement, reference) -> None:
+        """Start from the force that is there: the demand fades from it into the reference."""
+        self._take_over = measurement.force
+
+    def update(self, dt: float, measurement, model_force: float, reference, settled: bool,
+               saturated: str) -> Target:
+        """
+        Return what is to be allocated in this tick.
+
+        Parameters
+        ----------
+        dt : float, s
+        measurement, reference : Measurement, Reference
+        model_force : float, N
+            Of the model at the measured strain and pressures.
+        settled : bool
+            No unit is being crossed: the bias may learn.
+        saturated : str
+            Of the last command: integrals stop in that direction.
+        """
+        config = self.config
+        force = measurement.force
+        share = 1.0 - math.exp(-dt / config.filter_time)
+        start = self._filtered is None
+        self._filtered = force if start else self._filtered + share * (force - self._filtered)
+        if config.feedback and settled:
+            gain = 1.0 - math.exp(-dt / config.bias_time)
+            self.bias += gain * (force - model_force - self.bias)
+        if reference.kind != self._kind:
+            self._kind = reference.kind
+            self._reference_rate = (reference.rate, 0.0)
+            self._integral = 0.0
+        loop = self._force_loop if reference.kind == 'force' else self._strain_loop
+        known, correction, strain, rate = loop(dt, measurement, reference, saturated)
+        if self._take_over is not None:
+            if config.feedback:
+                self.bias = force - model_force
+                correction -= self.bias
+            self._fade = self._take_over - known
+            self._take_over = None
+        self._learn_noise(dt, correction)
+        self._fade *= math.exp(-dt / config.fade_time)
+        slope = reference.rate * (1.0 if reference.kind == 'force' else self.load.stiffness)
+        return Target(known + self._fade + correction, known + self._fade, slope, strain, rate)
+
+    def _force_loop(self, dt, measurement, reference, saturated):
+        config = self.config
+        error = reference.value - self._filtered
+        known = reference.value if config.feed_forward else 0.0
+        correction = 0.0
+        if config.feedback:
+            correction = config.force_gain * error
+            if config.feed_forward:
+                correction -= self.bias
+            else:
+                self._integrate(config.force_integral * error * dt, saturated)
+                known, correction = self._integral, correction
+        return known, correction, measurement.strain, measurement.strain_rate
+
+    def _strain_loop(self, dt, measurement, reference, saturated):
+        config, load = self.config, self.load
+        error = reference.value - measurement.strain
+        rate_error = reference.rate - measurement.strain_rate
+        known, strain, rate = 0.0, measurement.strain, measurement.strain_rate
+        if config.feed_forward:
+            known = (load.force + load.stiffness * reference.value + load.damping * reference.rate
+                     + load.inertia * self._acceleration(dt, reference.rate))
+            reach = config.strain_reach
+            strain = min(max(reference.value, strain - reach), strain + reach)
+            rate = reference.rate
+        correction = 0.0
+        if config.feedback:
+            self._integrate(config.strain_integral * error * dt, saturated)
+            known += self._integral
+            correction = (config.strain_gain * error + config.strain_damping * rate_error
+                          - self.bias)
+        return known, correction, strain, rate
+
+    def _acceleration(self, dt, rate):
+        """Return the rate's own rate, filtered: references carry none."""
+        last, slope = self._reference_rate
+        slope += (1.0 - math.exp(-dt / 0.01)) * ((rate - last) / dt - slope)
+        self._reference_rate = (rate, slope)
+        return slope
+
+    def _integrate(self, step, saturated):
+        """Integrate unless that would push further into a limit."""
+        if not ((saturated == 'high' and step > 0.0) or (saturated == 'low' and step < 0.0)):
+            self._integral += step
+
+    def _learn_noise(self, dt, correction):
+        """Follow mean and variance of the correction over about a second."""
+        mean, variance = self._correction
+        gain = 1.0 - math.exp(-dt)
+        difference = correction - mean
+        self._correction = (mean + gain * difference,
+                            (1.0 - gain) * (variance + gain * difference * difference))

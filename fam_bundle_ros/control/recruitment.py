@@ -1,0 +1,346 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which motor units are on: the state machine over RS0..RSn, and how a unit is crossed in and out.
+
+Between RSk and RSk+1 lies an overlap: demands that both can give. The machine climbs at the last
+moment at which the next unit's push-back can still be made up for, and only when the demand is
+heading beyond the present state; it goes back when the demand has come to rest below the overlap.
+`Crossing` then moves the unit through its falling branch, fast, while the others compensate.
+"""
+
+from dataclasses import dataclass
+import math
+from typing import Optional
+
+from fam_bundle_ros.control.allocation import Curves
+from fam_bundle_ros.errors import InputError
+import numpy as np
+
+POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
+
+
+@dataclass(frozen=True)
+class SwitchingConfig:
+    """
+    When to recruit and to release.
+
+    Parameters
+    ----------
+    policy : str
+        ``neglect`` compares the demand with the ideal model's limits, no more; ``hysteresis``
+        knows the resistive forces and keeps a band; ``reversal_aware`` (default) besides crosses
+        the falling branch with compensation and looks where the demand is heading.
+    dwell : float, s
+        Least time between a switch and the opposite one.
+    margin, hysteresis : float, N, optional
+        By hand; worked out from model, error and noise otherwise.
+    rest_time : float, s
+        The demand counts as at rest, and a unit that it does not need is released, after this.
+    absence_time : float, s
+        A unit that moving demands have not needed for so long is released too: refilling it for
+        every cycle of a fast demand would cost more air than keeping it.
+    rest_rate : float, 1/s
+        Demands that change by less than this share of the bundle's range per second are at rest.
+    horizon : float, s
+        How far ahead a rising demand is followed.
+    crossing_rate : float, Pa/s
+        Largest pressure rate of any unit while one is crossed: what valve and supply surely do.
+    """
+
+    policy: str = 'reversal_aware'
+    dwell: float = 0.25
+    margin: Optional[float] = None
+    hysteresis: Optional[float] = None
+    rest_time: float = 1.0
+    absence_time: float = 10.0
+    rest_rate: float = 0.03
+    horizon: float = 3.0
+    crossing_rate: float = 1.5e6
+
+    def __post_init__(self):
+        """Refuse what cannot be meant."""
+        if self.policy not in POLICIES:
+            raise InputError(f"policy is '{self.policy}'; expected one of {', '.join(POLICIES)}")
+        for name in ('dwell', 'rest_time', 'absence_time', 'rest_rate', 'horizon'):
+            if not getattr(self, name) >= 0.0:
+                raise InputError(f'{name} is {getattr(self, name)}; expected 0 or more')
+        for name in ('margin', 'hysteresis'):
+            value = getattr(self, name)
+            if value is not None and not value >= 0.0:
+                raise InputError(f'{name} is {value}; expected 0 or more, in N')
+        if not self.crossing_rate > 0.0:
+            raise InputError(f'crossing_rate is {self.crossing_rate}; expected more than 0')
+
+
+@dataclass(frozen=True)
+class Demand:
+    """
+    What is asked of the bundle, as the state machine sees it.
+
+    Attributes
+    ----------
+    force : float, N
+    rate : float, N/s
+        Of the demand against what the present state can give: it counts that the strain moves.
+    acceleration : float, N/s^2
+    uncertainty : float, N
+        Three standard deviations of the noise in the demand, plus the model's error.
+    """
+
+    force: float
+    rate: float = 0.0
+    acceleration: float = 0.0
+    uncertainty: float = 0.0
+
+
+@dataclass(frozen=True)
+class Margins:
+    """
+    Forces at which the machine would switch now, N; nan where there is no such state.
+
+    Attributes
+    ----------
+    recruit, release : float
+    width : float
+        Of the overlap with the next state.
+    uncertainty : float
+    """
+
+    recruit: float = math.nan
+    release: float = math.nan
+    width: float = math.nan
+    uncertainty: float = 0.0
+
+
+class RecruitmentMachine:
+    """
+    State machine over RS0..RSn.
+
+    Parameters
+    ----------
+    units : int
+    config : SwitchingConfig
+    names : sequence of str, optional
+        Of the motor units in their order of recruitment, for the explanations.
+    """
+
+    def __init__(self, units: int, config: SwitchingConfig = SwitchingConfig(), names=None):
+        self.config = config
+        self.units = units
+        self._names = list(names or (f'MU{i + 1}' for i in range(units)))
+        self.margins = Margins()
+        self.reset()
+
+    def reset(self, state: int = 0) -> None:
+        """Start in a state, free to switch at once."""
+        self.state = state
+        self._since = math.inf
+        #: Of the last switch: +1, -1, or 0 before the first.
+        self.direction = 0
+        self._calm = 0.0
+        self._absent = 0.0
+
+    def update(self, dt: float, curves: Curves, demand: Demand) -> str:
+        """
+        Advance one tick; `state` is then the state to be in.
+
+        Parameters
+        ----------
+        dt : float, s
+        curves : Curves
+            Of this tick.
+        demand : Demand
+
+        Returns
+        -------
+        str
+            Why it switched, in words; empty when it did not.
+        """
+        self._since += dt
+        state, top, crossing = self.state, curves.top, curves.crossing
+        neglect = self.config.policy == 'neglect'
+        margin, band = self._widths(curves, demand)
+        recruit = top[state] - margin if state < self.units else math.nan
+        release = self._release_level(curves, state, margin, band)
+        width = float(top[state] - crossing[state]) if state < self.units else math.nan
+        self.margins = Margins(float(recruit), float(release), width, demand.uncertainty)
+        self._watch(dt, curves, demand, release)
+
+        if state < self.units and (neglect or self._may(+1)):
+            reason = self._reason_up(curves, demand, recruit)
+            if reason:
+                return self._switch(+1, f'recruit {self._names[state]}: {reason}')
+        if state > 0 and demand.force < release and (neglect or self._may(-1)):
+            reason = self._reason_down(curves, demand, release)
+            if reason:
+                return self._switch(-1, f'release {self._names[state - 1]}: {reason}')
+        return ''
+
+    def _widths(self, curves, demand):
+        """Return margin and hysteresis band, N: by hand, or from uncertainty and overlap."""
+        config = self.config
+        if config.policy == 'neglect':
+            return 0.0, 0.0
+        margin = demand.uncertainty if config.margin is None else config.margin
+        band = max(2.0 * margin, 0.5) if config.hysteresis is None else config.hysteresis
+        return margin, band
+
+    def _release_level(self, curves, state, margin, band):
+        """Return the demand below which the last unit may be released, N."""
+        if state == 0:
+            return math.nan
+        if self.config.policy == 'neglect':
+            return curves.top[state - 1]
+        if self.config.policy == 'hysteresis':
+            dip = max(float(curves.dip[curves.order[state - 1]]), 0.0)
+            return curves.top[state - 1] - margin - max(band, dip)
+        return curves.crossing[state - 1] - margin - band
+
+    def _watch(self, dt, curves, demand, release):
+        """Count how long the demand has been below the release level, and at rest there."""
+        below = self.state > 0 and demand.force < release
+        span = float(curves.top[-1] - curves.top[0])
+        resting = abs(demand.rate) < self.config.rest_rate * span
+        self._absent = self._absent + dt if below else 0.0
+        self._calm = self._calm + dt if below and resting else 0.0
+
+    def _may(self, direction):
+        return self._since >= self.config.dwell or direction == self.direction
+
+    def _reason_up(self, curves, demand, recruit):
+        state = self.state
+        # A unit that cannot add force at this strain is no help.
+        if curves.top[state + 1] - curves.top[state] < max(0.1, demand.uncertainty):
+            return ''
+        limit, force = curves.top[state], demand.force
+        if force > recruit:
+            return (f"demand {force:.1f} N above RS{state}'s {limit:.1f} N less "
+                    f'{limit - recruit:.1f} N')
+        if self.config.policy != 'reversal_aware' or state == 0 or demand.rate <= 0.0:
+            return ''
+        ahead = force + demand.rate * crossing_time(curves, curves.order[state], self.config)
+        if ahead < curves.crossing[state] - demand.uncertainty:
+            return ''
+        peak = force + demand.rate * self.config.horizon
+        if demand.acceleration < 0.0:
+            peak = min(peak, force + demand.rate ** 2 / (-2.0 * demand.acceleration))
+        if peak <= recruit:
+            return ''
+        return (f"demand {force:.1f} N rising by {demand.rate:.1f} N/s towards RS{state}'s "
+                f'{limit:.1f} N; above {curves.crossing[state]:.1f} N its push-back of '
+                f'{limit - curves.crossing[state]:.1f} N could not be made up for')
+
+    def _reason_down(self, curves, demand, release):
+        state, force = self.state, demand.force
+        below = f'demand {force:.1f} N below {release:.1f} N'
+        if self.config.policy != 'reversal_aware':
+            return below
+        if demand.rate > self.config.rest_rate * float(curves.top[-1] - curves.top[0]):
+            return ''
+        if force < curves.floor[state]:
+            return f'demand {force:.1f} N below the {curves.floor[state]:.1f} N that RS{state} can'
+        if self._calm >= self.config.rest_time:
+            return f'{below} and at rest for {self._calm:.1f} s'
+        if self._absent >= self.config.absence_time:
+            return f'{below} for {self._absent:.1f} s'
+        return ''
+
+    def _switch(self, direction, text):
+        self.state += direction
+        self._since = 0.0
+        self._calm = self._absent = 0.0
+        self.direction = direction
+        return text
+
+
+def crossing_time(curves: Curves, unit: int, config: SwitchingConfig) -> float:
+    """Return about how long it takes to bring a unit to the bottom of its branch, s."""
+    travel = float(curves.bottom_pressure[unit])
+    others = [i for i in curves.order if i != unit]
+    slope = max((curves.slope(i, curves.pressure[-1, i]) for i in others), default=0.0)
+    compensation = float(curves.dip[unit]) / slope if slope > 0.0 else 0.0
+    return 2.0 * max(travel, compensation) / config.crossing_rate + 2.0 * _EASE
+
+
+#: Time over which a crossing gathers and loses speed, s: both units lag alike only when smooth.
+_EASE = 0.02
+
+
+class Crossing:
+    """
+    The way of one unit through its falling branch.
+
+    Parameters
+    ----------
+    unit : int
+    up : bool
+    pressure : float, Pa (gauge)
+        Where it is.
+    config : SwitchingConfig
+    """
+
+    def __init__(self, unit: int, up: bool, pressure: float, config: SwitchingConfig):
+        self.unit, self.up, self.pressure = unit, up, pressure
+        self._config = config
+        self._speed = 0.0
+
+    def advance(self, dt: float, target: float, ratio: float, short: bool) -> bool:
+        """
+        Move on by one tick.
+
+        Parameters
+        ----------
+        dt : float, s
+        target : float, Pa (gauge)
+            Where it is to end.
+        ratio : float
+            Pressure change that the compensating unit needs per change of this one.
+        short : bool
+            The others cannot compensate: be through as fast as the valve goes.
+
+        Returns
+        -------
+        bool
+            True when it has arrived.
+        """
+        limit = self._config.crossing_rate / max(1.0, ratio)
+        if short:
+            limit = 20.0 * self._config.crossing_rate
+        distance = abs(target - self.pressure)
+        ease = self._config.crossing_rate / _EASE
+        speed = min(self._speed + ease * dt, limit, math.sqrt(2.0 * ease * distance) + ease * dt)
+        self._speed = limit if short else speed
+        step = min(self._speed * dt, distance)
+        self.pressure += math.copysign(step, target - self.pressure)
+        return step >= distance
+
+
+class Heading:
+    """
+    Rate and acceleration of signals by a critically damped third-order filter.
+
+    Parameters
+    ----------
+    start : ndarray
+    bandwidth : float, rad/s
+    """
+
+    def __init__(self, start: np.ndarray, bandwidth: float = 50.0):
+        self._bandwidth = bandwidth
+        self.reset(start)
+
+    def reset(self, value: np.ndarray) -> None:
+        """Begin at rest."""
+        self.value = np.array(value, float)
+        self.rate = np.zeros_like(self.value)
+        self.acceleration = np.zeros_like(self.value)
+
+    def update(self, value: np.ndarray, dt: float) -> None:
+        """Advance by one sample."""
+        w = min(self._bandwidth, 0.4 / dt)
+        jerk = (w ** 3 * (value - self.value) - 3.0 * w ** 2 * self.rate
+                - 3.0 * w * self.acceleration)
+        self.acceleration = self.acceleration + jerk * dt
+        self.rate = self.rate + self.acceleration * dt
+        self.value = self.value + self.rate * dt
