@@ -33,8 +33,7 @@ lint: install  ## run ruff and mypy
 	@$(BIN)/mypy
 
 build: install  ## build with colcon into install/ (ament_python)
-	@$(if $(ROS_DISTRO),$(shell command -v colcon || echo $(BIN)/colcon),$(BIN)/colcon) \
-		build --packages-select fam_bundle_ros
+	@$(if $(ROS_DISTRO),$(shell command -v colcon || echo $(BIN)/colcon),$(BIN)/colcon) build
 
 clean:  ## remove .venv, build products and caches; keeps report/
 	rm -rf .venv .venv-oldest build install log *.egg-info

@@ -25,6 +25,8 @@ log=$venv/install.log
 say() { printf '%s\n' "fam_bundle_ros: $*"; }
 fail() { printf '%s\n' "fam_bundle_ros: $*" >&2; exit 1; }
 
+# The interpreter below a virtual environment: the one that is about to be replaced may be active.
+base='import sys; print(getattr(sys, "_base_executable", sys.executable))'
 right_version='import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))'
 
 # Interpreters are chosen by running them: a name on PATH may be a shim that does not start.
@@ -40,7 +42,7 @@ find_python() {
     for candidate in $candidates; do
         "$candidate" -c "$right_version" 2>/dev/null || continue
         if "$candidate" -c 'import ensurepip, venv' 2>/dev/null; then
-            command -v "$candidate"
+            "$candidate" -c "$base"
             return
         fi
         without_venv=${without_venv:-$candidate}
@@ -86,7 +88,7 @@ $(cat requirements*.txt setup.py setup.cfg scripts/venv.sh | cksum)"
 
 # A complete environment keeps its interpreter unless the user names another.
 if [ -f "$stamp" ] && [ "$(sed 1q "$stamp")" = "$made_from" ] &&
-    { [ -z "${PYTHON:-}" ] || [ "$(sed -n 2p "$stamp")" = "$(command -v "$PYTHON")" ]; } &&
+    { [ -z "${PYTHON:-}" ] || [ "$(sed -n 2p "$stamp")" = "$("$PYTHON" -c "$base")" ]; } &&
     "$venv/bin/python" -c 'import numpy' 2>/dev/null; then
     exit 0
 fi
@@ -94,7 +96,7 @@ fi
 python=$(find_python)
 version=$("$python" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])')
 if [ -f "$stamp" ]; then
-    say "$venv was made for other pins or another Python: making it again"
+    say "$venv is damaged or was made from other pins: making it again"
 elif [ -f "$venv/pyvenv.cfg" ] || [ -f "$log" ] || [ -d "$venv/bin" ]; then
     say "$venv is half made (an install was interrupted or failed): making it again"
 elif [ -e "$venv" ] && ! rmdir "$venv" 2>/dev/null; then
