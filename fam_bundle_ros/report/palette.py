@@ -62,6 +62,7 @@ _EFFECTS = {
     'viscous_power': (_SKY, 'dash'),
     'viscoelastic_relaxation': (_INDIGO, 'solid'),
     'relaxation_prony': (_INDIGO, 'dash'),
+    'relaxation_rubber': (_INDIGO, 'longdash'),
     'motor_unit_mismatch': (_INDIGO, 'dot'),
     'measured_surface': (_INDIGO, 'dashdot'),
     'end_caps': (_OLIVE, 'solid'),

@@ -1,0 +1,227 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One self-contained HTML page: what was done, headline numbers, figures, tables, provenance.
+
+Everything is inside the file (plotly.js once); a browser that opens it asks the network nothing.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from html import escape
+import json
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import fam_bundle_ros
+from fam_bundle_ros.report import palette, theme
+from fam_bundle_ros.report.files import write_whole
+from fam_bundle_ros.report.picture import Picture
+
+__all__ = ['Headline', 'Page', 'Section', 'Table', 'render', 'write_page']
+
+_ASSETS = Path(__file__).parent / 'assets'
+
+
+@dataclass(frozen=True)
+class Headline:
+    """One number that the reader is to take away: what, how much, and a word on it."""
+
+    name: str
+    value: str
+    note: str = ''
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    Rows under column titles (units in the titles).
+
+    Attributes
+    ----------
+    columns : sequence of str
+    rows : sequence of sequence
+        Numbers are shown with three significant digits and set right; None and nan as a dash;
+        a cell of ``('effect', name)`` or ``('state', k)`` carries the swatch of its colour.
+    caption : str
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+    caption: str = ''
+
+
+@dataclass(frozen=True)
+class Section:
+    """
+    A heading, a few sentences, then figures and tables in the order given.
+
+    ``folded`` sections are closed until the reader opens them.
+    """
+
+    title: str
+    text: str = ''
+    items: Sequence[Picture | Table] = ()
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Page:
+    """
+    A report.
+
+    Attributes
+    ----------
+    title : str
+    lead : str
+        The answer in a sentence or two.
+    headline : sequence of Headline
+    sections : sequence of Section
+    provenance : sequence of (str, str)
+        What went in: files and their hashes, versions, seeds; what is simulated, what measured.
+    """
+
+    title: str
+    lead: str
+    headline: Sequence[Headline] = ()
+    sections: Sequence[Section] = ()
+    provenance: Sequence[tuple[str, str]] = field(default_factory=tuple)
+
+
+def render(page: Page) -> str:
+    """Return the page as HTML text."""
+    sections = list(page.sections)
+    if page.provenance:
+        sections.append(Section('Provenance', '', [Table(('what', 'value'), page.provenance)]))
+    light, dark = (_variables(theme_name) for theme_name in ('light', 'dark'))
+    return _asset('page.html').substitute(
+        title=escape(page.title), lead=escape(page.lead),
+        generator=f'fam_bundle_ros {fam_bundle_ros.__version__}',
+        light=light, dark=dark, css=_asset('page.css').substitute(font=theme.FONT),
+        headline=_cards(page.headline), nav=_nav(sections),
+        sections='\n'.join(_section(section) for section in sections),
+        footer=f'Written by fam_bundle_ros {fam_bundle_ros.__version__}. This file holds all that '
+               'it shows and asks the network nothing.',
+        plotly=_plotly(), colours=json.dumps(palette.by_page()),
+        script=(_ASSETS / 'page.js').read_text(encoding='utf-8'))
+
+
+def write_page(path: str | Path, page: Page) -> Path:
+    """Write the page, whole or not at all (InputError when it cannot be written)."""
+    return write_whole(path, render(page))
+
+
+@lru_cache(maxsize=4)
+def _asset(name: str) -> Template:
+    return Template((_ASSETS / name).read_text(encoding='utf-8'))
+
+
+@lru_cache(maxsize=1)
+def _plotly() -> str:
+    from plotly.offline import get_plotlyjs
+    return get_plotlyjs()
+
+
+def _variables(theme_name: str) -> str:
+    neutral = {name: getattr(colour, theme_name) for name, colour in palette.NEUTRAL.items()}
+    neutral['link'] = getattr(palette.recruitment_state(1), theme_name)
+    return ' '.join(f'--{name}: {value};' for name, value in neutral.items())
+
+
+def _anchor(title: str) -> str:
+    return '-'.join(''.join(c if c.isalnum() else ' ' for c in title.lower()).split())
+
+
+def _cards(headline: Sequence[Headline]) -> str:
+    if not headline:
+        return ''
+    cards = ''.join(
+        f'<li><span class="name">{escape(card.name)}</span>'
+        f'<span class="value">{escape(card.value)}</span>'
+        f'<span class="note">{escape(card.note)}</span></li>' for card in headline)
+    return f'<ul class="cards">{cards}</ul>'
+
+
+def _nav(sections: Sequence[Section]) -> str:
+    if len(sections) < 3:
+        return ''
+    links = ''.join(f'<li><a href="#{_anchor(s.title)}">{escape(s.title)}</a></li>'
+                    for s in sections)
+    return f'<nav aria-label="sections"><ul>{links}</ul></nav>'
+
+
+def _section(section: Section) -> str:
+    text = ''.join(f'<p>{escape(part)}</p>' for part in section.text.split('\n\n') if part)
+    items = ''.join(_picture(item) if isinstance(item, Picture) else _table(item)
+                    for item in section.items)
+    body = f'{text}{items}'
+    if section.folded:
+        body = f'<details><summary>show</summary>{body}</details>'
+    return (f'<section id="{_anchor(section.title)}"><h2>{escape(section.title)}</h2>'
+            f'{body}</section>')
+
+
+def _picture(picture: Picture) -> str:
+    height = int(picture.drawing.layout.height or 400)
+    # a "</script>" inside a label must not end the element
+    data = picture.drawing.to_json().replace('</', '<\\/')
+    return (f'<figure id="{escape(picture.key)}"><h3>{escape(picture.title)}</h3>'
+            f'<div class="drawing" role="img" aria-label="{escape(picture.title)}" '
+            f'style="height:{height}px"></div><script type="application/json">{data}</script>'
+            f'<figcaption>{escape(picture.caption)}</figcaption></figure>')
+
+
+def _table(table: Table) -> str:
+    rows = [list(row) for row in table.rows]
+    numeric = [bool(rows) and all(_is_number(row[k]) or row[k] is None for row in rows)
+               for k in range(len(table.columns))]
+
+    def cell(tag, content, number):
+        return f'<{tag}{" class=number" if number else ""}>{content}</{tag}>'
+
+    head = ''.join(cell('th', escape(str(name)), number)
+                   for name, number in zip(table.columns, numeric))
+    body = ''.join('<tr>' + ''.join(cell('td', _shown(value), number)
+                                    for value, number in zip(row, numeric)) + '</tr>'
+                   for row in rows)
+    caption = f'<caption>{escape(table.caption)}</caption>' if table.caption else ''
+    return (f'<div class="scroll"><table>{caption}<thead><tr>{head}</tr></thead>'
+            f'<tbody>{body}</tbody></table></div>')
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _shown(value: Any) -> str:
+    if value is None or (isinstance(value, float) and value != value):
+        return '–'
+    if isinstance(value, bool):
+        return 'yes' if value else 'no'
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return number(value)
+    if isinstance(value, tuple) and len(value) == 2 and value[0] in ('effect', 'state'):
+        kind, key = value
+        colour = palette.effect(key) if kind == 'effect' else palette.recruitment_state(key)
+        name = key if kind == 'effect' else f'RS{key}'
+        return (f'<span class="swatch" style="background:{colour.light}"></span>'
+                f'{escape(str(name))}')
+    return escape(str(value))
+
+
+def number(value: float) -> str:
+    """
+    Return a number as tables show it: three significant digits, no exponent where avoidable.
+
+    Examples
+    --------
+    >>> number(1234.56), number(0.01234), number(2.0)
+    ('1235', '0.0123', '2')
+    """
+    if value and (abs(value) >= 1e6 or abs(value) < 1e-4):
+        return f'{value:.2e}'
+    return f'{value:.0f}' if abs(value) >= 1000.0 else f'{value:.3g}'
