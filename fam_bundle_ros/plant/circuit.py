@@ -21,7 +21,7 @@ from fam_bundle_ros.plant.supply import SupplyConfig
 #: far below that of the coupling to the load.
 _STIFFNESS = 0.7
 #: A spool further than this from its command is on the move and gets two sub-steps at least.
-_SPOOL_MOVES = 0.01
+_SPOOL_MOVES = 0.05
 
 
 @dataclass
@@ -81,8 +81,7 @@ class Circuit:
         self.balance = AirBalance()
 
     def advance(self, dt: float, commands: Sequence[float], volume: Sequence[float],
-                volume_after: Sequence[float], leaks: Sequence[float],
-                stuck: dict[int, float] | None = None) -> None:
+                volume_after: Sequence[float], leaks: Sequence[float]) -> None:
         """
         Advance by ``dt`` while the gas volumes go linearly to ``volume_after``.
 
@@ -95,22 +94,18 @@ class Circuit:
             Gas volumes with tubing.
         leaks : sequence of float, 1/s
             Rate at which each chamber's gauge pressure leaks away at constant volume.
-        stuck : dict of int to float, optional
-            Spool positions that do not follow the command.
         """
-        targets = [stuck.get(i, u) for i, u in enumerate(commands)] if stuck else commands
         units = range(self.units)
         slopes = [(volume_after[i] - volume[i]) / dt for i in units]
         smallest = [min(volume[i], volume_after[i]) for i in units]
-        count = self._substeps(dt, targets, smallest, leaks)
+        count = self._substeps(dt, commands, smallest, leaks)
         h = dt / count
         for k in range(count):
-            openings = self._move_spools(h, targets, stuck)
+            openings = self._move_spools(h, commands)
             now = [volume[i] + k * h * slopes[i] for i in units]
             self._runge_kutta(h, openings, now, slopes, leaks)
 
-    def _move_spools(self, dt: float, targets: Sequence[float],
-                     stuck: dict[int, float] | None) -> list[float]:
+    def _move_spools(self, dt: float, commands: Sequence[float]) -> list[float]:
         """Move the spools exactly and return the mean opening of each valve over the step."""
         half = self._spool_steps.get(dt)
         if half is None:
@@ -118,10 +113,8 @@ class Circuit:
         a, b, c, d = half
         opening = self.valve.opening
         openings = []
-        for i, target in enumerate(targets):
+        for i, target in enumerate(commands):
             error, rate = self.spool[i] - target, self.spool_rate[i]
-            if stuck and i in stuck:
-                error = rate = 0.0
             if error == 0.0 and rate == 0.0:
                 openings.append(opening(target))
                 self.spool[i], self.spool_rate[i] = target, 0.0
@@ -135,7 +128,7 @@ class Circuit:
             self.spool_rate[i] = c * middle + d * middle_rate
         return openings
 
-    def _substeps(self, dt: float, targets: Sequence[float], volume: Sequence[float],
+    def _substeps(self, dt: float, commands: Sequence[float], volume: Sequence[float],
                   leaks: Sequence[float]) -> int:
         """
         Return how many sub-steps keep spools and pressures well resolved.
@@ -149,7 +142,7 @@ class Circuit:
         manifold = 1.0 / self._resistance
         if self.dumping:
             manifold += _secant(self.supply.dump_conductance, b, self.manifold, self.ambient)
-        for i, target in enumerate(targets):
+        for i, target in enumerate(commands):
             p, spool = self.pressure[i], self.spool[i]
             if abs(spool - target) > _SPOOL_MOVES:
                 least = 2

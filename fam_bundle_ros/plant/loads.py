@@ -95,9 +95,7 @@ class Dynamometer(Load):
         """Move towards the target; the rate is what was really moved over the step."""
         strain, _, target, speed = motion
         step = max(-speed * dt, min(speed * dt, target - strain))
-        # Adding the last step could miss the target by a rounding error and never rest.
-        moved = target if abs(target - strain) <= speed * dt else strain + step
-        return (moved, step / dt, target, speed)
+        return (strain + step, step / dt, target, speed)
 
     def kick(self, motion: Motion, dt: float, force: float, length: float) -> Motion:
         """Return the motion unchanged: the machine is stronger."""

@@ -268,7 +268,9 @@ class Rig:
         volume = self._volume_at(moved[0])
         if self.e_stopped:
             commands = [-1.0] * len(commands)
-        self._circuit.advance(dt, commands, self._volume, volume, leaks, stuck)
+        if stuck:
+            commands = [stuck.get(i, command) for i, command in enumerate(commands)]
+        self._circuit.advance(dt, commands, self._volume, volume, leaks)
         self._volume = volume
         gauge = self._gauge()
         self._motion, self._force, self._memory = self._accelerate(moved, dt, np.array(gauge))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, loads_model
+from fam_bundle_ros.model import Bundle, loads_model, Motion
 from fam_bundle_ros.plant import (
     Arm,
     available_energy,
@@ -176,7 +176,6 @@ def test_friction_holds_the_load_where_the_lag_of_force_is_small(bundle):
 
 def test_plant_and_record_give_the_same_force(bundle):
     """Stepped in the rig or computed over its record, effects with memory give one force."""
-    from fam_bundle_ros.model import Motion
     model = (bundle.with_effect('viscoelastic_relaxation').with_effect('presliding_hysteresis')
              .with_effect('pressure_line_lag'))
     rig = make(model)
