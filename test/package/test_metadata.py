@@ -23,7 +23,8 @@ EXECUTABLES = {
     'recruitment_controller',
     'reference_generator',
 }
-# What catkin_pkg accepts; with any other address colcon silently drops the ament index marker.
+# What every catkin_pkg accepts, old ones too; with any other address colcon silently drops the
+# ament index marker.
 EMAIL = re.compile(r'^[a-zA-Z0-9._%+-]+@[a-zA-Z0-9._%+-]+\.[a-zA-Z]{2,6}$')
 
 
