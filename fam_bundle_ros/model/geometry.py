@@ -7,7 +7,7 @@ All functions take the strain e = (L0 - L)/L0 (positive when shorter) as an arra
 and a `Geometry` whose fields are floats or arrays that broadcast with it. SI units.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -39,31 +39,33 @@ class Geometry:
     length: Any
     braid_angle: Any
     wall_thickness: Any
+    #: cos^2 a0, sin^2 a0, 1/tan^2 a0.
+    cos2: Any = field(init=False)
+    sin2: Any = field(init=False)
+    cot2: Any = field(init=False)
+    #: pi r0^2, m^2, and the cross-section of the bladder's wall, pi (r0^2 - (r0 - t)^2), m^2.
+    area: Any = field(init=False)
+    wall_area: Any = field(init=False)
+    #: Volume of the bladder's wall, m^3.
+    bladder_volume: Any = field(init=False)
 
     def __post_init__(self):
-        """Keep the trigonometry of the braid angle: the engine needs it at every tick."""
+        """Work out once what the engine needs at every tick."""
         cosine, sine = np.cos(self.braid_angle), np.sin(self.braid_angle)
         object.__setattr__(self, 'cos2', cosine * cosine)
         object.__setattr__(self, 'sin2', sine * sine)
         object.__setattr__(self, 'cot2', cosine * cosine / (sine * sine))
-        object.__setattr__(self, 'area', np.pi * self.radius * self.radius)
-
-    cos2: Any = None
-    sin2: Any = None
-    cot2: Any = None
-    area: Any = None
+        inner = self.radius - self.wall_thickness
+        area = np.pi * self.radius * self.radius
+        object.__setattr__(self, 'area', area)
+        object.__setattr__(self, 'wall_area', area - np.pi * inner * inner)
+        object.__setattr__(self, 'bladder_volume', self.wall_area * self.length)
 
     @classmethod
     def stack(cls, geometries):
         """Return one Geometry with array fields (n,) from n geometries."""
-        names = [field.name for field in fields(cls)[:4]]
+        names = [item.name for item in fields(cls) if item.init]
         return cls(*(np.array([getattr(g, name) for g in geometries], float) for name in names))
-
-    @property
-    def bladder_volume(self) -> Any:
-        """Volume of the bladder's wall, pi (r0^2 - (r0 - t)^2) L0, m^3."""
-        inner = self.radius - self.wall_thickness
-        return np.pi * (self.radius * self.radius - inner * inner) * self.length
 
 
 def radius(geometry, strain, braid=1.0):

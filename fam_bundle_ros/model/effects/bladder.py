@@ -16,7 +16,7 @@ class _Bladder(Effect):
 
 class BladderElasticity(_Bladder):
     """
-    Mooney-Rivlin tube, F = (V_bladder/L0) dW/dl.
+    Mooney-Rivlin tube, F = (V_bladder/L0) dW/dl; V_bladder/L0 is the cross-section of the wall.
 
     dW/dl = C10 [2 l (1 - k) - 2/(l^3 u) + 2 k/(l u^2)]
     + C01 [-2/l^3 + 2 k l/u^2 + 2 l u - 2 k l^3], with k = 1/tan^2 a0 and u = (r/r0)^2, which is
@@ -41,7 +41,7 @@ class BladderElasticity(_Bladder):
         u = (x.braid - square * g.cos2) / g.sin2
         first = 2.0 * (stretch * (1.0 - k) - 1.0 / (cube * u) + k / (stretch * u * u))
         second = 2.0 * (k * stretch / (u * u) - 1.0 / cube + stretch * u - k * cube)
-        return g.bladder_volume / g.length * (self.c10 * first + self.c01 * second)
+        return g.wall_area * (self.c10 * first + self.c01 * second)
 
 
 class BladderPolynomial(_Bladder):
@@ -52,9 +52,9 @@ class BladderPolynomial(_Bladder):
     summary = 'rubber tube as a cubic in strain, no material law'
     source = 'derived: third-order expansion of any elastic tube about its rest length'
     parameters = (
-        Parameter('k1', 'N', 200.0, 0.0, 5000.0, 'linear coefficient'),
-        Parameter('k2', 'N', 0.0, -2e4, 2e4, 'quadratic coefficient'),
-        Parameter('k3', 'N', 0.0, -1e5, 1e5, 'cubic coefficient'),
+        Parameter('k1', 'N', 200.0, 0.0, 2e4, 'linear coefficient'),
+        Parameter('k2', 'N', 0.0, -2e5, 2e5, 'quadratic coefficient'),
+        Parameter('k3', 'N', 0.0, -1e6, 1e6, 'cubic coefficient'),
     )
     off = {'k1': 0.0, 'k2': 0.0, 'k3': 0.0}
 
@@ -85,4 +85,4 @@ class BladderOgden(_Bladder):
         power = self.exponent - 1.0
         energy_slope = (axial ** power + around ** power * slope
                         - wall ** self.exponent * (1.0 / axial + slope / around))
-        return g.bladder_volume / g.length * self.modulus * energy_slope
+        return g.wall_area * self.modulus * energy_slope
