@@ -18,6 +18,7 @@ from typing import Any
 import fam_bundle_ros
 from fam_bundle_ros.report import palette, theme
 from fam_bundle_ros.report.files import write_whole
+from fam_bundle_ros.report.numbers import number
 from fam_bundle_ros.report.picture import Picture
 
 __all__ = ['Headline', 'Page', 'Section', 'Table', 'render', 'write_page']
@@ -178,13 +179,13 @@ def _table(table: Table) -> str:
     numeric = [bool(rows) and all(_is_number(row[k]) or row[k] is None for row in rows)
                for k in range(len(table.columns))]
 
-    def cell(tag, content, number):
-        return f'<{tag}{" class=number" if number else ""}>{content}</{tag}>'
+    def cell(tag, content, right):
+        return f'<{tag}{" class=number" if right else ""}>{content}</{tag}>'
 
-    head = ''.join(cell('th', escape(str(name)), number)
-                   for name, number in zip(table.columns, numeric))
-    body = ''.join('<tr>' + ''.join(cell('td', _shown(value), number)
-                                    for value, number in zip(row, numeric)) + '</tr>'
+    head = ''.join(cell('th', escape(str(name)), right)
+                   for name, right in zip(table.columns, numeric, strict=True))
+    body = ''.join('<tr>' + ''.join(cell('td', _shown(value), right)
+                                    for value, right in zip(row, numeric, strict=True)) + '</tr>'
                    for row in rows)
     caption = f'<caption>{escape(table.caption)}</caption>' if table.caption else ''
     return (f'<div class="scroll"><table>{caption}<thead><tr>{head}</tr></thead>'
@@ -211,17 +212,3 @@ def _shown(value: Any) -> str:
         return (f'<span class="swatch" style="background:{colour.light}"></span>'
                 f'{escape(str(name))}')
     return escape(str(value))
-
-
-def number(value: float) -> str:
-    """
-    Return a number as tables show it: three significant digits, no exponent where avoidable.
-
-    Examples
-    --------
-    >>> number(1234.56), number(0.01234), number(2.0)
-    ('1235', '0.0123', '2')
-    """
-    if value and (abs(value) >= 1e6 or abs(value) < 1e-4):
-        return f'{value:.2e}'
-    return f'{value:.0f}' if abs(value) >= 1000.0 else f'{value:.3g}'

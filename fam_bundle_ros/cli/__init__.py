@@ -1,0 +1,94 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The command line ``fam_bundle``.
+
+Exit status 0 when it worked, 2 for bad input with one clear line on stderr, 1 otherwise.
+Commands import what they need when they run, so that the help is there at once.
+"""
+
+from collections.abc import Sequence
+import os
+import sys
+import warnings
+
+from fam_bundle_ros.errors import InputError
+
+__all__ = ['main']
+
+#: Import name -> what to install for it.
+_EXTRAS = {'typer': 'tools', 'rich': 'tools', 'plotly': 'tools', 'pandas': 'tools',
+           'rosbags': 'tools', 'nicegui': 'web', 'pysindy': 'against', 'sklearn': 'against'}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run one command and return the exit status.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Without the program's name; those of the process by default.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    debug = '--debug' in given
+    warnings.showwarning = _show_warning
+    try:
+        from fam_bundle_ros.cli.app import app
+        status = app(args=[a for a in given if a != '--debug'], prog_name='fam_bundle',
+                     standalone_mode=False)
+        sys.stdout.flush()
+        return status if isinstance(status, int) else 0
+    except BrokenPipeError:
+        # the reader of a pipe (head, less) has left: nothing is wrong, nothing is to be said
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        return _fail('stopped', 1)
+    except Exception as error:  # the one place where anything unexpected becomes a short line
+        if debug:
+            raise
+        return _report(error)
+
+
+def _report(error: Exception) -> int:
+    if isinstance(error, InputError):
+        return _fail(str(error), 2)
+    if isinstance(error, ModuleNotFoundError):
+        return _fail(_missing(error), 1)
+    if hasattr(error, 'format_message'):  # a usage error of typer, whichever click it carries
+        context = getattr(error, 'ctx', None)
+        command = f'{context.command_path}: ' if context else ''
+        help_line = f' ({context.command_path} --help lists what there is)' if context else ''
+        message = error.format_message().rstrip('.')
+        if not message.strip() or type(error).__name__ == 'NoArgsIsHelpError':
+            print(message)
+            return 2
+        return _fail(f'{command}{message}{help_line}', 2, prefix='')
+    if type(error).__name__ == 'Abort':
+        return _fail('stopped', 1)
+    return _fail(f'unexpected {type(error).__name__}: {error} (--debug shows where)', 1)
+
+
+def _missing(error: ModuleNotFoundError) -> str:
+    name = (error.name or '').partition('.')[0]
+    if name in _EXTRAS:
+        return (f"this command needs {name}: pip install 'fam_bundle_ros[{_EXTRAS[name]}]'")
+    if name == 'rclpy' or name.endswith('_msgs') or name == 'std_srvs':
+        return f'this command needs ROS 2 ({name}): source its setup.bash, or run make install'
+    return f'the Python package {name} is not installed'
+
+
+def _fail(message: str, status: int, prefix: str = 'fam_bundle: ') -> int:
+    print(prefix + ' '.join(message.split()), file=sys.stderr)
+    return status
+
+
+def _show_warning(message, category, filename, lineno, file=None, line=None):
+    if issubclass(category, (DeprecationWarning, PendingDeprecationWarning)):
+        return
+    print(f'fam_bundle: note: {" ".join(str(message).split())}', file=sys.stderr)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

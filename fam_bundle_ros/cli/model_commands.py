@@ -1,0 +1,184 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that need a model only: `map`, `effects`, `tune`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fam_bundle_ros.cli.common import (
+    AllowPython,
+    console,
+    effect_name,
+    JsonFile,
+    model_path,
+    ModelArgument,
+    open_model,
+    quantity,
+    save_json,
+    state_name,
+    table,
+    wrote,
+)
+from fam_bundle_ros.errors import InputError
+
+PANEL = 'Model'
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module."""
+    app.command('map', rich_help_panel=PANEL)(draw_map)
+    app.command('effects', rich_help_panel=PANEL)(effects)
+    app.command('tune', rich_help_panel=PANEL)(tune)
+
+
+def draw_map(
+    model: ModelArgument = 'spie2021',
+    out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='The page to write.'
+                                      )] = Path('map.html'),
+    json_file: JsonFile = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """Draw force-strain space and free strain of a model: figures 2, 3 and 4 of the paper."""
+    from fam_bundle_ros.report.map_page import map_page
+    from fam_bundle_ros.report.page import write_page
+    from fam_bundle_ros.report.paper import paper_figures
+    bundle = open_model(model, allow_python)
+    figures = paper_figures(bundle)
+    write_page(out, map_page(bundle, figures, model_path(model)))
+    found = figures.summary()
+    table(('', 'blocked force (N)', 'free strain'),
+          [(state_name(k + 1), float(figures.space.high['included'][k][0]),
+            float(bundle.free_strain(bundle.state_pressures(k + 1, bundle.max_pressure[k]))))
+           for k in range(bundle.n)], title=f'{bundle.name}: what each state can give',
+          numeric=(1, 2))
+    if figures.free_strain is not None:
+        f = figures.free_strain
+        if f.dip > 1e-4:
+            console.print(f'free strain dips by {f.dip:.4f} to {f.dip_strain:.4f} while MU2 '
+                          f'fills, lowest at {f.dip_pressure / 1e3:.0f} kPa')
+        else:
+            console.print('free strain does not dip while MU2 fills')
+        console.print(f'RS1 and RS2 overlap by up to {found["overlap_widest_N"]:.3g} N, widest '
+                      f'at strain {found["overlap_widest_at_strain"]:.3g}')
+    wrote(out)
+    save_json(json_file, {**found, 'figures': figures})
+
+
+def effects(
+    name: Annotated[str | None, typer.Argument(metavar='[NAME]', help='One effect in full.'
+                                               )] = None,
+    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Show the '
+                                              'effects of a model, with its values.')] = None,
+    every: Annotated[bool, typer.Option('--all', help='Every effect in full.')] = False,
+    json_file: JsonFile = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """List the catalogue of effects, or show one in full with its parameters and bounds."""
+    from fam_bundle_ros.model import catalogue
+    items: list[Any]
+    if model is not None:
+        bundle = open_model(model, allow_python)
+        items = list(bundle.effects) if name is None else [bundle.effect(name)]
+    else:
+        items = [catalogue.get(name)] if name is not None else [
+            catalogue.get(known) for known in catalogue.names()]
+    if every or name is not None:
+        for item in items:
+            _describe(item)
+    else:
+        table(('effect', 'acts on', 'what it is'),
+              [(effect_name(item.name), item.place.value, item.summary) for item in items])
+        console.print('[dim]fam_bundle effects NAME shows one with its parameters[/dim]')
+    save_json(json_file, {'effects': [_entry(item) for item in items]})
+
+
+def tune(
+    sample_period: Annotated[str, typer.Option(help='Period of the pressure loop.')] = '2 ms',
+    transport_delay: Annotated[str, typer.Option(help='From reading to command at the valve.'
+                                                 )] = '1 ms',
+    spool_frequency: Annotated[str, typer.Option(help='Natural frequency of the valve spool.'
+                                                 )] = '125 Hz',
+    gain_margin: Annotated[float, typer.Option(help='Gain margin to keep, dB.')] = 8.0,
+    phase_margin: Annotated[float, typer.Option(help='Phase margin to keep, degrees.')] = 55.0,
+    scheduled: Annotated[bool, typer.Option(help='Whether the loop is told the volume.')] = True,
+    json_file: JsonFile = None,
+) -> None:
+    """Work out the gains of the pressure loop and show the margins that they leave."""
+    from fam_bundle_ros.control import tuning
+    result = tuning.tune(
+        sample_period=quantity(sample_period, 's', '--sample-period'),
+        transport_delay=quantity(transport_delay, 's', '--transport-delay'),
+        spool_frequency=_hertz(spool_frequency),
+        gain_margin_db=gain_margin, phase_margin_deg=phase_margin, scheduled=scheduled)
+    gains = result.gains
+    console.print(f'[bold]p {gains.p:.4g} 1/s   i {gains.i:.4g} 1/s²   d {gains.d:.3g}[/bold]')
+    console.print(f'gain margin {result.gain_margin_db:.1f} dB, phase margin '
+                  f'{result.phase_margin_deg:.0f}°, at least, over {len(result.points)} states '
+                  f'of the chamber')
+    table(('volume (mL)', 'valve', 'rate fully open (MPa/s)', 'gain margin (dB)',
+           'phase margin (°)', 'crossover (Hz)'), _by_volume(result.points),
+          numeric=(0, 3, 4, 5))
+    save_json(json_file, {'gains': gains, 'gain_margin_dB': result.gain_margin_db,
+                          'phase_margin_deg': result.phase_margin_deg,
+                          'sample_period_s': result.sample_period,
+                          'dead_time_s': result.dead_time, 'points': result.rows()})
+
+
+def _by_volume(points: Any) -> list[tuple[Any, ...]]:
+    """Return one row for each volume and side of the valve: what holds at every pressure."""
+    groups: dict[tuple[float, bool], list[Any]] = {}
+    for point in points:
+        groups.setdefault((point.volume, point.filling), []).append(point)
+    rows = []
+    for (volume, filling), group in groups.items():
+        rates = sorted(abs(point.rate_per_opening) / 1e6 for point in group)
+        rows.append((1e6 * volume, 'fill' if filling else 'exhaust',
+                     f'{rates[0]:.1f} to {rates[-1]:.1f}',
+                     min(point.gain_margin_db for point in group),
+                     min(point.phase_margin_deg for point in group),
+                     max(point.crossover_hz for point in group)))
+    return rows
+
+
+def _hertz(text: str) -> float:
+    # pint's base unit of a hertz is 1/s, but some of its releases count a turn: read it as 1/s
+    number, _, unit = text.strip().partition(' ')
+    if unit.strip() != 'Hz':
+        raise InputError(f"--spool-frequency: '{text}' is not a frequency; expected for example "
+                         '"125 Hz"')
+    try:
+        return float(number)
+    except ValueError as error:
+        raise InputError(f"--spool-frequency: '{number}' is not a number") from error
+
+
+def _describe(item: Any) -> None:
+    values = getattr(item, 'values', None)
+    console.print(effect_name(item.name), f'  {item.summary}', sep='', soft_wrap=True)
+    console.print(f'  acts on {item.place.value}, family {item.family}'
+                  + (f', another shape of {item.variant_of}' if item.variant_of else ''))
+    console.print(f'  source: {item.source}', soft_wrap=True)
+    console.print(f'  missing when: {item.signature}', soft_wrap=True)
+    if item.parameters:
+        rows = []
+        for p in item.parameters:
+            own = [] if values is None else [values[p.name] / p.scale]
+            rows.append((f'  {p.name}', *own, p.default, p.lower, p.upper,
+                         '' if p.unit == '1' else p.unit, p.description))
+        head = ('  parameter', *(['value'] if values is not None else []), 'default', 'lower',
+                'upper', 'unit', '')
+        table(head, rows, numeric=range(1, len(head) - 2))
+    console.print()
+
+
+def _entry(item: Any) -> dict[str, Any]:
+    values = getattr(item, 'values', {})
+    return {'name': item.name, 'summary': item.summary, 'source': item.source,
+            'place': item.place.value, 'family': item.family, 'variant_of': item.variant_of,
+            'signature': item.signature,
+            'parameters': [{'name': p.name, 'unit': p.unit, 'default': p.default,
+                            'lower': p.lower, 'upper': p.upper, 'description': p.description,
+                            **({'value': values[p.name] / p.scale} if values else {})}
+                           for p in item.parameters]}

@@ -1,0 +1,57 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The page of ``fam_bundle map``."""
+
+from pathlib import Path
+
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.report.page import Headline, Page, Section, Table
+from fam_bundle_ros.report.paper import PaperFigures
+from fam_bundle_ros.report.paper_plots import map_pictures
+from fam_bundle_ros.report.provenance import provenance
+from fam_bundle_ros.units import express
+
+__all__ = ['effects_table', 'map_page', 'units_table']
+
+
+def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path) -> Page:
+    """Return the page: figures 2b, 3 and 4 for this model, and the model itself."""
+    found = figures.summary()
+    headline = [Headline(f'Blocked force, RS{k + 1}', f'{force[0]:.1f} N', 'at zero strain')
+                for k, force in enumerate(figures.space.high['included'])]
+    lead = (f'What the bundle {bundle.name} can do, drawn as in the paper on resistive forces '
+            'and gradient reversal, so that the figures can be laid beside it.')
+    f = figures.free_strain
+    if f is not None:
+        headline += [
+            Headline('Free strain dip', f'{f.dip:.4f}',
+                     f'to {f.dip_strain:.4f} at {f.dip_pressure / 1e3:.0f} kPa of MU2'),
+            Headline('Widest overlap of RS1 and RS2', f'{found["overlap_widest_N"]:.3g} N',
+                     f'at strain {found["overlap_widest_at_strain"]:.3g}')]
+    return Page(
+        f'Map of {bundle.name}', lead, headline,
+        [Section('Figures', '', map_pictures(figures)),
+         Section('Model', '', [units_table(bundle), effects_table(bundle)])],
+        provenance([('model file', model_file)],
+                   [('kind of numbers', 'all computed from the model; nothing here is measured')]))
+
+
+def units_table(bundle: Bundle) -> Table:
+    """Return the motor units of a model with their dimensions."""
+    return Table(
+        ('motor unit', 'muscles', 'radius (mm)', 'length (mm)', 'braid angle (°)', 'wall (mm)',
+         'largest pressure (kPa)'),
+        [(unit.name, unit.muscles, 1e3 * float(unit.geometry.radius),
+          1e3 * float(unit.geometry.length), float(unit.geometry.braid_angle) * 57.29577951308232,
+          1e3 * float(unit.geometry.wall_thickness), f'{unit.max_pressure / 1e3:.1f}')
+         for unit in bundle.motor_units])
+
+
+def effects_table(bundle: Bundle) -> Table:
+    """Return the effects of a model with their values and sources."""
+    return Table(
+        ('effect', 'values', 'what it is', 'source'),
+        [(('effect', effect.name),
+          ', '.join(f'{p.name} {express(effect.values[p.name], p.unit, 4)}'
+                    for p in effect.active(bundle.n)) or '–',
+          effect.summary, effect.source) for effect in bundle.effects])

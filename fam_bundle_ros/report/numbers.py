@@ -1,0 +1,19 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers as tables show them, on the page and in the terminal."""
+
+__all__ = ['number']
+
+
+def number(value: float) -> str:
+    """
+    Return three significant digits, without an exponent where that can be avoided.
+
+    Examples
+    --------
+    >>> number(1234.56), number(0.01234), number(2.0)
+    ('1235', '0.0123', '2')
+    """
+    if value and (abs(value) >= 1e6 or abs(value) < 1e-4):
+        return f'{value:.3g}'
+    return f'{value:.0f}' if abs(value) >= 1000.0 else f'{value:.3g}'

@@ -1,0 +1,54 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What went into a result: files with their hashes, versions, the machine's Python."""
+
+from collections.abc import Sequence
+import hashlib
+from importlib import metadata
+from pathlib import Path
+import platform
+
+import fam_bundle_ros
+
+__all__ = ['file_entry', 'provenance']
+
+_PACKAGES = ('numpy', 'scipy', 'plotly', 'control')
+
+
+def file_entry(path: str | Path) -> str:
+    """Return a file's name with the SHA-256 of its content (of a folder: of all its files)."""
+    path = Path(path)
+    digest = hashlib.sha256()
+    for file in sorted(path.rglob('*')) if path.is_dir() else [path]:
+        if file.is_file():
+            with file.open('rb') as stream:
+                while block := stream.read(1 << 20):
+                    digest.update(block)
+    return f'{path.name}, sha256 {digest.hexdigest()[:16]}…'
+
+
+def provenance(files: Sequence[tuple[str, str | Path]] = (),
+               more: Sequence[tuple[str, str]] = ()) -> list[tuple[str, str]]:
+    """
+    Return the rows of a report's provenance table.
+
+    Parameters
+    ----------
+    files : sequence of (what it is, path)
+    more : sequence of (what, value)
+        Seeds; what is simulated, measured, from memory.
+    """
+    versions = ', '.join(f'{name} {metadata.version(name)}' for name in _PACKAGES
+                         if _installed(name))
+    return [*((what, file_entry(path)) for what, path in files), *more,
+            ('fam_bundle_ros', fam_bundle_ros.__version__), ('versions', versions),
+            ('Python', f'{platform.python_version()} on {platform.system()} '
+                       f'{platform.machine()}')]
+
+
+def _installed(name: str) -> bool:
+    try:
+        metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return False
+    return True

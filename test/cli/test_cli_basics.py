@@ -1,0 +1,152 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command line as a user meets it: help, results, one line for each mistake."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from fam_bundle_ros.model import catalogue
+
+
+def run(*arguments, cwd, **environment):
+    """Run the command in a process of its own, as a user does."""
+    return subprocess.run([sys.executable, '-m', 'fam_bundle_ros.cli', *map(str, arguments)],
+                          cwd=cwd, capture_output=True, text=True, timeout=120, check=False,
+                          env={**os.environ, **environment})
+
+
+@pytest.fixture
+def fam_bundle(repository, tmp_path, monkeypatch):
+    """Return a function that runs ``fam_bundle`` in an empty folder."""
+    monkeypatch.setenv('PYTHONPATH', str(repository))
+    return lambda *arguments, **environment: run(*arguments, cwd=tmp_path, **environment)
+
+
+MODEL = """format: fam-bundle-model/1
+name: small
+motor_units:
+  - name: mu1
+    muscles: 1
+    geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
+effects:
+"""
+
+
+def test_help_is_there_at_once(fam_bundle):
+    """The help comes within half a second of the interpreter's own start."""
+    def seconds(*command):
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, *command], capture_output=True, check=True)
+        return time.perf_counter() - begin
+
+    bare = min(seconds('-c', 'pass') for _ in range(3))
+    assert min(seconds('-m', 'fam_bundle_ros.cli', '--help') for _ in range(3)) - bare < 0.5
+
+
+def test_map_writes_page_and_numbers(fam_bundle, tmp_path):
+    """`map` of the paper's bundle says where free strain dips, in the page and in the JSON."""
+    result = fam_bundle('map', '--json', 'map.json')
+    assert result.returncode == 0, result.stderr
+    assert 'free strain dips' in result.stdout
+    found = json.loads((tmp_path / 'map.json').read_text())
+    assert found['free_strain_dip'] < found['free_strain_start'] - 0.01
+    page = (tmp_path / 'map.html').read_text()
+    assert page.count('class="drawing"') == 3
+    # nothing is fetched: no element names an address
+    for fetched in ('src="http', 'href="http', '@import', 'src="//'):
+        assert fetched not in page.replace(page[page.index('<script>'):
+                                                page.index('id="colours"')], '')
+
+
+def test_effects_lists_the_whole_catalogue(fam_bundle, tmp_path):
+    """`effects` has every effect; one by name shows parameters with unit and bounds."""
+    listed = fam_bundle('effects', '--json', 'effects.json')
+    assert [name for name in catalogue.names() if name not in listed.stdout] == []
+    entries = json.loads((tmp_path / 'effects.json').read_text())['effects']
+    assert [entry['name'] for entry in entries] == catalogue.names()
+    assert all(entry['source'] for entry in entries)
+    one = fam_bundle('effects', 'coulomb_friction').stdout
+    assert all(word in one for word in ('force', 'lower', 'upper', 'N/kPa', 'source'))
+
+
+def test_tune_shows_gains_and_margins(fam_bundle, tmp_path):
+    """`tune` prints gains and keeps the margins that are asked for."""
+    result = fam_bundle('tune', '--phase-margin', '60', '--json', 'gains.json')
+    assert result.returncode == 0, result.stderr
+    found = json.loads((tmp_path / 'gains.json').read_text())
+    assert found['phase_margin_deg'] >= 60.0
+    assert found['gain_margin_dB'] >= 8.0
+    assert found['gains']['p'] > 0.0
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['map', 'absent.yaml'], ['absent.yaml', 'spie2021']),
+    (['effects', 'coulomb_frction'], ['coulomb_frction', 'coulomb_friction']),
+    (['tune', '--sample-period', '2 kPa'], ['--sample-period', 'kPa']),
+    (['tune', '--gain-margin', 'much'], ['--gain-margin', 'float']),
+    (['tune', '--phase-margin', '175'], ['no gain keeps']),
+    (['map', 'spie2021', '--out', 'no/such/folder/map.html'], ['no/such/folder/map.html']),
+    (['map', '--outt', 'a.html'], ['--outt']),
+    (['mapp'], ['mapp']),
+])
+def test_a_mistake_is_one_clear_line(fam_bundle, tmp_path, arguments, words):
+    """Bad arguments: exit status 2, one line on stderr that names the mistake, nothing written."""
+    result = fam_bundle(*arguments)
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert [word for word in words if word not in result.stderr] == []
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(('effects', 'words'), [
+    ('  - mesh\n  - coulomb_frction\n', ['line 9', "'coulomb_frction'", 'coulomb_friction']),
+    ('  - mesh\n  - coulomb_friction: {force: 4 kPa}\n', ['line 9', 'force', 'kPa', 'N']),
+    ('  - mesh\n  - coulomb_friction: {force: 400 N}\n', ['line 9', '400 N', '0 and 100 N']),
+    ('  - mesh: {stiffness: 3 N}\n', ['line 8', 'stiffness']),
+    ('effect_files: [a.py]\n', ['effects']),
+])
+def test_a_bad_model_file_is_one_clear_line(fam_bundle, tmp_path, effects, words):
+    """Unknown effect, unit that does not fit, value out of bounds: file, line, key; status 2."""
+    (tmp_path / 'bad.yaml').write_text(MODEL + effects)
+    result = fam_bundle('map', 'bad.yaml')
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert [word for word in ['bad.yaml', *words] if word not in result.stderr] == []
+    assert not (tmp_path / 'map.html').exists()
+
+
+def test_python_effects_run_only_when_allowed(fam_bundle, tmp_path):
+    """A model that names a Python file is refused, and runs with --allow-python."""
+    (tmp_path / 'mine.py').write_text(
+        'from pathlib import Path\n'
+        'from fam_bundle_ros.model.effects.base import Effect, Place\n'
+        'Path("ran").touch()\n'
+        'class Mine(Effect):\n'
+        '    name, summary, source, family = "mine", "a", "b", "mine"\n'
+        '    place, signature = Place.FORCE, "c"\n'
+        '    def contribution(self, x):\n'
+        '        return -1.0\n')
+    (tmp_path / 'own.yaml').write_text(MODEL + '  - mesh\n  - mine\neffect_files: [mine.py]\n')
+    refused = fam_bundle('map', 'own.yaml')
+    assert refused.returncode == 2
+    assert '--allow-python' in refused.stderr
+    assert not (tmp_path / 'ran').exists()
+    assert fam_bundle('map', 'own.yaml', '--allow-python').returncode == 0
+    assert (tmp_path / 'ran').exists()
+
+
+def test_a_missing_extra_is_one_line(fam_bundle, tmp_path):
+    """Without plotly the command says what to install, and exits 1."""
+    (tmp_path / 'hidden').mkdir()
+    (tmp_path / 'hidden' / 'sitecustomize.py').write_text(
+        'import sys\nsys.modules["plotly"] = None\n')
+    result = fam_bundle('map', PYTHONPATH=os.pathsep.join(
+        [str(tmp_path / 'hidden'), os.environ['PYTHONPATH']]))
+    assert result.returncode == 1
+    assert result.stderr.splitlines() == [
+        "fam_bundle: this command needs plotly: pip install 'fam_bundle_ros[tools]'"]
