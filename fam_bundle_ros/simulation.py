@@ -7,17 +7,23 @@ The same classes as behind the nodes, in the same order per tick: readings -> re
 pressure loops -> valves. Deterministic for a seed.
 """
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
 import math
-from typing import Any, Callable, Optional, Sequence
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.control.controller import (
-    ControllerConfig, Measurement, RecruitmentController, Reference)
+    ControllerConfig,
+    Measurement,
+    RecruitmentController,
+    Reference,
+)
 from fam_bundle_ros.control.outer import LoadModel
 from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
-import numpy as np
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,7 @@ class Trajectory:
     value: Callable[[float], float]
     rate: Callable[[float], float]
     load: Load = field(default_factory=Dynamometer)
-    imposed: Optional[Callable[[float], float]] = None
+    imposed: Callable[[float], float] | None = None
     events: tuple[tuple[float, dict[str, float]], ...] = ()
     prepare: float = 0.0
 
@@ -152,10 +158,10 @@ class ClosedLoop:
     True
     """
 
-    def __init__(self, plant: Bundle, model: Optional[Bundle] = None,
+    def __init__(self, plant: Bundle, model: Bundle | None = None,
                  controller: ControllerConfig = ControllerConfig(),
                  rig: RigConfig = RigConfig(), period: float = 4e-3, pid_period: float = 2e-3,
-                 gains: PidGains = PidGains(), pid: Optional[PidConfig] = None,
+                 gains: PidGains = PidGains(), pid: PidConfig | None = None,
                  noise_factor: float = 1.0, seed: int = 0):
         self.plant, self.model = plant, model or plant
         self.controller_config, self.rig_config = controller, rig
@@ -165,7 +171,7 @@ class ClosedLoop:
         self.pid_config = pid or pid_config(rig, pid_period, noise_factor)
 
     def run(self, trajectory: Trajectory,
-            progress: Optional[Callable[[float], None]] = None) -> Log:
+            progress: Callable[[float], None] | None = None) -> Log:
         """
         Run a trajectory from a vented start.
 
@@ -251,6 +257,8 @@ def _measurement(readings):
     return Measurement(readings.force, readings.strain, readings.strain_rate, readings.pressure)
 
 
-def _log(rows: Sequence[tuple], decisions, kind) -> Log:
-    columns = [np.array(column) for column in zip(*rows)]
-    return Log(*columns, decisions=decisions, kind=kind)
+def _log(rows, decisions, kind) -> Log:
+    names = [f.name for f in fields(Log)][:-2]
+    columns: dict[str, Any] = {
+        name: np.array(column) for name, column in zip(names, zip(*rows))}
+    return Log(**columns, decisions=decisions, kind=kind)

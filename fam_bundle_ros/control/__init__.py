@@ -4,7 +4,12 @@
 
 from fam_bundle_ros.control.allocation import allocate, Allocation, Allocator, Curves, Instant
 from fam_bundle_ros.control.controller import (
-    Command, ControllerConfig, Measurement, RecruitmentController, Reference)
+    Command,
+    ControllerConfig,
+    Measurement,
+    RecruitmentController,
+    Reference,
+)
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.pid import PidConfig, PidDiagnostics, PidGains, PressurePid
 from fam_bundle_ros.control.recruitment import Margins, RecruitmentMachine, SwitchingConfig

@@ -8,13 +8,15 @@ and more) and then rises. `Curves` holds those curves for one tick, from one vec
 the model with the memory it has now, and answers with pressures on the rising branch only.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Optional, Sequence
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-import numpy as np
 
 SCHEMES = ('orderly', 'batch', 'all_on')
 #: Pressures by which a cell of the table is divided for the last refinement.
@@ -55,7 +57,7 @@ class Instant:
 
     strain: float
     strain_rate: float = 0.0
-    memory: Optional[dict[str, Any]] = None
+    memory: dict[str, Any] | None = None
     dt: float = 0.0
 
     def unit_forces(self, bundle: Bundle, pressure: np.ndarray) -> np.ndarray:
@@ -139,7 +141,7 @@ class Curves:
         return float((self.force[i, unit] - self.force[i - 1, unit]) / step) if step else 0.0
 
     def fill(self, demand: float, units: Sequence[int],
-             fixed: Optional[dict[int, float]] = None) -> Allocation:
+             fixed: dict[int, float] | None = None) -> Allocation:
         """
         Fill units in turn: each to its limit before the next leaves the bottom of its branch.
 
@@ -172,7 +174,7 @@ class Curves:
         return Allocation(pressure, force, missing)
 
     def share(self, demand: float, units: Sequence[int],
-              fixed: Optional[dict[int, float]] = None) -> Allocation:
+              fixed: dict[int, float] | None = None) -> Allocation:
         """Give the units one common pressure (at most their limit); else as `fill`."""
         pressure, force = self._begin(fixed)
         units = list(units)
@@ -238,8 +240,8 @@ class Allocator:
     """
 
     def __init__(self, bundle: Bundle, neglect: bool = False,
-                 max_pressure: Optional[Sequence[float]] = None,
-                 order: Optional[Sequence[int]] = None, points: int = 97):
+                 max_pressure: Sequence[float] | None = None,
+                 order: Sequence[int] | None = None, points: int = 97):
         self.bundle = bundle
         self._neglect = neglect
         model = bundle

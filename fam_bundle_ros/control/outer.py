@@ -10,7 +10,6 @@ no anti-windup, since a demand out of reach does not change what it sees.
 
 from dataclasses import dataclass
 import math
-from typing import Optional
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -141,8 +140,8 @@ class OuterLoop:
         #: Measured minus model force, slowly, N.
         self.bias = 0.0
         self._integral = 0.0
-        self._filtered: Optional[float] = None
-        self._take_over: Optional[float] = None
+        self._filtered: float | None = None
+        self._take_over: float | None = None
         self._fade = 0.0
         self._correction = (0.0, 0.0)
         self._reference_rate = (0.0, 0.0)

@@ -151,7 +151,7 @@ class PressurePid:
         """
         self._command = min(max(command, -1.0), 1.0)
         self._integral = 0.0
-        self._followed = None
+        self._followed = math.nan
         self._delayed = 0.0
         self._filtered = self._quiet = 0.0
         self._measured_rate = 0.0
@@ -190,7 +190,7 @@ class PressurePid:
         venting = config.valve.flow(-1.0, absolute, source, config.ambient)
         fastest = pressure_rate(absolute, volume, volume_rate, filling)
         slowest = pressure_rate(absolute, volume, volume_rate, venting)
-        if self._followed is None:
+        if math.isnan(self._followed):
             self._start(pressure, absolute, volume, volume_rate, source)
 
         rate = self._follow(setpoint, dt, fastest, slowest)
@@ -199,8 +199,10 @@ class PressurePid:
         if config.feed_forward:
             feedback += gains.d * rate
         wanted = feedback + (rate if config.feed_forward else 0.0)
-        at_rest = error == 0.0 and abs(rate) < gains.p * config.quiet_error * 0.1
-        if at_rest and abs(volume_rate) * absolute < 1e-3 * volume * config.quiet_error:
+        # What the muscle's motion does to the pressure with the valve shut.
+        drift = pressure_rate(absolute, volume, volume_rate, 0.0)
+        at_rest = error == 0.0 and abs(rate - drift) < 0.2 * gains.p * config.quiet_error
+        if at_rest:
             opening, possible = 0.0, 0.0
         else:
             flow = flow_for(absolute, volume, volume_rate if config.feed_forward else 0.0, wanted)

@@ -11,11 +11,11 @@ heading beyond the present state; it goes back when the demand has come to rest 
 
 from dataclasses import dataclass
 import math
-from typing import Optional
+
+import numpy as np
 
 from fam_bundle_ros.control.allocation import Curves
 from fam_bundle_ros.errors import InputError
-import numpy as np
 
 POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
 
@@ -50,8 +50,8 @@ class SwitchingConfig:
 
     policy: str = 'reversal_aware'
     dwell: float = 0.25
-    margin: Optional[float] = None
-    hysteresis: Optional[float] = None
+    margin: float | None = None
+    hysteresis: float | None = None
     rest_time: float = 1.0
     absence_time: float = 10.0
     rest_rate: float = 0.03

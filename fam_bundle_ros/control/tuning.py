@@ -8,9 +8,10 @@ the spool and the dead time before it, times how far the true chamber is from th
 schedules on. python-control (the extra ``control``) gives the margins at every operating point.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 import math
-from typing import Any, Sequence
+from typing import Any
 
 import numpy as np
 
