@@ -12,8 +12,8 @@ from rich.table import Table
 from rich.text import Text
 import typer
 
+from fam_bundle_ros import palette
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.report import palette
 from fam_bundle_ros.report.files import write_json
 from fam_bundle_ros.resources import config_names, config_path
 from fam_bundle_ros.units import parse

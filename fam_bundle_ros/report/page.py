@@ -16,7 +16,7 @@ from string import Template
 from typing import Any
 
 import fam_bundle_ros
-from fam_bundle_ros.report import palette, theme
+from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.report.files import write_whole
 from fam_bundle_ros.report.numbers import number
 from fam_bundle_ros.report.picture import Picture
@@ -100,7 +100,7 @@ def render(page: Page) -> str:
     return _asset('page.html').substitute(
         title=escape(page.title), lead=escape(page.lead),
         generator=f'fam_bundle_ros {fam_bundle_ros.__version__}',
-        light=light, dark=dark, css=_asset('page.css').substitute(font=theme.FONT),
+        light=light, dark=dark, css=_asset('page.css').substitute(font=plotting.FONT),
         headline=_cards(page.headline), nav=_nav(sections),
         sections='\n'.join(_section(section) for section in sections),
         footer=f'Written by fam_bundle_ros {fam_bundle_ros.__version__}. This file holds all that '

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from fam_bundle_ros.report import palette, theme
+from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.report.paper import ForceStrainSpace, FreeStrain, Isobars, PaperFigures
 from fam_bundle_ros.report.picture import Picture
 
@@ -57,13 +57,13 @@ def map_pictures(figures: PaperFigures) -> list[Picture]:
 
 def isobars(data: Isobars) -> go.Figure:
     """Draw figure 2b."""
-    drawing = theme.figure('strain', 'force of one muscle (N)', height=440)
+    drawing = plotting.figure('strain', 'force of one muscle (N)', height=440)
     drawing.add_hline(y=0.0, line={'color': palette.NEUTRAL['faint'].light, 'width': 1})
     looks = (('included', 'resistive force included', RESISTIVE, 3.4),
              ('continued', 'Klute–Hannaford', BLADDER, 1.8), ('ideal', 'ideal', IDEAL, 1.8))
     for name, title, colour, width in looks:
         for k, pressure in enumerate(data.pressure):
-            drawing.add_trace(theme.line(
+            drawing.add_trace(plotting.line(
                 data.strain, data.forces[name][k], f'{title}, {pressure / 1e3:.4g} kPa', colour,
                 'dot' if k == 0 else 'solid', width,
                 legendgroup=name, hovertemplate='%{y:.1f} N at %{x:.3f}'))
@@ -81,8 +81,8 @@ def force_strain_space(data: ForceStrainSpace) -> go.Figure:
         2, 2, shared_yaxes='rows', horizontal_spacing=0.05, vertical_spacing=0.13,
         subplot_titles=('resistive force neglected', 'resistive force included',
                         'the same at large strain', 'the same at large strain'))
-    theme.dress(drawing, 820, legend={'y': 1.045})
-    theme.style_axes(drawing)
+    plotting.dress(drawing, 820, legend={'y': 1.045})
+    plotting.style_axes(drawing)
     end = float(data.strain[-1])
     # the zoom shows where the overlap matters: the last quarter of the strain
     start = 0.68 * end
@@ -99,7 +99,7 @@ def force_strain_space(data: ForceStrainSpace) -> go.Figure:
         drawing.update_yaxes(title_text='force of the bundle (N)', row=row, col=1)
     drawing.update_xaxes(title_text='strain', row=2)
     for annotation in drawing.layout.annotations[:4]:
-        annotation.font = {'size': 13, 'color': theme.MUTED}
+        annotation.font = {'size': 13, 'color': plotting.MUTED}
     drawing.update_layout(showlegend=n > 1)
     return drawing
 
@@ -118,9 +118,9 @@ def state_regions(data: ForceStrainSpace, reading: str, legend: bool = True) -> 
         held = np.roll(high[k] > 0.0, 1) | (high[k] > 0.0)
         bottom = np.maximum(low[k], 0.0) if k else np.zeros_like(high[k])
         top = np.maximum(high[k], 0.0)
-        traces.append(theme.band(data.strain[held], bottom[held], top[held], f'RS{k + 1}',
+        traces.append(plotting.band(data.strain[held], bottom[held], top[held], f'RS{k + 1}',
                                  colour, 0.16, legendgroup=f'RS{k + 1}', showlegend=legend))
-        traces.append(theme.line(data.strain[held], top[held], f'most of RS{k + 1}',
+        traces.append(plotting.line(data.strain[held], top[held], f'most of RS{k + 1}',
                                  colour, width=1.8, legendgroup=f'RS{k + 1}', showlegend=False,
                                  hovertemplate='%{y:.1f} N at %{x:.3f}'))
     for k in range(1, len(high)):
@@ -130,13 +130,13 @@ def state_regions(data: ForceStrainSpace, reading: str, legend: bool = True) -> 
             continue
         colour = palette.recruitment_state(k + 1)
         bottom = np.maximum(low[k], 0.0)
-        traces.append(theme.line(data.strain[shared], bottom[shared], f'least of RS{k + 1}',
+        traces.append(plotting.line(data.strain[shared], bottom[shared], f'least of RS{k + 1}',
                                  colour, 'dash', 1.5, legendgroup=f'RS{k + 1}', showlegend=False,
                                  hovertemplate='%{y:.1f} N at %{x:.3f}'))
-        fill = theme.band(data.strain[shared], bottom[shared], high[k - 1][shared],
-                          f'overlap of RS{k} and RS{k + 1}', theme.INK, 0.0,
+        fill = plotting.band(data.strain[shared], bottom[shared], high[k - 1][shared],
+                          f'overlap of RS{k} and RS{k + 1}', plotting.INK, 0.0,
                           legendgroup='overlap', showlegend=legend)
-        fill.fillpattern = {'shape': '/', 'fgcolor': theme.INK, 'fgopacity': 0.55, 'size': 5,
+        fill.fillpattern = {'shape': '/', 'fgcolor': plotting.INK, 'fgopacity': 0.55, 'size': 5,
                             'solidity': 0.16, 'bgcolor': 'rgba(0,0,0,0)'}
         traces.append(fill)
     return traces
@@ -144,23 +144,23 @@ def state_regions(data: ForceStrainSpace, reading: str, legend: bool = True) -> 
 
 def free_strain(data: FreeStrain) -> go.Figure:
     """Draw figure 4."""
-    drawing = theme.figure('pressure of MU2 (kPa)', 'free strain of the bundle', height=460)
+    drawing = plotting.figure('pressure of MU2 (kPa)', 'free strain of the bundle', height=460)
     pressure = data.pressure / 1e3
     looks = (('ideal', 'ideal', IDEAL, 'solid', 1.8),
              ('neglected', 'resistive force neglected', NEGLECTED, 'dash', 1.6),
              ('included', 'resistive force included', RESISTIVE, 'solid', 3.4),
              ('continued', 'Klute–Hannaford', BLADDER, 'solid', 1.8))
     for name, title, colour, dash, width in looks:
-        drawing.add_trace(theme.line(pressure, data.strain[name], title, colour, dash, width,
+        drawing.add_trace(plotting.line(pressure, data.strain[name], title, colour, dash, width,
                                      hovertemplate='%{y:.4f} at %{x:.0f} kPa'))
     if data.dip > 1e-4:
         at = data.dip_pressure / 1e3
-        drawing.add_trace(theme.points([at], [data.dip_strain], 'dip', RESISTIVE, 10,
+        drawing.add_trace(plotting.points([at], [data.dip_strain], 'dip', RESISTIVE, 10,
                                        showlegend=False,
                                        hovertemplate='%{y:.4f} at %{x:.0f} kPa'))
         drawing.add_annotation(
             x=at, y=data.dip_strain, ax=78, ay=34, axref='pixel', ayref='pixel', showarrow=True,
-            arrowhead=0, arrowwidth=1, arrowcolor=theme.MUTED, xanchor='left', align='left',
+            arrowhead=0, arrowwidth=1, arrowcolor=plotting.MUTED, xanchor='left', align='left',
             text=f'dip of {data.dip:.4f}<br>at {at:.0f} kPa', standoff=8,
             font={'color': RESISTIVE.light, 'size': 12.5})
     every = np.concatenate([data.strain[name] for name, *_ in looks])
@@ -179,6 +179,6 @@ def _name_states(drawing, data, reading, left, top, where):
                                                        data.high[reading][k - 1])), 0.0)
         above = float(np.interp(at, data.strain, high))
         if above - below > 0.06 * top:
-            theme.label(drawing, at, 0.5 * (below + above), f'RS{k + 1}',
+            plotting.label(drawing, at, 0.5 * (below + above), f'RS{k + 1}',
                         palette.recruitment_state(k + 1), font={
                             'size': 14, 'color': palette.recruitment_state(k + 1).light}, **where)

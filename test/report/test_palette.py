@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from fam_bundle_ros import palette
 from fam_bundle_ros.model import catalogue
-from fam_bundle_ros.report import palette
 
 # Machado, Oliveira and Fernandes 2009, severity 1.0, linear RGB.
 BLINDNESS = {

@@ -12,7 +12,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from fam_bundle_ros.report import palette
+from fam_bundle_ros import palette
 
 __all__ = ['FONT', 'band', 'figure', 'label', 'line', 'points', 'style_axes']
 
