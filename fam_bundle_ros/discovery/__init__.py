@@ -5,12 +5,16 @@ Discovery: which physical effect is a model missing, judged on measured data.
 
     data = read_measurement('data.csv')
     print(compare(model, data))
+    result = diagnose(model, data)
+    print(result)
 """
 
 from fam_bundle_ros.discovery.compare import compare, Comparison
+from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.measurement import Measurement, read_measurement, write_csv
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 
-__all__ = ['compare', 'Comparison', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor',
-           'read_measurement', 'Region', 'write_csv']
+__all__ = ['Candidate', 'compare', 'Comparison', 'diagnose', 'Diagnosis', 'locate', 'Measurement',
+           'noise_floor', 'NoiseFloor', 'read_measurement', 'Region', 'write_csv']

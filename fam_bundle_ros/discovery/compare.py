@@ -118,7 +118,7 @@ class Comparison:
 
     def figure(self) -> Any:
         """Return the plotly figure of the comparison (extra `tools`)."""
-        from fam_bundle_ros.report import figures  # the report imports us: late, and on demand
+        from fam_bundle_ros.discovery import figures
         return figures.comparison(self)
 
 

@@ -149,7 +149,7 @@ class Problem:
         residual = self.data.force - predict(model, self.data)
         self.noise = noise or second_differences(self.data, residual) or 1e-9
         self.noise = max(self.noise, 1e-6 * max(np.abs(self.data.force).max(), 1e-9))
-        self.weight = ~spikes(self.data, residual, self.noise)
+        self.weight = ~spikes(self.data, residual, self.noise) & ~reversals(self.data)
         if noise is None and self.weight.sum() < len(self.data):
             kept = self.data.select(self.weight)
             self.noise = second_differences(kept, residual[self.weight]) or self.noise
@@ -284,8 +284,30 @@ def spikes(data: Measurement, residual: np.ndarray, noise: float, half: int = 3,
     rows = len(residual)
     if data.is_static or rows < 2 * half + 1:
         return np.zeros(rows, bool)
-    window = np.clip(np.arange(rows)[:, None] + np.arange(-half, half + 1), 0, rows - 1)
-    near = residual[window]
-    foreign = data.trial[window] != data.trial[:, None]
-    near = np.where(foreign, residual[:, None], near)
+    offsets = np.arange(-half, half + 1)
+    window = np.clip(np.arange(rows)[:, None] + offsets, 0, rows - 1)
+    own = data.trial[window] == data.trial[:, None]
+    own &= (np.arange(rows)[:, None] + offsets == window)
+    own &= own[:, ::-1]  # a slope must not make the ends of a trial stand out
+    near = np.where(own, residual[window], residual[:, None])
     return np.abs(residual - np.median(near, axis=1)) > threshold * noise
+
+
+def reversals(data: Measurement) -> np.ndarray:
+    """
+    Return the rows whose direction of motion cannot be known, (T,) bool.
+
+    Between the last sample one way and the first one back the force of friction may be anything;
+    nor is it known how a trial was entered. Rests in between are told apart from a reversal.
+    """
+    if data.is_static:
+        return np.zeros(len(data), bool)
+    turn = (data.direction[1:] * data.direction[:-1] < 0) | (data.trial[1:] != data.trial[:-1])
+    unsure = data.start.copy()
+    unsure[1:] |= turn
+    unsure[:-1] |= turn & (data.trial[1:] == data.trial[:-1])
+    still = np.zeros(len(data), bool)
+    still[1:] = unsure[:-1] & (data.trial[1:] == data.trial[:-1]) & ~data.start[:-1]
+    before = np.zeros(len(data), bool)
+    before[:-1] = unsure[1:] & (data.trial[1:] == data.trial[:-1]) & ~data.start[1:]
+    return unsure | still | before

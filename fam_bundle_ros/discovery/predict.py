@@ -3,14 +3,23 @@
 """What a model says the load cell would have shown in a measurement."""
 
 from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.discovery.rates import smooth
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Motion
 import numpy as np
 
 
 def motion(data: Measurement) -> Motion:
-    """Return the record of what the muscles did, as the model's engine takes it."""
-    return Motion(data.strain, data.pressure, data.strain_rate, data.time, data.start)
+    """
+    Return the record of what the muscles did, as the model's engine takes it.
+
+    Strain and pressure of a log are smoothed as far as their own noise allows.
+    """
+    if data.time is None:
+        return Motion(data.strain, data.pressure, data.strain_rate, None, data.start)
+    strain = smooth(data.time, data.strain, data.trial)
+    pressure = np.stack([smooth(data.time, column, data.trial) for column in data.pressure.T], -1)
+    return Motion(strain, pressure, data.strain_rate, data.time, data.start)
 
 
 def check_units(model: Bundle, data: Measurement) -> None:

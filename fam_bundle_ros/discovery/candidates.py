@@ -1,0 +1,91 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Which effects may be added to a model, from where each fit starts, and who is whose variant."""
+
+from __future__ import annotations
+
+from fam_bundle_ros.discovery.fit import effect_terms
+from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
+import numpy as np
+
+
+def head(name: str) -> str:
+    """
+    Return the name that a physical effect goes by: that of its first shape.
+
+    `viscous_power` is another shape of `viscous_damping`; diagnosis names the effect by its head
+    and gives the shape beside it.
+    """
+    return catalogue.get(name).variant_of or name
+
+
+def family(name: str) -> str:
+    """Return the family of an effect: look-alikes by the same physics."""
+    return catalogue.get(name).family
+
+
+def candidates(model: Bundle, data: Measurement) -> dict[str, Effect]:
+    """
+    Return the effects that the data could show and the model does not have, by name.
+
+    Left out: what the model has already, the air supply (it changes no force), a user's table,
+    memory and rate where there is no time, and mismatch where there is one motor unit.
+    """
+    found = {}
+    have = {effect.name for effect in model.effects}
+    for name in catalogue.names():
+        kind = catalogue.get(name)
+        if name in have or kind.place is Place.PNEUMATICS or name == 'mesh':
+            continue
+        try:
+            effect = kind()
+        except (InputError, TypeError):  # needs more than numbers, such as a table
+            continue
+        if kind.parameters and not effect_terms(effect, model.n):
+            continue
+        if data.is_static and _silent(model, effect, data):
+            continue
+        found[name] = effect
+    return found
+
+
+def _silent(model: Bundle, effect: Effect, data: Measurement) -> bool:
+    """Return whether an effect with parameters away from zero changes nothing in a static map."""
+    if effect.memory or effect.name in ('temperature',):
+        return True
+    away = {p.name: max(abs(effect.values[p.name]), 0.1 * (p.upper - p.lower) * p.scale)
+            for p in effect.parameters}
+    lively = effect.replace(**{k: min(v, effect.limits(k)[1]) for k, v in away.items()})
+    strain, pressure = data.strain[:200], data.pressure[:200]
+    zero = np.zeros(len(strain))
+    from fam_bundle_ros.model import Motion
+    motion = Motion(strain, pressure, zero)
+    with_it = model.with_effect(lively).predict(motion)
+    return bool(np.allclose(with_it, model.predict(motion), atol=1e-9)) and (
+        effect.place is Place.LOSS)
+
+
+def starts(effect: Effect, units: int) -> list[dict[str, float]]:
+    """
+    Return start values for the shape parameters of an effect, defaults first.
+
+    Sizes (the parameters that switch the effect off) need none: the fit is linear in them. Time
+    constants, widths, exponents and onsets are tried smaller and larger, one at a time.
+    """
+    terms = effect_terms(effect, units)
+    own = {term.key: term.start for term in terms}
+    tries = [own]
+    for term in terms:
+        name = term.key.partition('.')[2]
+        if name in effect.off and effect.place is not Place.LIMIT:
+            continue
+        if term.start <= 0:
+            continue
+        for factor in (0.2, 5.0):
+            value = float(np.clip(term.start * factor, term.lower or 1e-3 * term.start,
+                                  term.upper))
+            if abs(value - term.start) > 0.2 * term.start:
+                tries.append({**own, term.key: value})
+    return tries

@@ -1,0 +1,396 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which effect is the model missing? Verdict, effects, ties, and what to measure next.
+
+    result = diagnose(load_model('model.yaml'), read_measurement('data.csv'))
+    print(result)
+
+The search (`search`) refits every candidate together with the model's own parameters on blocks of
+neighbours; what it chose is confirmed on every row. This module turns the search into words.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import time
+from typing import Any, Optional
+
+from fam_bundle_ros.discovery import candidates as cand
+from fam_bundle_ros.discovery.compare import compare
+from fam_bundle_ros.discovery.experiment import best_experiment, without_force
+from fam_bundle_ros.discovery.fit import Fit, Problem
+from fam_bundle_ros.discovery.grouping import blocks, rms
+from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
+from fam_bundle_ros.discovery.noise import noise_floor
+from fam_bundle_ros.discovery.result import Candidate, Diagnosis
+from fam_bundle_ros.discovery.search import leave_out, Progress, Scale, Search
+from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
+from fam_bundle_ros.discovery.uncertainty import confounding, estimates
+from fam_bundle_ros.model import Bundle, catalogue
+import numpy as np
+
+#: Rows that the search works on; longer logs are averaged down to about this many.
+SEARCH_ROWS = 4000
+#: Effects whose scores differ by less cannot be told apart (odds of 20 to 1).
+TIE = 6.0
+#: A shape in what is left counts from this gain in chi2 (some four hundred shapes are tried).
+_SHAPE_GATE = 25.0
+#: ... and from this size, in noise standard deviations.
+_SHAPE_SIZE = 0.3
+
+
+def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
+             rows: int = SEARCH_ROWS) -> Diagnosis:
+    """
+    Find out whether a model is adequate, off in its parameters, or missing an effect.
+
+    Parameters
+    ----------
+    model : Bundle
+    measurement : Measurement, path, or DataFrame
+    progress : callable, optional
+        Called with a share from 0 to 1 and a word about what is being done.
+    rows : int
+        Rows that the search works on.
+
+    Raises
+    ------
+    InputError
+        For bad data, or where data and model have other motor units.
+
+    Returns
+    -------
+    Diagnosis
+    """
+    begun = time.perf_counter()
+    data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
+    comparison = compare(model, data)
+    problem = Problem(data, model, largest=rows)
+    search = Search(problem, model, cand.candidates(model, data), progress).run()
+    if progress:
+        progress(0.9, 'weighing what is left')
+    finding = _verdict(problem, search)
+    full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
+    base = _confirm(full, search.fit(()))
+    chosen = search.chosen if finding.named else []
+    final = base if not chosen else _confirm(full, search.fit(chosen))
+    scale = Scale.of(full, final)
+    ranking = _ranking(search, full, final, chosen)
+    tied = _ties(search, chosen)
+    floor = noise_floor(data.select(full.weight), final.residual[full.weight])
+    kept = full.weight
+    keep_nominal = finding.verdict == 'adequate'
+    return Diagnosis(
+        verdict=finding.verdict, summary=_summary(finding, search, ranking, tied, base),
+        model=model, measurement=data, comparison=comparison,
+        effects=tuple(cand.head(name) for name in chosen), shapes=tuple(chosen),
+        error_N={'model': rms(comparison.residual[kept]), 'recalibrated': rms(
+            base.residual[kept]), 'best': rms(final.residual[kept])},
+        noise=floor, ranking=ranking, tied=tied, located=comparison.located,
+        next_experiment=_next(problem, search, finding, tied, data),
+        parameters=tuple(estimates(final, scale)), moved=final.moved(),
+        best=model if keep_nominal else _with_intervals(final, scale, floor.value),
+        recalibrated=base.model, shapes_left=tuple(finding.left.templates),
+        notes=data.notes + _notes(data, floor, base, final),
+        rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
+        ladder=_ladder(full, model, search, base, chosen), seconds=time.perf_counter() - begun)
+
+
+@dataclass
+class _Finding:
+    verdict: str
+    left: Described
+    explained: float = 1.0
+
+    @property
+    def named(self) -> bool:
+        """Whether the effects of the search are part of the answer."""
+        return self.verdict in ('missing_effect', 'partial')
+
+
+# --- verdict -----------------------------------------------------------------------------------
+
+def _verdict(problem: Problem, search: Search) -> _Finding:
+    base, final = search.fit(()), search.fit(search.chosen)
+    left = describe(problem, final)
+    structured = _structured(problem, final, left)
+    if not search.chosen:
+        if structured:
+            return _Finding('unexplained', left, 0.0)
+        return _Finding('recalibrate' if _moved(problem, search) else 'adequate', left)
+    before = search.excess(())
+    explained = 1.0 - search.excess(search.chosen) / max(before, 1e-9)
+    if not structured:
+        return _Finding('missing_effect', left, explained)
+    shape = _outsider(problem, search, final)
+    if shape is not None:
+        return _Finding('unexplained', shape, explained)
+    if explained < 0.7:
+        return _Finding('unexplained', describe(problem, base), explained)
+    return _Finding('partial', left, explained)
+
+
+def _structured(problem: Problem, fit: Fit, left: Described) -> bool:
+    """Return whether what a fit leaves has a shape, or comes back at each visit."""
+    if left.templates and left.templates[0].gain > _SHAPE_GATE and (
+            left.templates[0].size_N > _SHAPE_SIZE * problem.noise):
+        return True
+    data = problem.data.select(problem.weight)
+    floor = noise_floor(data, fit.residual[problem.weight])
+    if floor.repeats is None:
+        return False
+    # noise, however coloured, does not repeat itself
+    return rms(fit.residual[problem.weight]) > 1.5 * max(floor.repeats, problem.noise)
+
+
+def _moved(problem: Problem, search: Search) -> bool:
+    """Return whether the refit of the model's own parameters is more than noise."""
+    base = search.fit(())
+    scale = Scale.of(problem, base)
+    nominal = problem.chi2(problem.residual(search.model))
+    gain = (nominal - base.chi2) / (scale.inflation * scale.tau) - base.prior
+    return bool(gain > 10.0 + 2.0 * len(base.terms))
+
+
+def _outsider(problem: Problem, search: Search, final: Fit) -> Optional[Described]:
+    """
+    Return a plain shape that beats the chosen effects and that their families cannot make.
+
+    A library without the right shape takes the nearest one; a shape from outside that explains
+    more with less is the sign of it.
+    """
+    families = {cand.family(name) for name in search.chosen}
+    for start in (nominal_fit(problem, search.model), search.fit(())):
+        found = describe(problem, start)
+        if not found.templates or families & set(found.templates[0].families):
+            continue
+        if found.chi2 >= final.chi2:
+            continue
+        count = max(problem.samples - found.parameters, 1)
+        scale = Scale(max(found.chi2 / count, 1.0), found.tau, problem.samples)
+        theirs = (found.chi2 / (scale.inflation * scale.tau) + found.prior
+                  + found.parameters * scale.penalty)
+        if theirs + 10.0 < search.score(search.chosen, scale):
+            return found
+    return None
+
+
+# --- numbers -----------------------------------------------------------------------------------
+
+def _confirm(full: Problem, fit: Fit) -> Fit:
+    """Return a fit of the search refitted on every row."""
+    if len(full.data) == len(fit.residual):
+        return fit
+    again = full.fit(fit.model, fit.terms,
+                     {t.key: v for t, v in zip(fit.terms, fit.values)}, iterations=4,
+                     tolerance=1.0)
+    again.added = fit.added
+    return again
+
+
+def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
+             ) -> tuple[Candidate, ...]:
+    """Return every effect with the best set that holds it; chosen effects first."""
+    scale = search.scale
+    scores = {key: search.score(key, scale) for key in search.fits}
+    best = min(scores.values())
+    weights = {key: np.exp(-0.5 * min(score - best, 700.0)) for key, score in scores.items()}
+    total = sum(weights.values())
+    entries = []
+    for name in {cand.head(n) for n in search.effects}:
+        sets = [key for key in scores if name in {cand.head(n) for n in key}]
+        if not sets:
+            continue
+        key = min(sets, key=lambda k: scores[k])
+        mine = tuple(sorted(chosen))
+        shape = next(n for n in key if cand.head(n) == name)
+        if mine and name in {cand.head(n) for n in mine}:
+            key, shape = mine, next(n for n in mine if cand.head(n) == name)
+        fit = final if key == mine and chosen else search.fit(key)
+        problem = full if fit is final else search.problem
+        own = [e for e in estimates(fit, Scale.of(problem, fit))
+               if e.key.startswith(shape + '.')]
+        kept = problem.weight
+        entries.append(Candidate(
+            name, shape, cand.family(shape), float(sum(weights[k] for k in sets) / total),
+            rms(fit.residual[kept]), float(scores[key] - best), tuple(own),
+            catalogue.get(shape).signature, search.votes.get(shape)))
+    place = {cand.head(name): k for k, name in enumerate(chosen)}
+    entries.sort(key=lambda c: (place.get(c.effect, len(place)), c.score))
+    return tuple(entries)
+
+
+def _ties(search: Search, chosen: list[str]) -> tuple[tuple[str, ...], ...]:
+    """Return groups of effects of which one is chosen and the others would do as well."""
+    groups = []
+    scale = search.scale
+    now = search.score(chosen, scale) if chosen else 0.0
+    for slot, name in enumerate(chosen):
+        rest = chosen[:slot] + chosen[slot + 1:]
+        others = []
+        for key in search.fits:
+            new = [n for n in key if n not in rest]
+            if len(key) != len(chosen) or len(new) != 1 or not set(rest) <= set(key):
+                continue
+            if cand.head(new[0]) == cand.head(name):
+                continue
+            score = search.score(key, scale)
+            if score - now < TIE:
+                others.append((score, cand.head(new[0])))
+        if others:
+            names = list(dict.fromkeys(other for _, other in sorted(others)))
+            groups.append((cand.head(name), *names))
+    return tuple(groups)
+
+
+def _ladder(full: Problem, model: Bundle, search: Search, base: Fit, chosen: list[str],
+            ) -> list[dict[str, Any]]:
+    """Return the error after each step, on the rows and on blocks left out."""
+    kept = full.weight
+    nominal = full.residual(model)
+    steps = [{'step': 'model', 'error_N': rms(nominal[kept]), 'held_out_N': rms(nominal[kept])}]
+    for count in range(len(chosen) + 1):
+        fit = base if not count else _confirm(full, search.fit(chosen[:count]))
+        steps.append({'step': 'recalibrated' if not count else f'+ {chosen[count - 1]}',
+                      'error_N': rms(fit.residual[kept]),
+                      'held_out_N': held_out_error(full, fit)})
+    return steps
+
+
+def held_out_error(problem: Problem, fit: Fit, scheme: str = '') -> float:
+    """
+    Return the rms error on blocks that the refit has not seen, N (linear in the parameters).
+
+    Parameters
+    ----------
+    scheme : str
+        `isobar`, `trial`, `time`, `strain`; by default the first that the data offers.
+    """
+    schemes = blocks(problem.data)
+    if not schemes:
+        return float('nan')
+    label = schemes.get(scheme, next(iter(schemes.values())))
+    total = 0.0
+    for block in np.unique(label):
+        left = leave_out(problem, fit, label == block)
+        total += float(left @ left)
+    return float(np.sqrt(total / max(problem.samples, 1)) * problem.noise)
+
+
+def _with_intervals(fit: Fit, scale: Scale, floor: float) -> Bundle:
+    """Return the fitted model with its error and the intervals of its effects' parameters."""
+    del floor
+    found: dict[str, dict[str, tuple[float, float]]] = {}
+    for estimate in estimates(fit, scale):
+        owner, _, name = estimate.key.partition('.')
+        found.setdefault(owner, {})[name] = estimate.si_interval
+    model = fit.model
+    for effect in fit.model.effects:
+        if effect.name in found:
+            fresh = effect.replace()
+            fresh.intervals = {**effect.intervals, **found[effect.name]}
+            model = model.with_effect(fresh)
+    order = [effect.name for effect in fit.model.effects]
+    ordered = sorted(model.effects, key=lambda e: order.index(e.name))
+    error = rms(fit.residual)
+    return Bundle(model.name, model.motor_units, ordered, error, model.notes)
+
+
+# --- words -------------------------------------------------------------------------------------
+
+def _summary(finding: _Finding, search: Search, ranking: tuple[Candidate, ...],
+             tied: tuple[tuple[str, ...], ...], base: Fit) -> str:
+    names = [cand.head(name) for name in search.chosen]
+    moved = {key.partition('.')[2]: value for key, value in base.moved().items()
+             if abs(value) > 0.2}
+    far = ', '.join(f'{key} {value:+.1f}' for key, value in moved.items())
+    if finding.verdict == 'adequate':
+        return 'the model explains the data down to their noise'
+    if finding.verdict == 'recalibrate':
+        return (f"the model's own parameters explain the error (tolerances moved: "
+                f'{far or "little"}); no effect is missing')
+    if finding.verdict == 'unexplained':
+        shape = finding.left.templates[0].words if finding.left.templates else 'no plain shape'
+        return ('the error has a structure that no effect of the catalogue explains; it looks '
+                f'like this: {shape}')
+    shapes = [f'{cand.head(name)} (shape: {name})' if name != cand.head(name) else name
+              for name in search.chosen]
+    text = ' and '.join(shapes)
+    if tied:
+        text += '; these data cannot tell apart ' + '; '.join(', '.join(g) for g in tied)
+    if finding.verdict == 'partial':
+        return (f'{text} explains {100 * finding.explained:.0f} % of the error, but its shape is '
+                'not quite right')
+    del ranking, names
+    return f'{text} is missing and explains the error down to the noise'
+
+
+def _next(problem: Problem, search: Search, finding: _Finding,
+          tied: tuple[tuple[str, ...], ...], data: Measurement) -> str:
+    """Return the experiment that would tell most."""
+    if finding.named and tied:
+        chosen = search.chosen
+        slot = [cand.head(name) for name in chosen].index(tied[0][0])
+        rest = chosen[:slot] + chosen[slot + 1:]
+        rival = min((key for key in search.fits if len(key) == len(chosen)
+                     and set(rest) <= set(key)
+                     and tied[0][1] in {cand.head(n) for n in key}),
+                    key=lambda key: search.score(key, search.scale))
+        best, _ = best_experiment(problem, search.fit(chosen), search.fit(rival), search.scale)
+        if best is None:
+            return (f'no force test of the menu separates {tied[0][0]} from {tied[0][1]}; '
+                    + without_force(chosen[slot], tied[0][1]))
+        return (f'{best.words}: separates {tied[0][0]} from {tied[0][1]} '
+                f'(by {np.sqrt(best.separation):.0f} noise sd)')
+    if finding.verdict == 'unexplained':
+        shape = finding.left.templates[0].words if finding.left.templates else 'the error'
+        return (f'measure where the error is largest again, in finer steps and at two speeds '
+                f'({shape})')
+    if finding.verdict == 'recalibrate':
+        return 'measure radius and braid angle with a calliper: they explain the error'
+    runner = _runner_up(search)
+    if finding.named and runner is not None:
+        best, _ = best_experiment(problem, search.fit(search.chosen), search.fit(runner),
+                                  search.scale)
+        other = cand.head(next(n for n in runner if n not in search.chosen))
+        if best is not None:
+            return f'{best.words}: the firmest check of {cand.head(search.chosen[-1])} against ' \
+                   f'{other}'
+    if data.is_static:
+        return 'log a sweep up and down with time: friction and memory cannot be seen in a map'
+    return 'none needed within this range; widen it (past free strain, another speed) to go on'
+
+
+def _runner_up(search: Search) -> Optional[tuple[str, ...]]:
+    if not search.chosen:
+        return None
+    rest = set(search.chosen[:-1])
+    last = cand.head(search.chosen[-1])
+    keys = [key for key in search.fits if len(key) == len(search.chosen) and rest <= set(key)
+            and all(cand.head(n) != last for n in set(key) - rest)]
+    return min(keys, key=lambda key: search.score(key, search.scale), default=None)
+
+
+def _notes(data: Measurement, floor: Any, base: Fit, final: Fit) -> tuple[str, ...]:
+    notes = []
+    if floor.note:
+        notes.append(floor.note)
+    far = [f'{key} {value:+.1f}' for key, value in final.moved().items()
+           if abs(value) > 3.0 and key.startswith('geometry')]
+    if far:
+        notes.append('the refit moved geometry beyond what tolerances allow: ' + ', '.join(far)
+                     + ' tolerances')
+    far = [f'{key} {value:+.1f}' for key, value in base.moved().items()
+           if abs(value) > 3.0 and key.startswith('geometry')]
+    if far and base is not final:
+        notes.append('recalibration alone would move ' + ', '.join(far) + ' tolerances')
+    if not data.is_static and len(data.trial_names) >= 3:
+        means = np.array([data.pressure[data.trial == k].sum(-1).mean()
+                          for k in range(len(data.trial_names))])
+        spread = np.array([np.ptp(data.pressure[data.trial == k].sum(-1)).max()
+                           for k in range(len(data.trial_names))])
+        if np.all(np.diff(means) > 0) and spread.max() < 0.2 * np.ptp(means):
+            notes.append('isobars were run in ascending order: pressure and time cannot be told '
+                         'apart')
+    return tuple(notes)

@@ -1,0 +1,140 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which experiment tells two models apart: a T-criterion over a short menu.
+
+For each experiment the difference of the two predictions is taken, less what the weaker model
+could make up by moving its parameters within what the present data leave open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional
+
+from fam_bundle_ros.discovery.fit import Fit, Problem
+from fam_bundle_ros.discovery.search import Scale
+from fam_bundle_ros.model import Bundle, Motion
+import numpy as np
+
+#: Below this many noise standard deviations (summed squares) an experiment tells nothing.
+_USELESS = 9.0
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A proposal: what to do, and how far apart it would drive the two models (chi2)."""
+
+    words: str
+    separation: float
+
+
+def menu(problem: Problem, model: Bundle) -> list[tuple[str, Motion]]:
+    """Return experiments within the range of the data, as motions of some hundred samples."""
+    data = problem.full
+    low, high = float(data.strain.min()), float(data.strain.max())
+    top = data.pressure.max(axis=0)
+    usual = float(np.percentile(np.abs(data.strain_rate), 75)) if not data.is_static else 0.0
+    usual = usual or 0.02
+    levels = np.linspace(0.15, 1.0, 4)
+    tests = [
+        ('sweep the same isobars ten times faster', _sweeps(low, high, top, levels, 10 * usual)),
+        ('sweep the same isobars ten times slower', _sweeps(low, high, top, levels, usual / 10)),
+        ('sweep each isobar up and down, with the time logged',
+         _sweeps(low, high, top, levels, usual)),
+        ('step the strain, hold each step for 60 s and log the decay', _holds(low, high, top)),
+        ('make small strain loops about one point at a fixed pressure',
+         _sweeps(low + 0.4 * (high - low), low + 0.5 * (high - low), top, levels, usual)),
+        ('step the pressure at a fixed strain', _pressure_steps(low, high, top)),
+        ('sweep at zero pressure', _sweeps(low, high, top, np.zeros(1), usual)),
+        ('sweep low isobars (5 to 20 % of the highest pressure)',
+         _sweeps(low, high, top, np.array([0.05, 0.1, 0.15, 0.2]), usual)),
+        ('compress each isobar past its free strain',
+         _sweeps(low, min(high + 0.08, 0.4), top, levels, usual)),
+        ('repeat the first isobar after an hour', _late(low, high, top, usual)),
+    ]
+    if model.n > 1:
+        for k, unit in enumerate(model.motor_units):
+            alone = np.zeros(model.n)
+            alone[k] = top[k]
+            tests.append((f'sweep with {unit.name} alone under pressure',
+                          _sweeps(low, high, alone, levels, usual)))
+    return tests
+
+
+def best_experiment(problem: Problem, first: Fit, second: Fit, scale: Scale,
+                    ) -> tuple[Optional[Experiment], list[Experiment]]:
+    """
+    Return the experiment that separates two fitted models most, and all of them, best first.
+
+    None when no force test of the menu tells them apart.
+    """
+    ranked = []
+    held = [0.0 if t.prior is None else 1.0 for t in second.terms]
+    known = second.jacobian.T @ second.jacobian / (scale.inflation * scale.tau) + np.diag(held)
+    for words, motion in menu(problem, first.model):
+        gap = (first.model.predict(motion) - second.model.predict(motion)) / problem.noise
+        columns = np.zeros((len(gap), len(second.terms)))
+        for j, term in enumerate(second.terms):
+            step = 1e-3 * term.scale
+            if second.values[j] + step > term.upper:
+                step = -step
+            moved = second.model.with_parameters({term.key: second.values[j] + step})
+            columns[:, j] = (moved.predict(motion) - second.model.predict(motion)) / (
+                problem.noise * step / term.scale)
+        system = known + columns.T @ columns + 1e-9 * np.eye(len(known))
+        part = columns.T @ gap
+        separation = float(gap @ gap - part @ np.linalg.solve(system, part))
+        if np.isfinite(separation):
+            ranked.append(Experiment(words, max(separation, 0.0)))
+    ranked.sort(key=lambda item: -item.separation)
+    top = ranked[0] if ranked and ranked[0].separation > _USELESS else None
+    return top, ranked
+
+
+def without_force(first: str, second: str) -> str:
+    """Return what tells two effects apart where no force test does."""
+    pair = {first, second}
+    if any('pressure_sensor' in name for name in pair):
+        return 'vent the muscle and read the pressure gauge'
+    if any('force_sensor' in name for name in pair):
+        return 'hang a known weight on the load cell'
+    if pair & {'strain_sensor_offset', 'end_caps', 'tondu_factor'}:
+        return 'measure the rest length and the clamped ends with a calliper'
+    return 'measure radius and braid angle with a calliper'
+
+
+def _sweeps(low: float, high: float, top: np.ndarray, levels: np.ndarray, rate: float) -> Motion:
+    once = np.linspace(0.0, 1.0, 25)
+    path = low + (high - low) * np.concatenate([once, once[::-1]])
+    duration = 2 * (high - low) / rate
+    strain = np.tile(path, len(levels))
+    time = np.concatenate([k * (duration + 1.0) + np.linspace(0, duration, len(path))
+                           for k in range(len(levels))])
+    way = np.tile(np.repeat([rate, -rate], len(once)), len(levels))
+    pressure = np.repeat(levels, len(path))[:, None] * top[None, :]
+    start = np.arange(len(strain)) % len(path) == 0
+    return Motion(strain, pressure, way, time, start)
+
+
+def _holds(low: float, high: float, top: np.ndarray) -> Motion:
+    steps = low + (high - low) * np.array([0.2, 0.6, 0.4, 0.8])
+    strain = np.repeat(steps, 60)
+    time = np.arange(len(strain)) * 1.0
+    pressure = np.repeat(0.7 * top[None, :], len(strain), axis=0)
+    return Motion(strain, pressure, np.zeros(len(strain)), time, time == 0)
+
+
+def _pressure_steps(low: float, high: float, top: np.ndarray) -> Motion:
+    time = np.arange(240) * 0.01
+    share = np.where((time // 0.3) % 2 == 0, 0.4, 0.9)
+    strain = np.full(len(time), low + 0.4 * (high - low))
+    return Motion(strain, share[:, None] * top[None, :], np.zeros(len(time)), time, time == 0)
+
+
+def _late(low: float, high: float, top: np.ndarray, rate: float) -> Motion:
+    base = _sweeps(low, high, top, np.array([0.5, 0.5]), rate)
+    assert base.time is not None
+    time = base.time.copy()
+    time[len(time) // 2:] += 3600.0
+    return Motion(base.strain, base.pressure, base.strain_rate, time, base.start)

@@ -1,0 +1,205 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a diagnosis says: verdict, effects, ranking, ties, where it fails, what to measure next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import json
+from typing import Any
+
+from fam_bundle_ros.discovery.compare import Comparison
+from fam_bundle_ros.discovery.locate import Region
+from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.discovery.noise import NoiseFloor
+from fam_bundle_ros.discovery.templates import Template
+from fam_bundle_ros.discovery.uncertainty import Estimate
+from fam_bundle_ros.model import Bundle
+import numpy as np
+
+VERDICTS = ('adequate', 'recalibrate', 'missing_effect', 'partial', 'unexplained')
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """
+    One effect of the ranking.
+
+    Attributes
+    ----------
+    effect, shape : str
+        Name of the physical effect, and of its shape that fits best (often the same).
+    family : str
+    probability : float
+        Over all sets of effects that were fitted.
+    error_N : float
+        Error of the best set that holds it.
+    score : float
+        Score of that set above the best one's.
+    parameters : tuple of Estimate
+    reason : str
+        What in the error points at it, in plain words.
+    votes : float or None
+        Share of held-out blocks that it made better, where it was put to the vote.
+    """
+
+    effect: str
+    shape: str
+    family: str
+    probability: float
+    error_N: float
+    score: float
+    parameters: tuple[Estimate, ...]
+    reason: str
+    votes: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry as DESIGN.md's JSON has it."""
+        return {'effect': self.effect, 'shape': self.shape, 'family': self.family,
+                'probability': self.probability, 'error_N': self.error_N,
+                'score': self.score, 'reason': self.reason, 'votes': self.votes,
+                'parameters': {e.key.partition('.')[2]: {
+                    'value': e.value, 'unit': e.unit, 'interval': list(e.interval),
+                    'flag': e.flag} for e in self.parameters}}
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """
+    What a model is missing, judged on a measurement.
+
+    Attributes
+    ----------
+    verdict : str
+        One of `VERDICTS`.
+    summary : str
+        The verdict in a sentence.
+    effects, shapes : tuple of str
+        The chosen effects in the order found, and the shape of each; empty unless the verdict is
+        ``missing_effect`` or ``partial``.
+    error_N : dict
+        ``model``, ``recalibrated``, ``best``: rms over the rows that count.
+    noise : NoiseFloor
+    ranking : tuple of Candidate
+    tied : tuple of tuple of str
+        Effects that these data cannot tell apart.
+    located : tuple of Region
+        Where the model fails, largest first.
+    next_experiment : str
+    parameters : tuple of Estimate
+        Of the best model.
+    moved : dict
+        Tolerances that the best model's own parameters have moved.
+    best, recalibrated : Bundle
+    shapes_left : tuple of Template
+        Plain shapes of the error where no effect explains it (or of what is left).
+    notes : tuple of str
+    rows_left_out : int
+        Spikes and reversals that the fit ignored.
+    confounding : tuple
+        Parameter keys and their matrix of correlations.
+    ladder : list of dict
+        The steps from the model as it was to the best one: ``step``, ``error_N``, ``held_out_N``.
+    """
+
+    verdict: str
+    summary: str
+    model: Bundle
+    measurement: Measurement
+    comparison: Comparison
+    effects: tuple[str, ...]
+    shapes: tuple[str, ...]
+    error_N: dict[str, float]
+    noise: NoiseFloor
+    ranking: tuple[Candidate, ...]
+    tied: tuple[tuple[str, ...], ...]
+    located: tuple[Region, ...]
+    next_experiment: str
+    parameters: tuple[Estimate, ...]
+    moved: dict[str, float]
+    best: Bundle
+    recalibrated: Bundle
+    shapes_left: tuple[Template, ...]
+    notes: tuple[str, ...]
+    rows_left_out: int
+    confounding: tuple[list[str], np.ndarray] = field(repr=False)
+    ladder: list[dict[str, Any]] = field(default_factory=list)
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        lines = [f'{self.verdict}: {self.summary}',
+                 f"error {self.error_N['model']:.3g} N as it is, "
+                 f"{self.error_N['recalibrated']:.3g} N recalibrated, "
+                 f"{self.error_N['best']:.3g} N at best; {self.noise}"]
+        if self.ranking:
+            lines.append('candidates')
+            for entry in self.ranking[:6]:
+                lines.append(f'  {entry.effect:<26} p {entry.probability:5.2f}  '
+                             f'{entry.error_N:8.3g} N   {entry.reason}')
+        for group in self.tied:
+            lines.append('tied: ' + ', '.join(group))
+        if self.parameters:
+            lines.append('parameters of the best model')
+            lines += [f'  {estimate}' for estimate in self.parameters]
+        if self.shapes_left and self.verdict in ('unexplained', 'partial'):
+            lines.append('the error that is left looks like')
+            lines += [f'  {template}' for template in self.shapes_left]
+        if self.located:
+            lines.append('where the model fails')
+            lines += [f'  {region}' for region in self.located]
+        lines.append(f'next: {self.next_experiment}')
+        return '\n'.join(lines + [f'note: {note}' for note in self.notes])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, lists and text; the keys of DESIGN.md and some more."""
+        return {
+            'verdict': self.verdict, 'summary': self.summary, 'model': self.model.name,
+            'data': self.measurement.name, 'data_sha256': self.measurement.sha256,
+            'samples': len(self.measurement), 'noise_floor_N': self.noise.value,
+            'noise': self.noise.to_dict(), 'error_N': dict(self.error_N),
+            'effects': list(self.effects), 'shapes': list(self.shapes),
+            'ranking': [entry.to_dict() for entry in self.ranking],
+            'tied': [list(group) for group in self.tied],
+            'located': [region.to_dict() for region in self.located],
+            'next_experiment': self.next_experiment,
+            'parameters': {e.key: e.to_dict() for e in self.parameters},
+            'tolerances_moved': dict(self.moved),
+            'shapes_left': [template.to_dict() for template in self.shapes_left],
+            'ladder': self.ladder, 'notes': list(self.notes),
+            'rows_left_out': self.rows_left_out,
+            'confounding': {'parameters': self.confounding[0],
+                            'correlation': np.round(self.confounding[1], 4).tolist()},
+            'seconds': self.seconds}
+
+    def to_json(self) -> str:
+        """Return `to_dict` as JSON (numbers that are not finite become null)."""
+        return json.dumps(finite(self.to_dict()), indent=1)
+
+    def to_frame(self) -> Any:
+        """Return the ranking as a pandas DataFrame."""
+        import pandas
+        return pandas.DataFrame([{
+            'effect': c.effect, 'shape': c.shape, 'family': c.family,
+            'probability': c.probability, 'error [N]': c.error_N, 'score': c.score,
+            'parameters': '; '.join(str(e) for e in c.parameters), 'reason': c.reason}
+            for c in self.ranking])
+
+    def figure(self) -> Any:
+        """Return the plotly figure of the candidates (extra `tools`)."""
+        from fam_bundle_ros.discovery import figures
+        return figures.diagnosis(self)
+
+
+def finite(value: Any) -> Any:
+    """Return a tree with numpy numbers made plain and numbers that are not finite made None."""
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,332 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plain shapes for an error that no effect of the catalogue explains.
+
+A bank of products of a function of strain, one of pressure, the direction of motion, speed, force
+or time, each with the unit of its coefficient. They are scored against what the model cannot
+absorb by moving its own parameters; the best distinct ones describe the error in words and can be
+saved as an expression effect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from fam_bundle_ros.discovery.fit import base_terms, Fit, Problem
+from fam_bundle_ros.discovery.noise import autocorrelation_time
+from fam_bundle_ros.model import Bundle
+import numpy as np
+
+#: Families that could make a shape; () where none in the catalogue can.
+_ODD = ('dry_friction',)
+_SMOOTH = {  # power of P: families whose even, smooth error looks so
+    0: ('bladder', 'temperature', 'force_sensor', 'strain_sensor'),
+    1: ('end_caps', 'strain_sensor', 'pressure_sensor', 'force_sensor', 'threshold', 'mismatch'),
+    2: ('braid', 'pressure_sensor', 'threshold'),
+}
+
+
+@dataclass(frozen=True)
+class Template:
+    """
+    A shape that describes an error.
+
+    Attributes
+    ----------
+    words : str
+    coefficient : float
+        SI value that fits best.
+    unit : str
+        Unit of the coefficient.
+    explained : float
+        Share of the error beyond noise that it takes away, 0 to 1.
+    gain : float
+        Fall of chi2, on the scale of independent samples.
+    families : tuple of str
+        Families of the catalogue that make such a shape.
+    expression : str or None
+        The same as a formula of the model file (``k`` the coefficient), where there is one.
+    kind : str
+        Shapes of one kind are told as one.
+    """
+
+    words: str
+    coefficient: float
+    unit: str
+    explained: float
+    gain: float
+    families: tuple[str, ...]
+    expression: str | None
+    kind: str
+    size_N: float = 0.0
+
+    def __str__(self) -> str:
+        return (f'{self.words}: {self.coefficient:.3g} {self.unit}'.rstrip()
+                + f', explains {100 * self.explained:.0f} %')
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers and text."""
+        return asdict(self)
+
+    def as_effect(self, name: str = 'found_shape') -> str:
+        """
+        Return the shape as the lines of a model file that add it as an expression effect.
+
+        Raises
+        ------
+        InputError
+            Where the shape cannot be written as a formula.
+        """
+        if self.expression is None:
+            from fam_bundle_ros.errors import InputError
+            raise InputError(f"'{self.words}' cannot be written as a formula of a model file")
+        unit = f' {self.unit}' if self.unit else ''
+        return (f'  - {name}: {{expression: "{self.expression}", parameters: '
+                f'{{k: {{value: {self.coefficient:.6g}{unit}}}}}}}\n')
+
+
+@dataclass(frozen=True)
+class _Shape:
+    columns: np.ndarray  # (T, c): one column, or a sine and cosine
+    words: str
+    unit: str
+    families: tuple[str, ...]
+    expression: str | None
+    kind: str
+    extra: int = 0  # scanned constants, which count as parameters
+
+
+def bank(problem: Problem, model: Bundle) -> list[_Shape]:
+    """Return the shapes that the data can show, unscaled."""
+    data = problem.data
+    e, total = problem.motion.strain, problem.motion.pressure.mean(-1)
+    force = model.predict(problem.motion)
+    single = data.pressure.shape[1] == 1
+    shapes: list[_Shape] = []
+
+    def add(column: np.ndarray, words: str, unit: str, families: tuple[str, ...],
+            expression: str | None, kind: str, extra: int = 0) -> None:
+        columns = column if column.ndim == 2 else column[:, None]
+        if np.all(np.isfinite(columns)) and np.ptp(columns[problem.weight], axis=0).min() >= 0:
+            shapes.append(_Shape(columns, words, unit, families, expression, kind, extra))
+
+    pressures = [(np.ones_like(total), '', '', '', 0),
+                 (total, ' times pressure', '/Pa', ' * pressure', 1),
+                 (total ** 2, ' times pressure squared', '/Pa**2', ' * pressure**2', 2)]
+    if not single:
+        pressures = [(g, w, u, None, k) for g, w, u, _, k in pressures]  # type: ignore[misc]
+    low, high = float(e.min()), float(e.max())
+    span = max(high - low, 1e-9)
+    smooth = [(np.ones_like(e), 'constant', '1'), (e, 'in proportion to strain', 'strain'),
+              (e ** 2, 'with the square of strain', 'strain**2'),
+              (e ** 3, 'with the cube of strain', 'strain**3')]
+    for g, g_words, g_unit, g_text, power in pressures:
+        def text(formula: str) -> str | None:
+            return None if g_text is None else f'k * {formula}{g_text}'
+        for h, words, formula in smooth:
+            add(h * g, words + g_words, 'N' + g_unit, _SMOOTH[power], text(formula),
+                f'smooth{power}')
+        for onset in np.linspace(low + 0.12 * span, high - 0.08 * span, 18):
+            add(np.maximum(e - onset, 0) * g, f'starts at strain {onset:.3f} and grows{g_words}',
+                'N' + g_unit, (), text(f'max(0, strain - {onset:.4f})'), f'onset{power}', 1)
+            add(np.maximum(e - onset, 0) ** 2 * g,
+                f'starts at strain {onset:.3f} and grows with its square{g_words}', 'N' + g_unit,
+                (), text(f'max(0, strain - {onset:.4f})**2'), f'onset{power}', 1)
+            add(np.maximum(onset - e, 0) * g, f'only below strain {onset:.3f}{g_words}',
+                'N' + g_unit, (), text(f'max(0, {onset:.4f} - strain)'), f'below{power}', 1)
+            width = span / 10
+            add(np.exp(-((e - onset) / width) ** 2) * g,
+                f'a bump about strain {onset:.3f}{g_words}', 'N' + g_unit, (),
+                text(f'exp(-((strain - {onset:.4f}) / {width:.4f})**2)'), f'bump{power}', 1)
+        # no wave shorter than three samples of strain, nor on a map of a few strains
+        steps = np.abs(np.diff(e))[np.diff(data.trial) == 0]
+        levels = len(np.unique(np.round(e / span * 400)))
+        shortest = 3.0 * float(np.median(steps)) if not data.is_static else 4.0 * span / levels
+        for count in np.arange(1.5, 24.1, 0.5):
+            period = span / count
+            if period < shortest or levels < 20:
+                break
+            wave = 2 * np.pi * e / period
+            add(np.stack([np.sin(wave) * g, np.cos(wave) * g], -1),
+                f'periodic in strain, every {period:.4f}{g_words}', 'N' + g_unit, (), None,
+                f'periodic{power}', 1)
+    for onset in np.linspace(total.min(), total.max(), 9)[1:-1]:
+        for h, words, formula in smooth[:2]:
+            add(np.maximum(total - onset, 0) * h,
+                f'only above {onset / 1e3:.0f} kPa, {words}', 'N/Pa', (),
+                f'k * {formula} * max(0, pressure - {onset:.0f})' if single else None,
+                'above_pressure', 1)
+    below = np.minimum(force, 0.0)
+    if (below < 0).mean() > 0.01:
+        resistive = ('resistive', 'slack', 'bladder')
+        add(below, 'past free strain, with the push-back', '', resistive, None, 'past_free')
+        add((below < 0).astype(float), 'past free strain, constant', 'N', resistive, None,
+            'past_free')
+        add((below < 0) * total, 'past free strain, with pressure', 'N/Pa', resistive, None,
+            'past_free')
+    add(force, 'in proportion to the force', '', ('force_sensor',), None, 'force')
+    add(force ** 2, 'with the square of the force', '1/N', (), None, 'force_squared')
+    reach = float(np.abs(force).max())
+    for share in (0.5, 0.65, 0.8):
+        add(np.maximum(force - share * reach, 0), f'only above {share * reach:.0f} N of force', '',
+            (), None, 'force_onset', 1)
+    if not data.is_static:
+        _add_motion(add, problem, e, total, force, single)
+    return shapes
+
+
+def _add_motion(add: Any, problem: Problem, e: np.ndarray, total: np.ndarray, force: np.ndarray,
+                single: bool) -> None:
+    """Add the shapes that need time: direction, speed, memory, drift, a single trial."""
+    data = problem.data
+    rate, way = data.strain_rate, data.direction.astype(float)
+    sign = 'tanh(strain_rate / 0.002)'
+    on = ' * pressure' if single else None
+    add(-way, 'against the motion, constant', 'N', _ODD, f'-k * {sign}', 'friction')
+    add(-way * total, 'against the motion, with pressure', 'N/Pa', _ODD,
+        f'-k * {sign}{on}' if on else None, 'friction')
+    add(-way * np.abs(force), 'against the motion, with the force', '', _ODD,
+        f'-k * {sign} * abs(force)', 'friction')
+    add(-way * e, 'against the motion, with strain', 'N', _ODD, f'-k * {sign} * strain',
+        'friction_strain')
+    add(-way * e * total, 'against the motion, with strain and pressure', 'N/Pa', _ODD,
+        f'-k * {sign} * strain{on}' if on else None, 'friction_strain')
+    add(-rate, 'against the motion, with speed', 'N*s', ('viscous',), '-k * strain_rate', 'speed')
+    add(-rate * np.abs(rate), 'against the motion, with speed squared', 'N*s**2', ('viscous',),
+        '-k * strain_rate * abs(strain_rate)', 'speed')
+    add(-rate * total, 'against the motion, with speed and pressure', 'N*s/Pa', ('viscous',),
+        f'-k * strain_rate{on}' if on else None, 'speed')
+    add(np.abs(rate), 'with speed, whichever way', 'N*s', (), 'k * abs(strain_rate)',
+        'even_speed')
+    time = data.clock
+    first = np.flatnonzero(data.start)
+    own = time - time[first][np.cumsum(data.start) - 1]
+    continuing = bool(len(first) > 1 and np.all(np.diff(time) > 0))
+    overall = time - time[0] if continuing else own
+    if np.ptp(overall) > 0:
+        t = overall / np.ptp(overall)
+        slow = ('temperature', 'softening', 'relaxation')
+        add(t, 'grows with the time of the log', 'N', slow, None, 'drift')
+        add(t * force, 'grows with the time of the log, with the force', '', slow, None, 'drift')
+        add(t ** 2, 'grows with the square of the time of the log', 'N', slow, None, 'drift')
+    if continuing and np.ptp(own) > 0:
+        add(own / np.ptp(own), 'grows with the time of each trial', 'N',
+            ('relaxation', 'softening'), None, 'drift_trial')
+    dt = np.diff(time, prepend=time[0])
+    usual = float(np.median(dt[~data.start])) if (~data.start).any() else 1.0
+    speed = np.zeros_like(total)
+    moving = ~data.start
+    speed[moving] = np.diff(total)[moving[1:]] / np.maximum(dt[moving], 1e-9)
+    add(speed, 'with how fast the pressure changes', 'N*s/Pa', ('line_lag', 'relaxation'), None,
+        'pressure_rate')
+    names = ((e, 'strain', 'N'), (total, 'pressure', 'N/Pa'), (force, 'force', ''))
+    for signal, words, unit in names:
+        for steps in (4, 16, 64, 256, 1024):
+            slow_part = _lagged(signal, data.start, steps)
+            add(slow_part - signal, f'decays over {steps * usual:.2g} s after {words} changes',
+                unit, ('relaxation', 'line_lag', 'dry_friction'), None, 'decay', 1)
+    count = len(data.trial_names)
+    if 4 <= count <= 60:
+        for k in range(count):
+            inside = (data.trial == k).astype(float)
+            add(inside, f'trial {data.trial_names[k]} alone', 'N', (), None, 'one_trial', 1)
+
+
+def _lagged(signal: np.ndarray, start: np.ndarray, steps: int) -> np.ndarray:
+    from scipy.signal import lfilter
+    a = 1.0 / (1.0 + steps)
+    result = np.empty_like(signal)
+    for rows in np.split(np.arange(len(signal)), np.flatnonzero(start)[1:]):
+        part = signal[rows]
+        result[rows] = lfilter([a], [1.0, a - 1.0], part, zi=[(1.0 - a) * part[0]])[0]
+    return result
+
+
+@dataclass(frozen=True)
+class Described:
+    """
+    The shapes that describe what a fit leaves, and how well the best one does.
+
+    Attributes
+    ----------
+    templates : list of Template
+        Best first, one of each kind.
+    chi2, prior : float
+        Of the fit together with the best shape; its own parameters moved along.
+    parameters : int
+        How many numbers fit and shape have together.
+    tau : float
+        Correlation of what is left.
+    """
+
+    templates: list[Template]
+    chi2: float = np.inf
+    prior: float = 0.0
+    parameters: int = 0
+    tau: float = 1.0
+
+
+def describe(problem: Problem, fit: Fit, most: int = 5) -> Described:
+    """
+    Return the shapes that best describe what a fit leaves.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : Fit
+        A refitted model; the shapes compete with the freedom that its own parameters have.
+    most : int
+        How many shapes to return, one of each kind.
+    """
+    shapes = bank(problem, fit.model)
+    kept = problem.weight
+    r = np.where(kept, fit.residual, 0.0) / problem.noise
+    prior = np.diag([0.0 if t.prior is None else 1.0 for t in fit.terms])
+    pull = np.array([0.0 if t.prior is None else (v - t.prior) / t.scale
+                     for t, v in zip(fit.terms, fit.values)])
+    jacobian = fit.jacobian
+    gram = jacobian.T @ jacobian + prior + 1e-9 * np.eye(len(pull))
+    inverse = np.linalg.pinv(gram, hermitian=True)
+    slope = jacobian.T @ r - prior @ pull
+    scored = []
+    for shape in shapes:
+        columns = np.where(kept[:, None], shape.columns, 0.0) / problem.noise
+        across = jacobian.T @ columns
+        own = columns.T @ columns - across.T @ inverse @ across
+        size = np.diag(columns.T @ columns)
+        if np.any(np.diag(own) <= 1e-6 * size):
+            continue  # the model can do this by itself
+        right = columns.T @ r - across.T @ inverse @ slope
+        weight = np.linalg.solve(own, right)
+        scored.append((float(right @ weight), weight, shape, columns))
+    if not scored:
+        return Described([])
+    scored.sort(key=lambda item: -item[0])
+    best_gain, weight, shape, columns = scored[0]
+    moved = inverse @ (slope - jacobian.T @ columns @ weight)
+    left = r - columns @ weight - jacobian @ moved
+    count = max(problem.samples - len(pull) - len(weight), 1)
+    inflation = max(float(left @ left) / count, 1.0)
+    tau = autocorrelation_time(left, problem.data.trial)
+    excess = max(fit.cost - problem.samples, 1e-9)
+    found: list[Template] = []
+    for gain, weight, shape, columns in scored:
+        if any(t.kind == shape.kind for t in found):
+            continue
+        found.append(Template(
+            shape.words, float(np.linalg.norm(weight) if len(weight) > 1 else weight[0]),
+            shape.unit, float(np.clip(gain / excess, 0, 1)), gain / (inflation * tau),
+            shape.families, shape.expression, shape.kind,
+            float(np.sqrt(np.mean((columns @ weight) ** 2)) * problem.noise)))
+        if len(found) == most:
+            break
+    return Described(found, float(left @ left),
+                     float(np.sum((np.diag(prior) * (pull + moved)) ** 2)),
+                     len(pull) + len(weight) + shape.extra, tau)
+
+
+def nominal_fit(problem: Problem, model: Bundle) -> Fit:
+    """Return the model as it is, as a fit: a start for shapes that a refit would bend around."""
+    return problem.fit(model, base_terms(model), iterations=0)
