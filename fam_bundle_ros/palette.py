@@ -10,7 +10,8 @@ first and are dashed, so that colour is never the only difference between them.
 
 from typing import NamedTuple
 
-__all__ = ['Colour', 'NEUTRAL', 'by_page', 'dash', 'effect', 'fade', 'recruitment_state']
+__all__ = ['Colour', 'DIRECTIONS', 'NEUTRAL', 'by_page', 'dash', 'effect', 'fade', 'isobar',
+           'recruitment_state']
 
 
 class Colour(NamedTuple):
@@ -82,6 +83,13 @@ _EFFECTS = {
 _OWN = Colour('#A0343C', '#F08A8F')
 _STATES = (_GREY, _BLUE, _ORANGE, _GREEN, _PURPLE, _SKY, _VERMILLION)
 
+#: While the bundle shortens (+1), rests (0), lengthens (-1).
+DIRECTIONS = {1: _BLUE, 0: _GREY, -1: _VERMILLION}
+#: Low to high pressure, after viridis; the ends are moved until they stand out from the page.
+_RAMP_LIGHT = ('#46206B', '#3B528B', '#21818C', '#3C8F48', '#8C8400')
+_RAMP_DARK = ('#A896E0', '#7FA0E0', '#3FB8B0', '#7FDB83', '#FDE725')
+_RAMP_STEPS = 49
+
 
 def effect(name: str) -> Colour:
     """Return the colour of an effect of the catalogue, or that of users' own effects."""
@@ -102,6 +110,12 @@ def recruitment_state(state: int) -> Colour:
     return _STATES[0] if state <= 0 else _STATES[1 + (state - 1) % (len(_STATES) - 1)]
 
 
+def isobar(share: float) -> Colour:
+    """Return the colour of a pressure: 0 for the lowest of a figure, 1 for the highest."""
+    step = round(min(max(share, 0.0), 1.0) * (_RAMP_STEPS - 1)) / (_RAMP_STEPS - 1)
+    return Colour(_between(_RAMP_LIGHT, step), _between(_RAMP_DARK, step))
+
+
 def fade(colour: str, opacity: float) -> str:
     """
     Return '#RRGGBBAA' for fills.
@@ -120,5 +134,13 @@ def by_page() -> dict[str, str]:
 
     Fills made by `fade` change with their first seven characters.
     """
-    colours = [*NEUTRAL.values(), *(colour for colour, _ in _EFFECTS.values()), *_STATES, _OWN]
+    colours = [*NEUTRAL.values(), *(colour for colour, _ in _EFFECTS.values()), *_STATES, _OWN,
+               *(isobar(step / (_RAMP_STEPS - 1)) for step in range(_RAMP_STEPS))]
     return {colour.light: colour.dark for colour in colours}
+
+
+def _between(ramp: tuple[str, ...], share: float) -> str:
+    index = min(int(share * (len(ramp) - 1)), len(ramp) - 2)
+    part = share * (len(ramp) - 1) - index
+    ends = [[int(colour[k:k + 2], 16) for k in (1, 3, 5)] for colour in ramp[index:index + 2]]
+    return '#' + ''.join(f'{round(a + part * (b - a)):02X}' for a, b in zip(*ends, strict=True))

@@ -22,7 +22,15 @@ BLINDNESS = {
 TOGETHER = {
     'ladder': ['mesh', 'bladder_elasticity', 'resistive_buckling', 'coulomb_friction'],
     'states': [1, 2],
+    'directions': [palette.DIRECTIONS[1], palette.DIRECTIONS[-1]],
 }
+
+
+def colour_of(item):
+    """Return the colour of an effect, of a recruitment state, or a colour itself."""
+    if isinstance(item, palette.Colour):
+        return item
+    return palette.effect(item) if isinstance(item, str) else palette.recruitment_state(item)
 
 
 def linear(colour):
@@ -53,6 +61,7 @@ def test_every_colour_stands_out_from_its_page(theme):
     paper = getattr(palette.NEUTRAL['paper'], theme)
     colours = [palette.effect(name) for name in (*catalogue.names(), 'a_users_own')]
     colours += [palette.recruitment_state(k) for k in range(8)]
+    colours += [palette.isobar(k / 12) for k in range(13)]
     assert min(contrast(getattr(c, theme), paper) for c in colours) >= 3.0
     for name in ('ink', 'muted'):
         assert contrast(getattr(palette.NEUTRAL[name], theme), paper) >= 4.5
@@ -63,8 +72,7 @@ def test_every_colour_stands_out_from_its_page(theme):
 @pytest.mark.parametrize('group', TOGETHER)
 def test_colours_that_meet_are_told_apart(group, sight, theme):
     """What is drawn side by side differs by 15 in L*a*b*, with every kind of sight."""
-    colours = [palette.effect(item) if isinstance(item, str) else palette.recruitment_state(item)
-               for item in TOGETHER[group]]
+    colours = [colour_of(item) for item in TOGETHER[group]]
     seen = [lab(BLINDNESS[sight] @ linear(getattr(c, theme))) for c in colours]
     assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) >= 15.0
 
