@@ -4,11 +4,20 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from fam_bundle_ros.discovery.fit import effect_terms
 from fam_bundle_ros.discovery.measurement import Measurement
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
 import numpy as np
+
+
+@lru_cache(maxsize=1)
+def _identities() -> dict[str, tuple[str, str]]:
+    """Return head and family by name; the catalogue looks through entry points each time."""
+    return {name: (kind.variant_of or name, kind.family)
+            for name, kind in catalogue.available().items()}
 
 
 def head(name: str) -> str:
@@ -18,12 +27,12 @@ def head(name: str) -> str:
     `viscous_power` is another shape of `viscous_damping`; diagnosis names the effect by its head
     and gives the shape beside it.
     """
-    return catalogue.get(name).variant_of or name
+    return _identities().get(name, (name, 'user'))[0]
 
 
 def family(name: str) -> str:
     """Return the family of an effect: look-alikes by the same physics."""
-    return catalogue.get(name).family
+    return _identities().get(name, (name, 'user'))[1]
 
 
 def candidates(model: Bundle, data: Measurement) -> dict[str, Effect]:
@@ -35,8 +44,7 @@ def candidates(model: Bundle, data: Measurement) -> dict[str, Effect]:
     """
     found = {}
     have = {effect.name for effect in model.effects}
-    for name in catalogue.names():
-        kind = catalogue.get(name)
+    for name, kind in catalogue.available().items():
         if name in have or kind.place is Place.PNEUMATICS or name == 'mesh':
             continue
         try:

@@ -193,12 +193,14 @@ def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
              ) -> tuple[Candidate, ...]:
     """Return every effect with the best set that holds it; chosen effects first."""
     scale = search.scale
-    scores = {key: search.score(key, scale) for key in search.fits}
+    # sets of as many effects compete with each other, and with none at all
+    count = max(len(chosen), 1)
+    scores = {key: search.score(key, scale) for key in search.fits if len(key) in (0, count)}
     best = min(scores.values())
     weights = {key: np.exp(-0.5 * min(score - best, 700.0)) for key, score in scores.items()}
     total = sum(weights.values())
     entries = []
-    for name in {cand.head(n) for n in search.effects}:
+    for name in dict.fromkeys(cand.head(n) for n in search.effects):
         sets = [key for key in scores if name in {cand.head(n) for n in key}]
         if not sets:
             continue

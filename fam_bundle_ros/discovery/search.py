@@ -25,6 +25,10 @@ GATE = 10.0
 #: The first shape of a family is kept unless another one is better by this much.
 HEAD_MARGIN = 6.0
 MOST_EFFECTS = 4
+#: A candidate is refitted only if it could take away this much of chi2 by a linear look ...
+_SCREEN = 4.0
+#: ... and this share of what the best candidate could.
+_SCREEN_SHARE = 0.01
 
 Progress = Optional[Callable[[float, str], None]]
 
@@ -82,40 +86,84 @@ class Search:
     scale: Scale = field(default_factory=Scale)
     gains: list[float] = field(default_factory=list)
     votes: dict[str, float] = field(default_factory=dict)
+    _screened: dict[tuple[tuple[str, ...], str], tuple[float, list[dict[str, float]]]] = field(
+        default_factory=dict, repr=False)
 
     def fit(self, names: Iterable[str]) -> Fit:
         """Return the joint refit of the model with some effects added (cached)."""
         key = tuple(sorted(names))
         if key in self.fits:
             return self.fits[key]
-        terms = base_terms(self.model)
         if not key:
-            self.fits[key] = self.problem.fit(self.model, terms)
+            self.fits[key] = self.problem.fit(self.model, base_terms(self.model))
             return self.fits[key]
-        # the last fitted subset gives the start; what is new is tried from several shapes
-        parents = [k for k in self.fits if set(k) < set(key)]
-        parent = max(parents, key=len) if parents else ()
-        before = {t.key: v for t, v in zip(self.fit(parent).terms, self.fit(parent).values)}
+        # the largest fitted subset gives the start; what is new is tried from several shapes
+        parent = max((k for k in self.fits if set(k) < set(key)), key=len, default=())
         fresh = [name for name in key if name not in parent]
-        bundle = self.model
+        bundle, terms = self.model, base_terms(self.model)
         for name in key:
             bundle = bundle.with_effect(self.effects[name])
             terms = terms + effect_terms(self.effects[name], self.model.n)
-        tries = [dict(before)]
-        for name in fresh:
-            options = cand.starts(self.effects[name], self.model.n)
-            tries = [{**t, **o} for t in tries for o in (options if len(fresh) == 1
-                                                         else options[:1])]
-        if len(tries) > 1:
-            # a look at each, then the default and the two that promise most to the end
-            short = [self.problem.fit(bundle, terms, start, iterations=3) for start in tries]
-            order = sorted(range(1, len(tries)), key=lambda k: short[k].cost)
-            tries = [{t.key: v for t, v in zip(terms, short[k].values)} for k in [0, *order[:2]]]
-        fitted = min((self.problem.fit(bundle, terms, start) for start in tries),
-                     key=lambda f: f.cost)
+        before = {t.key: v for t, v in zip(self.fit(parent).terms, self.fit(parent).values)}
+        tries = self.screen(parent, fresh[0])[1] if len(fresh) == 1 else [{}]
+        runs = [self.problem.fit(bundle, terms, {**before, **start}, iterations=6)
+                for start in tries[:3]]
+        best = min(runs, key=lambda run: run.cost)
+        start = {t.key: v for t, v in zip(terms, best.values)}
+        fitted = self.problem.fit(bundle, terms, start)
         fitted.added = key
         self.fits[key] = fitted
         return fitted
+
+    def screen(self, held: Iterable[str], name: str) -> tuple[float, list[dict[str, float]]]:
+        """
+        Return roughly how much chi2 an effect could take away, and its starts, best first.
+
+        Linear: the effect at each of its starts is a direction in which the residual may fall,
+        less what the parameters of the fitted set can do by themselves.
+        """
+        key = (tuple(sorted(held)), name)
+        if key in self._screened:
+            return self._screened[key]
+        fit = self.fit(key[0])
+        weight, noise = self.problem.weight, self.problem.noise
+        jacobian = fit.jacobian
+        prior = np.array([0.0 if t.prior is None else 1.0 for t in fit.terms])
+        pull = np.array([0.0 if t.prior is None else (v - t.prior) / t.scale
+                         for t, v in zip(fit.terms, fit.values)])
+        inverse = np.linalg.pinv(jacobian.T @ jacobian + np.diag(prior + 1e-9), hermitian=True)
+        r = np.where(weight, fit.residual, 0.0) / noise
+        slope = jacobian.T @ r - prior * pull
+        effect = self.effects[name]
+
+        def shift(values: dict[str, float]) -> np.ndarray:
+            bundle = fit.model.with_effect(effect.replace(
+                **{k.partition('.')[2]: v for k, v in values.items()}))
+            return np.where(weight, fit.residual - self.problem.residual(bundle), 0.0) / noise
+
+        def reach(columns: np.ndarray) -> float:
+            across = jacobian.T @ columns
+            own = columns.T @ columns - across.T @ inverse @ across
+            right = columns.T @ r - across.T @ inverse @ slope
+            size = np.diag(columns.T @ columns)
+            own[np.diag_indices_from(own)] += 1e-6 * size + 1e-12
+            return float(right @ np.linalg.solve(own, right))
+
+        gains = []
+        options = cand.starts(effect, self.model.n)
+        for values in options:
+            gains.append(reach(shift(values)[:, None]))
+        terms = effect_terms(effect, self.model.n)
+        first = shift(options[0])
+        columns = [first]
+        for term in terms:
+            step = 0.1 * term.scale * (-1.0 if term.start + 0.1 * term.scale > term.upper else 1.0)
+            columns.append(shift({**options[0], term.key: term.start + step}) - first)
+        together = reach(np.stack(columns, -1))
+        order = [0, *sorted(range(1, len(options)), key=lambda k: -gains[k])]
+        found = max([together, *gains]), [options[k] for k in order]
+        self._screened[key] = found
+        return found
 
     def score(self, names: Iterable[str], scale: Scale) -> float:
         """Return the score of a set (smaller is better)."""
@@ -148,8 +196,15 @@ class Search:
         taken = {cand.head(name) for name in held}
         return [name for name in self.effects if cand.head(name) not in taken]
 
-    def _best_next(self, held: list[str]) -> tuple[Optional[str], Scale]:
+    def _promising(self, held: list[str]) -> list[str]:
+        """Return the candidates that are worth a joint refit beside those held."""
         options = self._options(held)
+        gains = {name: self.screen(held, name)[0] for name in options}
+        least = max(_SCREEN, _SCREEN_SHARE * max(gains.values(), default=0.0))
+        return [name for name in options if gains[name] >= least]
+
+    def _best_next(self, held: list[str]) -> tuple[Optional[str], Scale]:
+        options = self._promising(held)
         if not options:
             return None, Scale()
         for done, name in enumerate(options):
@@ -175,7 +230,7 @@ class Search:
             rest = self.chosen[:slot] + self.chosen[slot + 1:]
             scale = Scale.of(self.problem, self.fit(self.chosen))
             now = self.score(self.chosen, scale)
-            options = self._options(rest)
+            options = self._promising(rest)
             for name in options:
                 self.fit([*rest, name])
             best = min(options, key=lambda name: self.score([*rest, name], scale))
