@@ -238,7 +238,7 @@ class ClosedLoop:
     @staticmethod
     def _row(t, trajectory, command, rig, valves):
         truth = rig.truth
-        overlap = (command.margins.recruit - command.margins.width, command.margins.recruit)
+        overlap = (command.margins.limit - command.margins.width, command.margins.limit)
         return (t, trajectory.value(t), command.demand, truth.strain, truth.force, truth.supply,
                 truth.pressure, command.pressure, np.array(valves), command.state, command.share,
                 command.saturated, overlap, rig.air_mass, rig.work)

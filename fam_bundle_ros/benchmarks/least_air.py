@@ -9,11 +9,16 @@ programming over a grid of those pressures finds the path that draws least from 
 knows the future, costs nothing to switch, and has ideal valves: a bound, not a controller.
 """
 
+import numpy as np
+
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.pneumatics import (
-    ATMOSPHERE, GAS_CONSTANT, POLYTROPIC, REFERENCE_TEMPERATURE)
-import numpy as np
+    ATMOSPHERE,
+    GAS_CONSTANT,
+    POLYTROPIC,
+    REFERENCE_TEMPERATURE,
+)
 
 #: N: a force missed by less than this counts as given.
 _TOLERANCE = 0.15

@@ -102,13 +102,16 @@ class Margins:
     Attributes
     ----------
     recruit, release : float
+    limit : float
+        Largest force of the present state.
     width : float
-        Of the overlap with the next state.
+        Of the overlap with the next state, which ends at ``limit``.
     uncertainty : float
     """
 
     recruit: float = math.nan
     release: float = math.nan
+    limit: float = math.nan
     width: float = math.nan
     uncertainty: float = 0.0
 
@@ -161,10 +164,14 @@ class RecruitmentMachine:
         state, top, crossing = self.state, curves.top, curves.crossing
         neglect = self.config.policy == 'neglect'
         margin, band = self._widths(curves, demand)
-        recruit = top[state] - margin if state < self.units else math.nan
+        recruit = math.nan
+        if state < self.units:
+            # Off is no state to be saturated in; beyond a working state the demand must be sure.
+            recruit = top[state] + (margin if state else -margin)
         release = self._release_level(curves, state, margin, band)
         width = float(top[state] - crossing[state]) if state < self.units else math.nan
-        self.margins = Margins(float(recruit), float(release), width, demand.uncertainty)
+        self.margins = Margins(float(recruit), float(release), float(top[state]), width,
+                               demand.uncertainty)
         self._watch(dt, curves, demand, release)
 
         if state < self.units and (neglect or self._may(+1)):
@@ -215,8 +222,8 @@ class RecruitmentMachine:
             return ''
         limit, force = curves.top[state], demand.force
         if force > recruit:
-            return (f"demand {force:.1f} N above RS{state}'s {limit:.1f} N less "
-                    f'{limit - recruit:.1f} N')
+            return (f"demand {force:.1f} N above RS{state}'s {limit:.1f} N by more than "
+                    f'{recruit - limit:.1f} N')
         if self.config.policy != 'reversal_aware' or state == 0 or demand.rate <= 0.0:
             return ''
         ahead = force + demand.rate * crossing_time(curves, curves.order[state], self.config)
@@ -225,7 +232,7 @@ class RecruitmentMachine:
         peak = force + demand.rate * self.config.horizon
         if demand.acceleration < 0.0:
             peak = min(peak, force + demand.rate ** 2 / (-2.0 * demand.acceleration))
-        if peak <= recruit:
+        if peak <= limit:
             return ''
         return (f"demand {force:.1f} N rising by {demand.rate:.1f} N/s towards RS{state}'s "
                 f'{limit:.1f} N; above {curves.crossing[state]:.1f} N its push-back of '
@@ -260,7 +267,7 @@ def crossing_time(curves: Curves, unit: int, config: SwitchingConfig) -> float:
     others = [i for i in curves.order if i != unit]
     slope = max((curves.slope(i, curves.pressure[-1, i]) for i in others), default=0.0)
     compensation = float(curves.dip[unit]) / slope if slope > 0.0 else 0.0
-    return 2.0 * max(travel, compensation) / config.crossing_rate + 2.0 * _EASE
+    return 1.4 * max(travel, compensation) / config.crossing_rate + 2.0 * _EASE
 
 
 #: Time over which a crossing gathers and loses speed, s: both units lag alike only when smooth.
