@@ -1,0 +1,87 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What can be looked at: a measurement with the model that one starts from, and the examples."""
+
+from dataclasses import dataclass
+
+from fam_bundle_ros.discovery import Measurement, read_measurement
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, load_model
+from fam_bundle_ros.resources import config_path
+
+__all__ = ['Case', 'EXAMPLES', 'Example', 'load_example', 'starting_model']
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    A measurement and the model to start from.
+
+    Attributes
+    ----------
+    title, origin : str
+        What the page calls it, and where the data comes from in one line.
+    """
+
+    title: str
+    origin: str
+    data: Measurement
+    model: Bundle
+
+
+@dataclass(frozen=True)
+class Example:
+    """A case that ships: its key, what a user reads before choosing it, and its files."""
+
+    key: str
+    title: str
+    question: str
+    origin: str
+    stem: str
+
+
+_SIMULATED = "simulated with this project's own engine, noise 0.6 N"
+
+EXAMPLES = (
+    Example('hidden_friction', 'Hidden friction',
+            'One muscle, up and down at seven pressures. The model is off by 6.7 N: why?',
+            _SIMULATED, 'examples/hidden_friction'),
+    Example('bundle_push_back', 'The unit that pushes back',
+            'Two motor units. While the second one fills, the bundle is stronger than the model '
+            'says.', _SIMULATED, 'examples/bundle_push_back'),
+    Example('dmsp20', 'A real muscle: DMSP-20',
+            'Measured map of a Festo muscle against the ideal braid: 150 N off, several effects '
+            'missing.', 'measured: Martens and Boblan, Actuators 2017, CC BY 4.0',
+            'dmsp20_static_map'),
+    Example('nothing_missing', 'Nothing missing',
+            'Does the tool admit it when a model is good enough?', _SIMULATED,
+            'examples/nothing_missing'),
+    Example('a_stranger', 'Not in the catalogue',
+            'An effect that no catalogue has. Describe it, then write it yourself.', _SIMULATED,
+            'examples/a_stranger'),
+)
+
+
+def load_example(key: str) -> Case:
+    """Return an example by its key; InputError when there is none of that name."""
+    for example in EXAMPLES:
+        if example.key == key:
+            data = read_measurement(config_path(f'data/{example.stem}.csv'), name=example.title)
+            model = load_model(config_path(f'data/{example.stem}.model.yaml'))
+            return Case(example.title, example.origin, data, model)
+    raise InputError(f"example '{key}' does not exist; expected one of "
+                     f"{', '.join(example.key for example in EXAMPLES)}")
+
+
+def starting_model(units: int) -> Bundle:
+    """
+    Return a model for data that came without one: the paper's muscles, mesh and bladder.
+
+    Geometry and rubber are recalibrated by every diagnosis; a model file of one's own is better.
+    """
+    paper = load_model(config_path('models/spie2021.yaml'))
+    first = paper.motor_units[0]
+    many = [type(first)(f'mu{k + 1}', first.muscles, first.geometry, first.max_pressure)
+            for k in range(units)]
+    kept = [effect for effect in paper.effects if effect.name in ('mesh', 'bladder_elasticity')]
+    return Bundle('paper muscle (assumed)', many, kept)

@@ -1,0 +1,68 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Fewer points for drawing, never for fitting: what sticks out stays in."""
+
+import numpy as np
+
+__all__ = ['thin', 'thin_groups']
+
+
+def thin(values: np.ndarray, most: int) -> np.ndarray:
+    """
+    Return indices of at most ``most`` points of a series, the extremes of each stretch among them.
+
+    Parameters
+    ----------
+    values : ndarray, shape (T,)
+        In drawing order.
+    most : int
+        At least 4.
+
+    Returns
+    -------
+    ndarray of int
+        Sorted; the first and the last point are kept.
+
+    Examples
+    --------
+    >>> spiked = np.zeros(10_000)
+    >>> spiked[1234] = 9.0
+    >>> kept = thin(spiked, 100)
+    >>> len(kept) <= 100, 1234 in kept
+    (True, True)
+    """
+    count = len(values)
+    if count <= most:
+        return np.arange(count)
+    stretches = max((most - 2) // 2, 1)
+    edges = np.linspace(0, count, stretches + 1).astype(int)
+    starts = edges[:-1]
+    # the extremes of each stretch, found on a rectangle padded with each stretch's first value
+    width = int(np.diff(edges).max())
+    at = np.minimum(starts[:, None] + np.arange(width), edges[1:, None] - 1)
+    block = values[at]
+    rows = np.arange(stretches)
+    lowest, highest = at[rows, block.argmin(1)], at[rows, block.argmax(1)]
+    return np.unique(np.r_[0, lowest, highest, count - 1])
+
+
+def thin_groups(group: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
+    """
+    Return indices of about ``most`` points, each group with its share and its extremes.
+
+    Parameters
+    ----------
+    group : ndarray of int, shape (T,)
+        Such as the number of the isobar.
+    values : ndarray, shape (T,)
+
+    Returns
+    -------
+    ndarray of int
+        Group after group, in the order of the rows within each.
+    """
+    order = np.argsort(group, kind='stable')
+    names, starts = np.unique(group[order], return_index=True)
+    share = max(most // max(len(names), 1), 4)
+    pieces = np.split(order, starts[1:])
+    return np.concatenate([piece[thin(values[piece], share)] for piece in pieces])
