@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The catalogue: every effect that a model file can name, built in or a user's."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 import importlib.metadata
 import importlib.util
 from pathlib import Path
+from types import MappingProxyType
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effects import (
@@ -46,14 +48,15 @@ BUILT_IN: tuple[type[Effect], ...] = (
 )
 
 
-def available() -> dict[str, type[Effect]]:
+@cache
+def available() -> Mapping[str, type[Effect]]:
     """Return every effect class by name: the built-ins, then those of entry points."""
     classes = {effect.name: effect for effect in BUILT_IN}
     for point in importlib.metadata.entry_points(group=ENTRY_POINT_GROUP):
         effect = point.load()
         _check_class(effect, f'entry point {point.name}')
         classes.setdefault(effect.name, effect)
-    return classes
+    return MappingProxyType(classes)
 
 
 def names() -> list[str]:
