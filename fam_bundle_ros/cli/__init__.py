@@ -32,11 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = '--debug' in given
-    warnings.showwarning = _show_warning
     try:
         from fam_bundle_ros.cli.app import app
-        status = app(args=[a for a in given if a != '--debug'], prog_name='fam_bundle',
-                     standalone_mode=False)
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            status = app(args=[a for a in given if a != '--debug'], prog_name='fam_bundle',
+                         standalone_mode=False)
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except BrokenPipeError:

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every command shares: arguments, finding files, tables, results as JSON."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 import sys
 from typing import Annotated, Any
@@ -14,9 +15,7 @@ import typer
 
 from fam_bundle_ros import palette
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.report.files import write_json
 from fam_bundle_ros.resources import config_names, config_path
-from fam_bundle_ros.units import parse
 
 #: A pipe or a file has no width: wide enough that no row of a table is folded for it.
 _PIPE_WIDTH = 160
@@ -69,6 +68,7 @@ def data_path(name: str) -> Path:
 
 def quantity(text: str, like: str, option: str) -> float:
     """Return an option's value with its unit in SI; the error names the option."""
+    from fam_bundle_ros.units import parse
     try:
         return parse(text, like)
     except InputError as error:
@@ -78,6 +78,7 @@ def quantity(text: str, like: str, option: str) -> float:
 def save_json(path: Path | None, result: Any) -> None:
     """Write the result where ``--json`` asks for it."""
     if path is not None:
+        from fam_bundle_ros.report.files import write_json
         write_json(path, result)
         wrote(path)
 
@@ -122,6 +123,25 @@ def shown(value: Any) -> str:
         from fam_bundle_ros.report.numbers import number
         return number(value)
     return str(value)
+
+
+@contextmanager
+def progress_bar(words: str) -> Iterator[Callable[[float, str], None]]:
+    """
+    Show how far long work is, on stderr.
+
+    Yields a function of the share done (0 to 1) and a word about what is being done.
+    """
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    with Progress(TextColumn('{task.description}'), BarColumn(bar_width=30),
+                  TimeElapsedColumn(), console=notes, transient=True,
+                  disable=not notes.is_terminal) as bar:
+        task = bar.add_task(words, total=1.0)
+
+        def tick(share: float, what: str = '') -> None:
+            bar.update(task, completed=share, description=f'{words}: {what}' if what else words)
+
+        yield tick
 
 
 def effect_name(name: str) -> Text:

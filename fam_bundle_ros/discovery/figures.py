@@ -132,7 +132,8 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None) -> go
     errors = [float(step['error_N']) for step in steps]
     held = [step.get('held_out_N') for step in steps]
     drawing = plotting.figure('', 'error (N rms)', height=400)
-    looks = [(errors, 'on all rows', plotting.INK, 'circle')]
+    looks: list[tuple[Sequence[float | None], str, str, str]] = [
+        (errors, 'on all rows', plotting.INK, 'circle')]
     if any(value is not None for value in held):
         looks.append((held, 'on rows held out', _MODEL.light, 'diamond'))
     for k, (values, title, colour, symbol) in enumerate(looks):
@@ -151,7 +152,8 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None) -> go
                        plotting.MUTED, xref='paper', xanchor='left', yanchor='top', yref='y',
                        xshift=6)
     # a log scale tells a fall from 150 to 8 N and one from 0.9 to 0.6 N alike
-    ticks = [m * 10.0 ** e for e in range(-4, 6) for m in (1, 2, 5) if low <= m * 10.0 ** e <= high]
+    decades = [m * 10.0 ** e for e in range(-4, 6) for m in (1, 2, 5)]
+    ticks = [tick for tick in decades if low <= tick <= high]
     drawing.update_yaxes(type='log', range=[np.log10(low), np.log10(high)], tickvals=ticks,
                          ticktext=[f'{tick:g}' for tick in ticks])
     drawing.update_xaxes(range=[-0.45, len(names) - 0.55], showgrid=False)

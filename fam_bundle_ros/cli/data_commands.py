@@ -1,0 +1,133 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that read measurements: `compare`, `diagnose`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fam_bundle_ros.cli.common import (
+    AllowPython,
+    console,
+    data_path,
+    effect_name,
+    JsonFile,
+    model_path,
+    ModelOption,
+    open_model,
+    progress_bar,
+    quantity,
+    save_json,
+    table,
+    wrote,
+)
+
+PANEL = 'Discovery'
+
+DataArgument = Annotated[str, typer.Argument(metavar='DATA', help='CSV with units in its header, '
+                                             'ROS 2 bag, or the name of data that ships.')]
+RestLength = Annotated[str | None, typer.Option('--rest-length', metavar='LENGTH', help='Rest '
+                                                'length, "127 mm", where the data has the '
+                                                'contraction as a length.')]
+PageFile = Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write '
+                                               'the page (HTML).')]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module."""
+    app.command('compare', rich_help_panel=PANEL)(compare)
+    app.command('diagnose', rich_help_panel=PANEL)(diagnose)
+
+
+def compare(
+    data: DataArgument = 'dmsp20_static_map',
+    model: ModelOption = 'dmsp20_static_map',
+    out: PageFile = None,
+    json_file: JsonFile = None,
+    rest_length: RestLength = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """Compare a model with a measurement: how large the error is, and where."""
+    from fam_bundle_ros import discovery
+    bundle = open_model(model, allow_python)
+    result = discovery.compare(bundle, read(data, rest_length))
+    console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
+                  f'of the force; mean {result.bias_N:+.3g} N, largest {result.largest_N:.3g} N')
+    console.print(_escaped(str(result.noise)))
+    for name in ('pressure', 'strain', 'direction', 'region', 'motor_unit'):
+        rows = result.tables.get(name, [])
+        if len(rows) > 1:
+            table((name.replace('_', ' '), 'rows', 'error (N)', 'mean (N)', ''),
+                  [(row['label'], row['samples'], row['error_N'], row['bias_N'],
+                    '' if row['beyond_noise'] else 'noise') for row in rows], numeric=(1, 2, 3))
+    console.print('where it fails' if result.located
+                  else 'no region stands out of the noise', style='bold')
+    for region in result.located:
+        console.print(f'  {_escaped(str(region))}')
+    if out is not None:
+        from fam_bundle_ros.report.discovery_pages import comparison_page
+        from fam_bundle_ros.report.page import write_page
+        write_page(out, comparison_page(result, bundle, _files(data, model)))
+        wrote(out)
+    save_json(json_file, result.to_dict())
+
+
+def diagnose(
+    data: DataArgument,
+    model: ModelOption,
+    out: PageFile = None,
+    json_file: JsonFile = None,
+    rest_length: RestLength = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """Find out which physical effect a model is missing, if any, and what to measure next."""
+    from fam_bundle_ros import discovery
+    bundle = open_model(model, allow_python)
+    measured = read(data, rest_length)
+    with progress_bar('diagnose') as tick:
+        result = discovery.diagnose(bundle, measured, progress=tick)
+    console.print(f'[bold]{result.verdict}[/bold]: {_escaped(result.summary)}', soft_wrap=True)
+    error = result.error_N
+    console.print(f"error {error['model']:.3g} N as it is, {error['recalibrated']:.3g} N "
+                  f"recalibrated, {error['best']:.3g} N at best; noise floor "
+                  f'{result.noise.value:.3g} N ({result.noise.basis})')
+    if result.ranking:
+        table(('candidate', 'probability', 'error (N)', 'why'),
+              [(effect_name(c.effect), f'{c.probability:.2f}', c.error_N, c.reason)
+               for c in result.ranking[:6]], numeric=(1, 2))
+    for group in result.tied:
+        console.print(f'cannot be told apart in these data: {", ".join(group)}')
+    if result.parameters:
+        table(('parameter', 'value', 'unit', '95 % interval', 'note'),
+              [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}',
+                e.flag) for e in result.parameters], numeric=(1,))
+    if result.shapes_left and result.verdict in ('unexplained', 'partial'):
+        console.print('the error that is left looks like', style='bold')
+        for shape in result.shapes_left:
+            console.print(f'  {_escaped(str(shape))}', soft_wrap=True)
+    console.print(f'[bold]next[/bold]: {_escaped(result.next_experiment)}', soft_wrap=True)
+    for note in result.notes:
+        console.print(f'note: {_escaped(note)}', style='dim', soft_wrap=True)
+    if out is not None:
+        from fam_bundle_ros.report.discovery_pages import diagnosis_page
+        from fam_bundle_ros.report.page import write_page
+        write_page(out, diagnosis_page(result, _files(data, model)))
+        wrote(out)
+    save_json(json_file, result.to_dict())
+
+
+def read(data: str, rest_length: str | None) -> Any:
+    """Return the Measurement that an argument names."""
+    from fam_bundle_ros.discovery import read_measurement
+    length = None if rest_length is None else quantity(rest_length, 'm', '--rest-length')
+    return read_measurement(data_path(data), rest_length=length)
+
+
+def _files(data: str, model: str) -> list[tuple[str, Path]]:
+    return [('measurement', data_path(data)), ('model file', model_path(model))]
+
+
+def _escaped(text: str) -> str:
+    from rich.markup import escape
+    return escape(text)

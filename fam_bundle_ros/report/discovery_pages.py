@@ -1,0 +1,217 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Pages of discovery: a comparison, a diagnosis, a ladder of models."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fam_bundle_ros.discovery import Comparison, Diagnosis, figures
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.report.map_page import effects_table, units_table
+from fam_bundle_ros.report.page import Headline, Page, Section, Table
+from fam_bundle_ros.report.picture import Picture
+from fam_bundle_ros.report.provenance import provenance
+
+__all__ = ['comparison_page', 'comparison_sections', 'diagnosis_page', 'diagnosis_sections',
+           'ladder_page', 'ladder_picture']
+
+Files = Sequence[tuple[str, str | Path]]
+#: What the ladder's held-out error is; said wherever it is drawn.
+HELD_OUT = ('Held out: each block of rows (isobar, trial or stretch of time) is predicted by a '
+            'fit that did not see it.')
+
+
+def comparison_page(result: Comparison, model: Bundle, files: Files = ()) -> Page:
+    """Return the page of ``fam_bundle compare``."""
+    return Page(
+        f'{model.name} against {result.data}', _comparison_lead(result),
+        _comparison_headline(result),
+        [*comparison_sections(result, model),
+         Section('Model', '', [units_table(model), effects_table(model)])],
+        provenance(files, _data_rows(result)))
+
+
+def comparison_sections(result: Comparison, model: Bundle) -> list[Section]:
+    """Return measured against model, residual maps, loops, tables and noise."""
+    words = {'pressure': 'By pressure', 'strain': 'By strain', 'region': 'By region',
+             'direction': 'By direction', 'rate': 'By speed', 'motor_unit': 'By motor unit',
+             'trial': 'By trial'}
+    tables = [_error_table(words.get(name, name), rows)
+              for name, rows in result.tables.items() if len(rows) > 1]
+    return [
+        Section('Measured and model', '', _comparison_pictures(result, model)),
+        Section('Where it fails', _where(result),
+                [Table(('region', 'error (N)', 'mean (N)', 'share (%)', 'rows'),
+                       [(r.where, r.error_N, r.bias_N, 100.0 * r.share, r.samples)
+                        for r in result.located])] if result.located else []),
+        Section('Error in numbers', '', tables),
+        Section('Noise', _noise_words(result), [_noise_table(result)]),
+    ]
+
+
+def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
+    """Return the page of ``fam_bundle diagnose``."""
+    comparison = result.comparison
+    error = result.error_N
+    headline = [
+        Headline('Verdict', result.verdict.replace('_', ' '), ', '.join(result.effects)),
+        Headline('Error of the model', f"{error['model']:.3g} N", 'rms, as it was'),
+        Headline('Recalibrated', f"{error['recalibrated']:.3g} N", 'its own parameters refitted'),
+        Headline('Best', f"{error['best']:.3g} N", 'with what was found'),
+        Headline('Noise floor', f'{result.noise.value:.3g} N', result.noise.basis)]
+    return Page(
+        f'What {result.model.name} is missing', f'{result.summary[:1].upper()}{result.summary[1:]}.',
+        headline,
+        [*diagnosis_sections(result),
+         *comparison_sections(comparison, result.model),
+         Section('Best model', '', [units_table(result.best), effects_table(result.best)])],
+        provenance(files, [*_data_rows(comparison),
+                           ('rows left out of the fit', str(result.rows_left_out)),
+                           ('time taken', f'{result.seconds:.1f} s')]))
+
+
+def diagnosis_sections(result: Diagnosis) -> list[Section]:
+    """Return candidates, ladder, parameters with intervals, and what to measure next."""
+    shown: list[Any] = []
+    chart = figures.candidates(result)
+    if chart is not None:
+        shown.append(Picture('candidates', 'Candidates', chart,
+                             'Probability that the effect belongs to the model, over all sets of '
+                             'effects that were fitted together with the model’s own '
+                             'parameters, and the error of the best set that holds it.'))
+    if result.ranking:
+        shown.append(Table(
+            ('effect', 'family', 'probability', 'error (N)', 'parameters', 'why'),
+            [(('effect', c.effect), c.family, round(c.probability, 2), c.error_N,
+              '; '.join(f'{e.key.partition(".")[2]} {e.value:.4g} {e.unit}'.rstrip()
+                        for e in c.parameters), c.reason) for c in result.ranking]))
+    ties = ' '.join(f'These data cannot tell {_either(group)} apart.' for group in result.tied)
+    notes = '\n\n'.join(result.notes)
+    sections = [Section('What is missing', f'{ties}\n\nNext: {result.next_experiment}', shown)]
+    if result.shapes_left and result.verdict in ('unexplained', 'partial'):
+        sections.append(Section(
+            'The error that is left', 'No effect of the catalogue explains it. These plain shapes '
+            'describe it best; each can be added to a model as an expression.',
+            [Table(('shape', 'coefficient', 'unit', 'explains (%)', 'size (N)'),
+                   [(t.words, t.coefficient, t.unit, 100.0 * t.explained, t.size_N)
+                    for t in result.shapes_left])]))
+    if len(result.ladder) > 1:
+        sections.append(Section('Ladder', '', [ladder_picture(result.ladder,
+                                                              result.noise.value)]))
+    parameters: list[Any] = []
+    if result.parameters:
+        parameters.append(Table(
+            ('parameter', 'value', 'unit', '95 % from', 'to', 'tolerances moved', 'note'),
+            [(e.key, e.value, e.unit, *e.interval, e.tolerances, e.flag)
+             for e in result.parameters]))
+    matrix = figures.confounding(result)
+    if matrix is not None:
+        parameters.append(Picture(
+            'confounding', 'Which parameters trade off', matrix,
+            'Correlation of the estimates: near 1 or −1 the data cannot tell the two apart, '
+            'and only their combination is known.'))
+    sections.append(Section('Parameters', notes, parameters))
+    return sections
+
+
+def ladder_page(steps: Sequence[Mapping[str, Any]], noise: float | None, data: str,
+                files: Files = (), text: str = '') -> Page:
+    """Return the page of ``fam_bundle ladder``: the error after each model."""
+    first, last = steps[0], steps[-1]
+    return Page(
+        f'Ladder on {data}',
+        f'The error falls from {first["error_N"]:.3g} N ({first["step"]}) to '
+        f'{last["error_N"]:.3g} N ({last["step"]})'
+        + (f'; the noise floor is {noise:.3g} N.' if noise else '.'),
+        [], [Section('Ladder', text, [
+            ladder_picture(steps, noise),
+            Table(('step', 'error (N)', 'held out (N)'),
+                  [(step['step'], step['error_N'], step.get('held_out_N')) for step in steps])])],
+        provenance(files))
+
+
+def ladder_picture(steps: Sequence[Mapping[str, Any]], noise: float | None) -> Picture:
+    """Return the ladder with its caption."""
+    return Picture('ladder', 'Error after each step', figures.ladder(steps, noise),
+                   f'{HELD_OUT} The axis is logarithmic.')
+
+
+def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:
+    data = result.measurement
+    by = 'isobar' if figures.has_isobars(data) else 'time'
+    pictures = [
+        Picture('comparison', f'Measured and model, by {by}', figures.comparison(result),
+                'Points are measured, lines are the model. Below: measured minus model; the grey '
+                'band is two standard deviations of the noise floor.'),
+        Picture('maps', 'Residual over strain and pressure',
+                figures.residual_maps(result, model),
+                'Measured minus model. What is the same both ways (even) points at an elastic '
+                'or a gauge effect, what changes sign with the direction of motion (odd) at '
+                'friction, damping or lag. Dotted: the model’s free strain.'
+                if not data.is_static else
+                'Measured minus model, mean of each cell. The map is static: nothing in it can '
+                'depend on direction or speed.')]
+    loops = figures.loops(result)
+    if loops is not None:
+        pictures.append(Picture('loops', 'Residual by direction of motion', loops,
+                                'Two separate bands are a loop that the model does not have.'))
+    return pictures
+
+
+def _comparison_headline(result: Comparison) -> list[Headline]:
+    return [
+        Headline('Error', f'{result.error_N:.3g} N', f'rms, {100 * result.relative_error:.2g} % '
+                 'of the force'),
+        Headline('Mean', f'{result.bias_N:+.3g} N', 'measured minus model'),
+        Headline('Largest', f'{result.largest_N:.3g} N', ''),
+        Headline('Noise floor', f'{result.noise.value:.3g} N', result.noise.basis)]
+
+
+def _comparison_lead(result: Comparison) -> str:
+    ratio = result.error_N / max(result.noise.value, 1e-12)
+    if not result.located:
+        return (f'The model is off by {result.error_N:.3g} N rms; no region stands out of the '
+                f'noise ({result.noise.value:.3g} N).')
+    worst = result.located[0]
+    return (f'The model is off by {result.error_N:.3g} N rms, {ratio:.3g} times the noise floor. '
+            f'It fails most at: {worst.where} ({worst.error_N:.3g} N rms).')
+
+
+def _where(result: Comparison) -> str:
+    if not result.located:
+        return 'No region stands out of the noise.'
+    return ('Regions whose error is beyond noise, largest first. The share is of the squared '
+            'error beyond noise; regions can overlap.')
+
+
+def _error_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    return Table((title.lower(), 'rows', 'error (N)', 'mean (N)', 'beyond noise'),
+                 [(row['label'], row['samples'], row['error_N'], row['bias_N'],
+                   row['beyond_noise']) for row in rows])
+
+
+def _noise_words(result: Comparison) -> str:
+    noise = result.noise
+    return (f'The floor is {noise.value:.3g} N, from {noise.basis}. {noise.note}\n\nLack of fit '
+            f'{result.lack_of_fit:.3g}: mean square of the cell means over what noise alone '
+            'would leave; about 1 for a model that is right.')
+
+
+def _noise_table(result: Comparison) -> Table:
+    noise = result.noise
+    return Table(('way', 'noise (N)', 'what it sees'), [
+        ('second differences', noise.differences, 'white noise between neighbours'),
+        ('repeats', noise.repeats, 'all that does not repeat at the same strain and pressure'),
+        ('visits', noise.visits, 'noise that lasts: means of whole visits to a cell')])
+
+
+def _data_rows(result: Comparison) -> list[tuple[str, str]]:
+    data = result.measurement
+    rows = [('data', str(data).splitlines()[0])]
+    rows += [('note on the data', note) for note in data.notes]
+    return rows
+
+
+def _either(group: Sequence[str]) -> str:
+    return f'{", ".join(group[:-1])} and {group[-1]}'

@@ -1,0 +1,22 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Runs commands in an empty folder."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fam_bundle_ros.cli import main
+
+
+@pytest.fixture
+def fam_bundle(tmp_path, monkeypatch, capsys):
+    """Return a function that runs ``fam_bundle`` and gives status, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        capsys.readouterr()
+        status = main([str(argument) for argument in arguments])
+        shown = capsys.readouterr()
+        return SimpleNamespace(returncode=status, stdout=shown.out, stderr=shown.err)
+    return run

@@ -1,0 +1,71 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Commands on measurements: what they find, and one line for what is wrong with a file."""
+
+import json
+
+import pytest
+
+HEADER = 'strain,pressure [kPa],force [N]\n'
+ROWS = ''.join(f'{0.01 * (i % 20):.2f},{100 * (1 + i // 20)},{50 - i % 20}\n' for i in range(60))
+
+
+def test_compare_tells_how_large_the_error_is_and_where(fam_bundle, tmp_path):
+    """`compare` of the ideal braid with the measured DMSP-20 map: some 150 N, page and JSON."""
+    result = fam_bundle('compare', '--out', 'page.html', '--json', 'result.json')
+    assert result.returncode == 0, result.stderr
+    found = json.loads((tmp_path / 'result.json').read_text())
+    assert 140.0 < found['error_N'] < 160.0
+    assert found['located']
+    assert '151 N rms' in result.stdout
+    page = (tmp_path / 'page.html').read_text()
+    assert page.count('class="drawing"') == 2
+    assert found['data_sha256'][:16] in page
+
+
+def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
+    """`diagnose` on loops of a muscle with hidden dry friction names it, in DESIGN.md's JSON."""
+    case = repository / 'test/data/practice/p03'
+    result = fam_bundle('diagnose', f'{case}.csv', '--model', f'{case}.model.yaml',
+                        '--out', 'page.html', '--json', 'result.json')
+    assert result.returncode == 0, result.stderr
+    found = json.loads((tmp_path / 'result.json').read_text())
+    keys = {'verdict', 'noise_floor_N', 'error_N', 'effects', 'ranking', 'tied', 'located',
+            'next_experiment'}
+    assert keys <= set(found)
+    assert set(found['error_N']) >= {'model', 'recalibrated', 'best'}
+    named = {*found['effects'], *(name for tie in found['tied'] for name in tie)}
+    assert named & {'coulomb_friction', 'presliding_hysteresis'}
+    assert found['error_N']['best'] < 0.3 * found['error_N']['model']
+    entry = found['ranking'][0]
+    assert {'effect', 'probability', 'error_N', 'parameters'} <= set(entry)
+    page = (tmp_path / 'page.html').read_text()
+    for figure in ('candidates', 'ladder', 'confounding', 'comparison', 'maps', 'loops'):
+        assert f'<figure id="{figure}">' in page
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('', ['empty']),
+    (HEADER, ['data.csv']),
+    (HEADER + ROWS.replace(',45\n', ',much\n', 1), ['row 7', 'force', 'much']),
+    (HEADER.replace('kPa', 'mm') + ROWS, ['pressure', 'mm']),
+    (HEADER.replace('kPa', 'MPa') + ROWS, ['pressure', 'MPa', 'kPa']),
+    (HEADER.replace('force [N]', 'forse [N]') + ROWS, ['force']),
+    (HEADER + ''.join(ROWS.splitlines(keepends=True)[:3]), ['3']),
+])
+@pytest.mark.parametrize('command', ['compare', 'diagnose'])
+def test_a_bad_measurement_is_one_clear_line(fam_bundle, tmp_path, command, text, words):
+    """Empty CSV, text in a number column, wrong unit, too few rows: one line, status 2."""
+    (tmp_path / 'data.csv').write_text(text)
+    result = fam_bundle(command, 'data.csv', '--model', 'dmsp20_static_map', '--json', 'out.json')
+    assert result.returncode == 2, result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert [word for word in ['data.csv', *words] if word not in result.stderr] == []
+    assert not (tmp_path / 'out.json').exists()
+
+
+def test_data_and_model_must_have_the_same_units(fam_bundle):
+    """Data of one muscle against a bundle of two is refused with both numbers."""
+    result = fam_bundle('compare', 'dmsp20_static_map', '--model', 'spie2021')
+    assert result.returncode == 2
+    assert 'expected 2' in result.stderr
