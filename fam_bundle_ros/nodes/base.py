@@ -1,0 +1,138 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What every node of the bundle shares: parameters, time, QoS, error lines, a safe stop."""
+
+from collections.abc import Callable, Sequence
+import time
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.event_handler import (
+    PublisherEventCallbacks,
+    QoSOfferedIncompatibleQoSInfo,
+    QoSRequestedIncompatibleQoSInfo,
+    SubscriptionEventCallbacks,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import qos_policy_name_from_kind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.parameters import Parameters, Spec
+
+#: Parameters of all nodes.
+COMMON = (
+    Spec('lock_step', False, 'step with the simulator: answer every stamp exactly once, with '
+         'readings of that stamp only'),
+    Spec('ambient_pressure', 101325.0, 'ambient pressure, Pa absolute', 30e3, 200e3),
+)
+#: Parameters of the nodes that listen to a rig.
+LISTENER = (
+    Spec('pressure_is_gauge', False, 'the rig sends gauge pressure, although FluidPressure is '
+         'absolute by definition'),
+)
+MODEL = (
+    Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships',
+         dynamic=True),
+)
+
+
+class BundleNode(Node):
+    """
+    A node with a table of parameters.
+
+    Parameters
+    ----------
+    name : str
+    specs : sequence of Spec
+        Besides the common ones.
+    context : Context, optional
+    namespace : str
+        Overruled by ``__ns`` on the command line.
+    overrides : dict, optional
+        Parameter values that win over those of the command line.
+
+    Raises
+    ------
+    InputError
+        When a parameter is wrong.
+    """
+
+    def __init__(self, name: str, specs: Sequence[Spec], *, context: Context | None = None,
+                 namespace: str = interface.NAMESPACE, overrides: dict[str, Any] | None = None):
+        super().__init__(
+            name, context=context, namespace=namespace,
+            parameter_overrides=[Parameter(k, value=v) for k, v in (overrides or {}).items()])
+        self._said: dict[str, float] = {}
+        try:
+            self.p = Parameters(self, (*COMMON, *specs))
+        except InputError:
+            self.destroy_node()
+            raise
+        self.lock_step: bool = self.p['lock_step']
+        self.ambient: float = self.p['ambient_pressure']
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+
+    # --- for derived nodes ---------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """Publish the safe state; called once, before the node is destroyed."""
+
+    def flush(self, seconds: float) -> None:
+        """Wait until what was published has arrived, at most this long for each publisher."""
+        for publisher in self.publishers:
+            publisher.wait_for_all_acked(Duration(nanoseconds=int(seconds * 1e9)))
+
+    def publisher(self, topic: str, kind: Any, qos: QoSProfile = interface.PUBLISH) -> Publisher:
+        """Return a publisher whose QoS the user may override and whose misfits are logged."""
+        return self.create_publisher(
+            kind, topic, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            event_callbacks=PublisherEventCallbacks(
+                incompatible_qos=lambda event: self._misfit(topic, event)))
+
+    def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], None],
+                  qos: QoSProfile | None = None) -> Subscription:
+        """
+        Return a subscription; a message that cannot be read is logged and dropped.
+
+        Without a QoS the one for samples and commands is taken.
+        """
+        def guarded(message: Any) -> None:
+            try:
+                callback(message)
+            except InputError as error:
+                self.say(f'bad {topic}', f'{topic}: {error}')
+
+        return self.create_subscription(
+            kind, topic, guarded, qos or interface.stream_qos(self.lock_step),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=lambda event: self._misfit(topic, event)))
+
+    def every(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Call back on the steady clock: simulated time may stand still."""
+        return self.create_timer(period, callback, clock=self._steady)
+
+    def now_ns(self) -> int:
+        """Return the node's ROS time in ns."""
+        return self.get_clock().now().nanoseconds
+
+    def say(self, key: str, text: str, interval: float = 5.0) -> None:
+        """Log a warning, at most once per interval for each key."""
+        now = time.monotonic()
+        if now - self._said.get(key, -interval) >= interval:
+            self._said[key] = now
+            self.get_logger().warning(text)
+
+    def _misfit(self, topic: str, event: QoSOfferedIncompatibleQoSInfo
+                | QoSRequestedIncompatibleQoSInfo) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        self.say(f'qos {topic}', f'{topic}: {event.total_count} endpoint(s) offer or ask for an '
+                 f'incompatible QoS ({policy}); no messages flow to or from them')

@@ -1,0 +1,95 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Node bundle_bringup: the whole bundle in one process, which takes a quarter of the CPU of six.
+
+Starts recruitment_controller, one pressure_pid per motor unit and model_monitor, with ``simulate``
+also plant_simulator, and with ``generate`` reference_generator. All take their parameters from the
+command line and parameter files as if each ran alone. Without a parameter file the one for the
+simulation that ships is taken.
+"""
+
+from collections.abc import Mapping
+import sys
+from typing import Any
+
+from rclpy.context import Context
+
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode, MODEL
+from fam_bundle_ros.nodes.model_monitor import ModelMonitor
+from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.parameters import Spec, table
+from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
+from fam_bundle_ros.resources import config_path
+
+SPECS = (
+    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
+    Spec('simulate', True, 'start plant_simulator; false on a rig'),
+    Spec('generate', True, 'start reference_generator'),
+    Spec('monitor', True, 'start model_monitor'),
+)
+
+
+class BundleBringup(BundleNode):
+    """Says which nodes to start; does nothing else."""
+
+    def __init__(self, *, context: Context | None = None, **keywords: Any):
+        super().__init__('bundle_bringup', SPECS, context=context, **keywords)
+        self.units = bundle_from(self.p['model']).n
+
+
+def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
+               overrides: Mapping[str, Any] | None = None,
+               simulator: Mapping[str, Any] | None = None,
+               generator: Mapping[str, Any] | None = None) -> list[BundleNode]:
+    """
+    Return the nodes of a bundle, in the order in which they are to be stopped.
+
+    Parameters
+    ----------
+    context : Context
+    namespace : str
+    overrides : mapping, optional
+        Parameters for all nodes (those that know them).
+    simulator, generator : mapping, optional
+        Further arguments of `PlantSimulator` and `ReferenceGenerator`.
+
+    Raises
+    ------
+    InputError
+        When a parameter or a file is wrong; no node is left behind.
+    """
+    nodes: list[BundleNode] = []
+    common: dict[str, Any] = {'context': context, 'namespace': namespace,
+                              'overrides': dict(overrides or {})}
+    try:
+        bringup = BundleBringup(**common)
+        nodes.append(bringup)
+        # Listeners first: in lock-step nothing is lost that way, and nothing repeated.
+        if bringup.p['monitor']:
+            nodes.append(ModelMonitor(**common))
+        nodes.append(RecruitmentNode(**common))
+        nodes += [PressurePidNode(unit + 1, **common) for unit in range(bringup.units)]
+        if bringup.p['generate']:
+            nodes.append(ReferenceGenerator(**common, **(generator or {})))
+        if bringup.p['simulate']:
+            nodes.append(PlantSimulator(**common, **(simulator or {})))
+    except Exception:
+        for node in nodes:
+            node.destroy_node()
+        raise
+    return nodes
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run all nodes; the exit status."""
+    argv = list(sys.argv if args is None else args)
+    if '--params-file' not in argv:
+        # In front, so that what the user gives wins.
+        argv[1:1] = ['--ros-args', '--params-file', str(config_path('simulation.yaml')), '--']
+    return run(make_nodes, f'{__doc__}\nParameters:\n{table(SPECS)}', argv)

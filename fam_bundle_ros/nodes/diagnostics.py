@@ -1,0 +1,112 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the nodes say on /diagnostics, once a second (REP-107)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+
+OK = 0
+WARN = 1
+ERROR = 2
+STALE = 3
+
+
+@dataclass
+class Report:
+    """
+    State of a node: the worst level wins, its messages are joined.
+
+    Attributes
+    ----------
+    level : int
+    messages : list of str
+    values : dict
+        Key and value as tools show them.
+    """
+
+    level: int = OK
+    messages: list[str] = field(default_factory=list)
+    values: dict[str, str] = field(default_factory=dict)
+
+    def add(self, level: int, message: str) -> None:
+        """Add a message that is worth a level."""
+        if level > self.level:
+            self.level = level
+        self.messages.append(message)
+
+    def value(self, key: str, value: Any, digits: int = 4) -> None:
+        """Add a value; floats are shortened."""
+        self.values[key] = f'{value:.{digits}g}' if isinstance(value, float) else str(value)
+
+
+class Meter:
+    """
+    Counts what comes and measures its age, between two reports.
+
+    Attributes
+    ----------
+    last : float or None
+        Steady time of the last tick, s.
+    """
+
+    def __init__(self) -> None:
+        self.last: float | None = None
+        self._count = 0
+        self._longest = 0.0
+        self._since = time.monotonic()
+
+    def tick(self) -> None:
+        """Note that something came."""
+        now = time.monotonic()
+        if self.last is not None:
+            self._longest = max(self._longest, now - self.last)
+        self.last = now
+        self._count += 1
+
+    def report(self, report: Report, name: str) -> None:
+        """Add rate (Hz), age and longest gap (s) to a report and start afresh."""
+        now = time.monotonic()
+        report.value(f'{name} rate', self._count / max(now - self._since, 1e-6))
+        report.value(f'{name} age', 'never' if self.last is None else now - self.last)
+        report.value(f'{name} longest gap', self._longest)
+        self._count, self._longest, self._since = 0, 0.0, now
+
+
+class Diagnostics:
+    """
+    Publishes a node's reports.
+
+    Parameters
+    ----------
+    node : BundleNode
+    fill : callable
+        Gets a `Report` to fill.
+    hardware : str
+        ``simulated`` or ``rig``, where the node knows.
+    """
+
+    def __init__(self, node: BundleNode, fill: Callable[[Report], None], hardware: str = ''):
+        self._node = node
+        self._fill = fill
+        self._hardware = hardware
+        self._publisher = node.publisher(interface.DIAGNOSTICS, DiagnosticArray)
+        node.every(1.0, self.publish)
+
+    def publish(self) -> None:
+        """Publish a report now."""
+        report = Report()
+        self._fill(report)
+        status = DiagnosticStatus(
+            level=bytes([report.level]), name=self._node.get_fully_qualified_name()[1:],
+            message='; '.join(report.messages) or 'OK', hardware_id=self._hardware,
+            values=[KeyValue(key=key, value=value) for key, value in report.values.items()])
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = interface.to_stamp(self._node.now_ns())
+        self._publisher.publish(message)

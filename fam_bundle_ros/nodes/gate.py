@@ -1,0 +1,79 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Lock-step: collects what belongs to one stamp. No ROS.
+
+Every node of the loop answers a stamp once it has all that belongs to it, and never guesses, so
+that the run is the same whatever order messages arrive in. A channel that stays away for too long
+is lost: it is waited for no more until it comes back, and the node treats it as stale.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+
+class Gate:
+    """
+    Waits until all channels carry the same stamp.
+
+    Parameters
+    ----------
+    channels : iterable of str
+
+    Examples
+    --------
+    >>> gate = Gate(['force', 'strain'])
+    >>> gate.put('force', 5, 120.0)
+    False
+    >>> gate.put('strain', 5, 0.1)
+    True
+    >>> gate.stamp, gate.value('force')
+    (5, 120.0)
+    """
+
+    def __init__(self, channels: Iterable[str]):
+        self._latest: dict[str, tuple[int, Any]] = dict.fromkeys(channels, (-1, None))
+        #: Channels that are not waited for.
+        self.lost: set[str] = set()
+        #: Newest stamp that any channel carries; -1 before the first.
+        self.stamp = -1
+        #: Whether all channels have arrived together once.
+        self.begun = False
+
+    def put(self, channel: str, stamp: int, value: Any) -> bool:
+        """
+        Take a value; return whether everything of the newest stamp is in.
+
+        A stamp before the newest begins time anew (the simulator was reset) when it comes from a
+        channel that carried the newest itself; else it is late and only brings the channel back.
+        """
+        self.lost.discard(channel)
+        before = self._latest[channel][0]
+        self._latest[channel] = (stamp, value)
+        if stamp > self.stamp or stamp < before == self.stamp:
+            self.stamp = stamp
+        return stamp == self.stamp and self.complete
+
+    @property
+    def complete(self) -> bool:
+        """Whether every channel that is not lost carries the newest stamp."""
+        done = self.stamp >= 0 and not self.missing
+        self.begun = self.begun or done
+        return done
+
+    @property
+    def missing(self) -> list[str]:
+        """Channels that are waited for."""
+        return [name for name, (stamp, _) in self._latest.items()
+                if stamp != self.stamp and name not in self.lost]
+
+    def give_up(self) -> list[str]:
+        """Count the channels that are waited for as lost and return them."""
+        missing = self.missing
+        self.lost.update(missing)
+        return missing
+
+    def value(self, channel: str, missing: Any = None) -> Any:
+        """Return a channel's value of the newest stamp, or ``missing`` where it has none."""
+        stamp, value = self._latest[channel]
+        return value if stamp == self.stamp else missing

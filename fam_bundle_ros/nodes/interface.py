@@ -1,0 +1,274 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The ROS interface: names, types, QoS and the conversion of every message, both ways.
+
+The one place that knows how a quantity looks on a topic. Inside, stamps are integers in
+nanoseconds and pressures are gauge; FluidPressure is absolute. Every scalar is cast: Jazzy's
+Python messages write a wrong type as garbage without a word. Motor units count from 1 here, as
+in the topic names.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool, UInt8
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from fam_bundle_ros.errors import InputError
+
+NAMESPACE = 'bundle'
+
+FORCE = 'force'
+STRAIN = 'strain'
+SUPPLY = 'supply/pressure'
+REFERENCE_FORCE = 'reference/force'
+REFERENCE_STRAIN = 'reference/strain'
+TRAJECTORY = 'reference/trajectory'
+RECRUITMENT_STATE = 'recruitment_state'
+RECRUITMENT = 'recruitment'
+MODEL_FORCE = 'model/force'
+MODEL_RESIDUAL = 'model/residual'
+E_STOP = 'e_stop'
+# Global by convention (REP-107 and use_sim_time); all other names are relative.
+DIAGNOSTICS = '/diagnostics'
+CLOCK = '/clock'
+
+ENABLE = 'enable'
+E_STOP_TRIGGER = 'e_stop_trigger'
+E_STOP_RESET = 'e_stop_reset'
+RESET = 'reset'
+TARE = 'tare'
+SERVICES = {ENABLE: SetBool, E_STOP_TRIGGER: Trigger, E_STOP_RESET: Trigger, RESET: Trigger,
+            TARE: Trigger}
+
+LOAD_CELL_FRAME = 'load_cell'
+
+
+def pressure_topic(unit: int) -> str:
+    """Return the name of a motor unit's pressure topic."""
+    return f'mu{unit}/pressure'
+
+
+def setpoint_topic(unit: int) -> str:
+    """Return the name of a motor unit's pressure setpoint topic."""
+    return f'mu{unit}/pressure_setpoint'
+
+
+def valve_topic(unit: int) -> str:
+    """Return the name of a motor unit's valve command topic."""
+    return f'mu{unit}/valve_command'
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of the interface: its name, its message type, and whether the last one is kept."""
+
+    name: str
+    type: Any
+    latched: bool = False
+
+    @property
+    def type_name(self) -> str:
+        """Return the name as ROS tools print it, for example ``std_msgs/msg/Bool``."""
+        package = self.type.__module__.split('.')[0]
+        return f'{package}/msg/{self.type.__name__}'
+
+
+def topics(units: int) -> tuple[Topic, ...]:
+    """Return every topic of a bundle with that many motor units, ``/clock`` not among them."""
+    per_unit = [Topic(name(unit), kind) for unit in range(1, units + 1) for name, kind in (
+        (pressure_topic, FluidPressure), (setpoint_topic, FluidPressure),
+        (valve_topic, JointState))]
+    return (Topic(FORCE, WrenchStamped), Topic(STRAIN, JointState), Topic(SUPPLY, FluidPressure),
+            *per_unit,
+            Topic(REFERENCE_FORCE, WrenchStamped), Topic(REFERENCE_STRAIN, JointState),
+            Topic(TRAJECTORY, JointTrajectory),
+            Topic(RECRUITMENT_STATE, UInt8, latched=True), Topic(RECRUITMENT, JointState),
+            Topic(MODEL_FORCE, WrenchStamped), Topic(MODEL_RESIDUAL, WrenchStamped),
+            Topic(E_STOP, Bool, latched=True), Topic(DIAGNOSTICS, DiagnosticArray))
+
+
+# --- QoS --------------------------------------------------------------------------------------
+
+#: Publishers are reliable, so that any subscriber matches.
+PUBLISH = QoSProfile(depth=10)
+#: For events that must not be lost.
+RELIABLE = QoSProfile(depth=10)
+#: Lock-step must see every message, however long a subscriber was held up.
+LOCK_STEP = QoSProfile(depth=200)
+#: Matches every driver, and never queues old readings.
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def stream_qos(lock_step: bool) -> QoSProfile:
+    """Return the QoS with which samples and commands are subscribed to."""
+    return LOCK_STEP if lock_step else NEWEST
+
+
+# --- time -------------------------------------------------------------------------------------
+
+def stamp_ns(stamp: Time) -> int:
+    """Return a stamp in nanoseconds."""
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def to_stamp(nanoseconds: int) -> Time:
+    """Return nanoseconds as a stamp."""
+    sec, nanosec = divmod(int(nanoseconds), 1_000_000_000)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def clock_message(nanoseconds: int) -> Clock:
+    """Return the message that sets everyone's simulated clock."""
+    return Clock(clock=to_stamp(nanoseconds))
+
+
+# --- rig --------------------------------------------------------------------------------------
+
+def force_message(stamp: int, force: float, frame: str = LOAD_CELL_FRAME) -> WrenchStamped:
+    """Return a force in N, tension positive, as a wrench."""
+    message = WrenchStamped()
+    message.header.stamp = to_stamp(stamp)
+    message.header.frame_id = frame
+    message.wrench.force.x = float(force)
+    return message
+
+
+def read_force(message: WrenchStamped) -> float:
+    """Return the force of a wrench, N."""
+    return message.wrench.force.x
+
+
+def strain_message(stamp: int, strain: float, rate: float, length: float) -> JointState:
+    """
+    Return strain and contraction as joints, positive when shorter.
+
+    Parameters
+    ----------
+    stamp : int, ns
+    strain, rate : float, 1 and 1/s
+    length : float, m
+        Rest length of the bundle.
+    """
+    message = JointState()
+    message.header.stamp = to_stamp(stamp)
+    message.name = ['contraction', 'strain']
+    message.position = [float(strain * length), float(strain)]
+    message.velocity = [float(rate * length), float(rate)]
+    return message
+
+
+def read_strain(message: JointState, length: float) -> tuple[float, float]:
+    """
+    Return strain and strain rate (1/s; nan where the message gives no velocity).
+
+    Raises
+    ------
+    InputError
+        When there is neither a joint ``strain`` nor a joint ``contraction`` with a position.
+    """
+    for joint, scale in (('strain', 1.0), ('contraction', 1.0 / length)):
+        if joint in message.name:
+            k = message.name.index(joint)
+            if k < len(message.position):
+                rate = message.velocity[k] * scale if k < len(message.velocity) else math.nan
+                return message.position[k] * scale, rate
+    raise InputError(f"a strain message names the joints {', '.join(message.name) or 'none'}; "
+                     "expected 'strain' or 'contraction' with a position")
+
+
+def pressure_message(stamp: int, gauge: float, ambient: float, frame: str = '') -> FluidPressure:
+    """Return a gauge pressure, Pa, as the absolute one that the message is defined to carry."""
+    message = FluidPressure()
+    message.header.stamp = to_stamp(stamp)
+    message.header.frame_id = frame
+    message.fluid_pressure = float(gauge + ambient)
+    return message
+
+
+def read_pressure(message: FluidPressure, ambient: float, is_gauge: bool = False) -> float:
+    """Return the gauge pressure, Pa; ``is_gauge`` for a driver that sends gauge already."""
+    return message.fluid_pressure if is_gauge else message.fluid_pressure - ambient
+
+
+def valve_message(stamp: int, unit: int, command: float) -> JointState:
+    """Return a valve command, -1 exhaust, 0 closed, 1 fill; stamp of the reading it answers."""
+    message = JointState()
+    message.header.stamp = to_stamp(stamp)
+    message.name = [f'mu{unit}_valve']
+    message.effort = [float(command)]
+    return message
+
+
+def read_valve(message: JointState, unit: int) -> float:
+    """
+    Return the command for a motor unit's valve, -1..1.
+
+    Raises
+    ------
+    InputError
+        When the message is for another valve, or the command is not a number from -1 to 1.
+    """
+    name = f'mu{unit}_valve'
+    if list(message.name) != [name] or len(message.effort) != 1:
+        raise InputError(f"a valve command names {', '.join(message.name) or 'nothing'} with "
+                         f"{len(message.effort)} efforts; expected '{name}' with one")
+    command = message.effort[0]
+    if not -1.0 <= command <= 1.0:
+        raise InputError(f'valve command of mu{unit} is {command}; expected -1 to 1')
+    return command
+
+
+# --- references -------------------------------------------------------------------------------
+
+def reference_force_message(stamp: int, force: float, rate: float = 0.0) -> WrenchStamped:
+    """Return a force reference, N. A wrench has no room for its rate: it is not sent."""
+    return force_message(stamp, force)
+
+
+def reference_strain_message(stamp: int, strain: float, rate: float = 0.0) -> JointState:
+    """Return a strain reference with its rate, 1/s."""
+    message = JointState()
+    message.header.stamp = to_stamp(stamp)
+    message.name = ['strain']
+    message.position = [float(strain)]
+    message.velocity = [float(rate)]
+    return message
+
+
+# --- recruitment ------------------------------------------------------------------------------
+
+def state_message(state: int) -> UInt8:
+    """Return a recruitment state: 0 off, k = RSk."""
+    return UInt8(data=int(state))
+
+
+def recruitment_message(stamp: int, active: Iterable[bool], share: Sequence[float]) -> JointState:
+    """Return per motor unit 0 or 1 (position) and its share of the force in N (effort)."""
+    message = JointState()
+    message.header.stamp = to_stamp(stamp)
+    message.position = [float(bool(on)) for on in active]
+    message.effort = [float(value) for value in share]
+    message.name = [f'mu{i + 1}' for i in range(len(message.position))]
+    return message
+
+
+def read_recruitment(message: JointState) -> tuple[list[bool], list[float]]:
+    """Return which motor units are on, and their shares."""
+    return [value > 0.5 for value in message.position], list(message.effort)
+
+
+def bool_message(value: bool) -> Bool:
+    """Return a Bool; numpy's own bools would go out as False."""
+    return Bool(data=bool(value))

@@ -1,0 +1,146 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Node model_monitor: what the model says the load cell should show, and by how much it is wrong.
+
+Publishes ``model/force`` and ``model/residual`` (measured minus model) for every sample, and on
+/diagnostics the residual's rms beside the noise floor that neighbouring samples tell. No verdict:
+a residual above the noise says that something is missing, ``fam_bundle diagnose`` says what.
+"""
+
+from collections import deque
+import math
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rclpy.context import Context
+
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.nodes import interface, sensing
+from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
+from fam_bundle_ros.nodes.diagnostics import Diagnostics, Report, WARN
+from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.parameters import Spec, table
+from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.sensing import Sample, Sensing
+
+SPECS = (
+    *MODEL, *LISTENER, *sensing.SPECS,
+    Spec('window', 5.0, 'time over which residual and noise floor are taken, s', 0.5, 600.0),
+    Spec('warn_ratio', 2.0, 'warn when the residual is above the noise floor times this', 1.0,
+         100.0, dynamic=True),
+)
+
+
+class LiveModel:
+    """
+    A model that follows a rig sample by sample.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        Its sensor effects are taken off the readings and put on the force, as in a comparison.
+    """
+
+    def __init__(self, bundle: Bundle):
+        self.bundle = bundle
+        self._error = bundle.sensor_error if bundle.sensors else None
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a new trial."""
+        self._state = self.bundle.start_state()
+
+    def step(self, dt: float, strain: float, pressure: list[float], rate: float) -> float:
+        """Return the force that the load cell should show now, N; nan for unusable readings."""
+        if not math.isfinite(strain + rate + sum(pressure)):
+            self.reset()
+            return math.nan
+        felt = np.array(pressure)
+        error = self._error
+        if error is not None:
+            strain -= error.strain_bias
+            felt = (felt - error.pressure_bias) / (1.0 + error.pressure_gain)
+        forces, self._state = self.bundle.step(self._state, dt, strain, felt, rate)
+        force = float(forces.sum())
+        return force if error is None else force * (1.0 + error.force_gain) + error.force_bias
+
+
+class ModelMonitor(BundleNode):
+    """
+    The model monitor.
+
+    Parameters
+    ----------
+    context : Context, optional
+    **keywords
+        Of `BundleNode`.
+    """
+
+    def __init__(self, *, context: Context | None = None, **keywords: Any):
+        super().__init__('model_monitor', SPECS, context=context, **keywords)
+        self._live = LiveModel(bundle_from(self.p['model']))
+        self._residuals: deque[float] = deque(
+            maxlen=max(round(self.p['window'] * self.p['rate']), 50))
+        self._stamp = -1
+        self._model = self.publisher(interface.MODEL_FORCE, WrenchStamped)
+        self._residual = self.publisher(interface.MODEL_RESIDUAL, WrenchStamped)
+        bundle = self._live.bundle
+        self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
+                                self._on_sample)
+        self.p.on_change(self, lambda values: bundle_from(values['model']), self._change)
+        self._diagnostics = Diagnostics(self, self._report)
+        if self.lock_step:
+            self.every(0.5, self._sensing.check_time)
+
+    def _on_sample(self, sample: Sample) -> None:
+        if sample.stamp == self._stamp:
+            return
+        dt = (sample.stamp - self._stamp) * 1e-9
+        if self._stamp < 0 or not 0.0 < dt < 1.0:
+            self._live.reset()
+            dt = 0.0
+        self._stamp = sample.stamp
+        force = self._live.step(dt, sample.strain, sample.pressure, sample.rate)
+        residual = sample.force - force
+        self._model.publish(interface.force_message(sample.stamp, force))
+        self._residual.publish(interface.force_message(sample.stamp, residual))
+        if math.isfinite(residual):
+            self._residuals.append(residual)
+
+    def _change(self, changes: dict[str, Any]) -> None:
+        if 'model' in changes:
+            self._live = LiveModel(bundle_from(self.p['model']))
+            self._residuals.clear()
+
+    def _report(self, report: Report) -> None:
+        self._sensing.report(report)
+        report.value('model', self._live.bundle.name)
+        if len(self._residuals) < 50:
+            report.add(WARN, 'WAITING for samples')
+            return
+        residual = np.array(self._residuals)
+        rms, floor = float(np.sqrt(np.mean(residual ** 2))), noise_floor(residual)
+        report.value('residual rms, N', rms)
+        report.value('residual mean, N', float(residual.mean()))
+        report.value('noise floor, N', floor)
+        report.value('residual / noise floor', rms / max(floor, 1e-9))
+        if rms > self.p['warn_ratio'] * floor + 1e-3:
+            report.add(WARN, f'model error {rms:.2f} N rms over a noise floor of {floor:.2f} N')
+
+
+def noise_floor(residual: np.ndarray) -> float:
+    """
+    Return the noise of evenly sampled residuals, N, from second differences.
+
+    Slow errors of the model cancel in them; the median keeps switching moments out.
+    """
+    second = residual[2:] - 2.0 * residual[1:-1] + residual[:-2]
+    return float(1.4826 * np.median(np.abs(second - np.median(second))) / math.sqrt(6.0))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; the exit status."""
+    return run(lambda context: [ModelMonitor(context=context)],
+               f'{__doc__}\nParameters:\n{table(SPECS)}', args)

@@ -1,0 +1,174 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+ROS parameters from a table: descriptors, ranges, one clear line for a bad override.
+
+A node lists what it has as `Spec`s. `declare` gives them to ROS and returns the values;
+`Parameters.on_change` validates changes as a set before any of them is taken.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from fam_bundle_ros.errors import InputError
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Spec:
+    """
+    One parameter of a node.
+
+    Parameters
+    ----------
+    name : str
+    default : bool, int, float or str
+        Its type is the parameter's type.
+    text : str
+        What it means, with the unit.
+    low, high : float
+        Range of a number, inclusive.
+    choices : tuple of str
+        What a string may be; empty for any.
+    dynamic : bool
+        Whether it may change while the node runs.
+    """
+
+    name: str
+    default: Value
+    text: str
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+    dynamic: bool = False
+
+    @property
+    def expected(self) -> str:
+        """What a value must be, in words."""
+        if self.choices:
+            return f"one of {', '.join(self.choices)}"
+        if isinstance(self.default, bool):
+            return 'true or false'
+        if isinstance(self.default, str):
+            return 'a text'
+        bounds = f' from {self.low:g} to {self.high:g}'
+        if isinstance(self.default, int):
+            return f'a whole number{bounds}'
+        return f'a number with a decimal point (3.0, not 3){bounds}'
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Return the descriptor that tools such as rqt show."""
+        result = ParameterDescriptor(name=self.name, description=self.text,
+                                     read_only=not self.dynamic)
+        if self.choices:
+            result.additional_constraints = self.expected
+        if isinstance(self.default, bool) or isinstance(self.default, str):
+            return result
+        # A step other than 0 makes rclpy refuse what lies between; infinities have no slider.
+        if isinstance(self.default, int):
+            result.integer_range = [IntegerRange(from_value=int(self.low),
+                                                 to_value=int(self.high), step=0)]
+        else:
+            result.floating_point_range = [FloatingPointRange(
+                from_value=float(self.low), to_value=float(self.high), step=0.0)]
+        return result
+
+    def check(self, value: Any) -> None:
+        """Refuse a text that is not among the choices; ROS itself has checked the rest."""
+        if self.choices and value not in self.choices:
+            raise InputError(f'parameter {self.name} is {value!r}; expected {self.expected}')
+
+
+class Parameters(dict[str, Any]):
+    """
+    The values of a node's parameters, kept up to date.
+
+    Parameters
+    ----------
+    node : Node
+    specs : sequence of Spec
+
+    Raises
+    ------
+    InputError
+        When an override has the wrong type or lies out of range.
+    """
+
+    def __init__(self, node: Node, specs: Sequence[Spec]):
+        super().__init__()
+        self.specs = {spec.name: spec for spec in specs}
+        for spec in specs:
+            try:
+                value = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
+            except ParameterException:
+                # The exceptions of rclpy name neither the node nor what would be right.
+                given = node._parameter_overrides[spec.name].value
+                raise InputError(f'{node.get_name()}: parameter {spec.name} is {given!r}; '
+                                 f'expected {spec.expected}') from None
+            try:
+                spec.check(value)
+            except InputError as error:
+                raise InputError(f'{node.get_name()}: {error}') from None
+            self[spec.name] = value
+
+    def on_change(self, node: Node, check: Callable[[dict[str, Any]], Any],
+                  apply: Callable[[dict[str, Any]], None]) -> None:
+        """
+        Take changes while the node runs.
+
+        Parameters
+        ----------
+        node : Node
+        check : callable
+            Gets all values as they would be; raises InputError where they do not fit together.
+        apply : callable
+            Gets the values that changed, after `self` holds them.
+        """
+        def validate(changes: list[Parameter]) -> SetParametersResult:
+            new = {p.name: p.value for p in changes if p.name in self.specs}
+            try:
+                for name, value in new.items():
+                    self.specs[name].check(value)
+                check({**self, **new})
+            except InputError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        def take(changes: list[Parameter]) -> None:
+            new = {p.name: p.value for p in changes if p.name in self.specs}
+            self.update(new)
+            if new:
+                apply(new)
+
+        node.add_on_set_parameters_callback(validate)
+        node.add_post_set_parameters_callback(take)
+
+
+def table(specs: Sequence[Spec]) -> str:
+    """Return the parameters as lines of text, for ``--help``."""
+    lines = []
+    for spec in specs:
+        if isinstance(spec.default, bool):
+            default = 'true' if spec.default else 'false'
+        elif isinstance(spec.default, str):
+            default = f"'{spec.default}'"
+        else:
+            default = str(spec.default)
+        bounds = '' if isinstance(spec.default, (bool, str)) else f' [{spec.low:g}..{spec.high:g}]'
+        kind = 'changes while running' if spec.dynamic else 'at start'
+        lines.append(f'  {spec.name} = {default}{bounds} ({kind})')
+        lines.append(f"      {spec.text}{': ' + ', '.join(spec.choices) if spec.choices else ''}")
+    return '\n'.join(lines)

@@ -1,0 +1,340 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Node plant_simulator: a rig that is not there, with the names, units and services of a real one.
+
+In wall time it steps at its rate with the latest valve commands and vents the motor units whose
+commands stay away. In lock-step it publishes a sample and ``/clock``, and steps when a valve
+command with that sample's stamp has come for every motor unit.
+"""
+
+from collections.abc import Callable
+import time
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.context import Context
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode, MODEL
+from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.gate import Gate
+from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.parameters import Spec, table
+from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.profile import load_profile, Profile
+from fam_bundle_ros.nodes.rig_parameters import (
+    FAULTS,
+    faults_from,
+    LOAD,
+    load_change,
+    RIG,
+    rig_config,
+)
+from fam_bundle_ros.plant import Dynamometer, Rig
+
+SPECS = (
+    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
+    Spec('plant_model', '', 'model file of the rig where it is not `model`: a hidden effect'),
+    Spec('rate', 200.0, 'samples per second', 10.0, 2000.0),
+    Spec('seed', 0, 'of the noise', 0, 2**31 - 1),
+    Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
+    Spec('publish_clock', True, 'send /clock in lock-step; one simulator per ROS domain only'),
+    Spec('command_timeout', 0.1, 'a motor unit without a fresh command is vented, s', 0.01, 10.0,
+         dynamic=True),
+    Spec('lock_step_timeout', 5.0, 'wall time after which a missing command counts as lost, s',
+         0.1, 600.0),
+    *LOAD, *RIG, *FAULTS,
+)
+#: s of wall time after which an unanswered sample is sent again.
+_RETRY = 0.2
+
+
+class PlantSimulator(BundleNode):
+    """
+    The simulated rig.
+
+    Parameters
+    ----------
+    context : Context, optional
+    rig : Rig, optional
+        In place of the one that the parameters describe.
+    on_step : callable, optional
+        Called with the time of the run (s) before each step, for loads that change in a script.
+    **keywords
+        Of `BundleNode`.
+
+    Attributes
+    ----------
+    rig : Rig
+    """
+
+    def __init__(self, *, context: Context | None = None, rig: Rig | None = None,
+                 on_step: Callable[[float], None] | None = None, **keywords: Any):
+        super().__init__('plant_simulator', SPECS, context=context, **keywords)
+        p = self.p
+        self.rig = rig or Rig(bundle_from(p['plant_model'] or p['model']), rig_config(p),
+                              seed=p['seed'])
+        self.units = self.rig.bundle.n
+        self._channels = [f'mu{i + 1}' for i in range(self.units)]
+        self._on_step = on_step
+        self._profile: Profile | None = load_profile(p['load.profile']) if p['load.profile'] \
+            else None
+        if self._profile and (self._profile.kind != 'strain' or not isinstance(
+                self.rig.load, Dynamometer)):
+            raise InputError('load.profile needs a trajectory of strain and load.kind dynamometer')
+        self._period_ns = round(1e9 / p['rate'])
+        self._steps = 0
+        self._overruns = 0
+        self._refused = 0
+        self._meter = Meter()
+        self._frozen: dict[str, Any] = {}
+        self._set_faults(p)
+        self._set_up_interface()
+        if p['start_stopped']:
+            self.rig.e_stop('stopped at start: call e_stop_reset')
+        self._announce_stop()
+        if self.lock_step:
+            # Stamp 0 means "no stamp" to many tools: time begins one period later.
+            self._stamp = self._period_ns
+            self._gate = Gate(self._channels)
+            self._sent = float('-inf')
+            self.every(_RETRY, self._retry)
+        else:
+            self._stamp = self.now_ns()
+            self._commands = [-1.0] * self.units
+            self._command_stamps: list[int | None] = [None] * self.units
+            self._received = [0.0] * self.units
+            self.every(self._period_ns * 1e-9, self._tick)
+
+    def _set_up_interface(self) -> None:
+        self._force = self.publisher(interface.FORCE, WrenchStamped)
+        self._strain = self.publisher(interface.STRAIN, JointState)
+        self._supply = self.publisher(interface.SUPPLY, FluidPressure)
+        self._pressure = [self.publisher(interface.pressure_topic(i + 1), FluidPressure)
+                          for i in range(self.units)]
+        self._e_stop = self.publisher(interface.E_STOP, Bool, interface.LATCHED)
+        self._time_publisher = (self.publisher(interface.CLOCK, Clock)
+                       if self.lock_step and self.p['publish_clock'] else None)
+        for i in range(self.units):
+            def command(message: JointState, i: int = i) -> None:
+                self._take_command(i, message)
+            self.subscribe(interface.valve_topic(i + 1), JointState, command)
+        for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
+                             (interface.E_STOP_RESET, self._on_e_stop_reset),
+                             (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
+            self.create_service(Trigger, name, answer)
+        self.p.on_change(self, lambda values: faults_from(values, self.units), self._change)
+        self._diagnostics = Diagnostics(self, self._report, 'simulated')
+
+    # --- lock-step -----------------------------------------------------------------------------
+
+    def _take_command(self, unit: int, message: JointState) -> None:
+        command = interface.read_valve(message, unit + 1)
+        stamp = interface.stamp_ns(message.header.stamp)
+        if self.lock_step:
+            # Late answers to a sample that was sent twice are as good as none.
+            if stamp == self._stamp and self._gate.put(self._channels[unit], stamp, command):
+                self._step(self._gate_commands())
+                self._publish()
+            return
+        age = (self._stamp - stamp) * 1e-9
+        if age > self.p['command_timeout']:
+            self._refused += 1
+            self.say(f'stale {unit}', f'valve command of mu{unit + 1} refused: stamped '
+                     f'{age:.3f} s ago, received just now; at most '
+                     f"{self.p['command_timeout']:g} s is taken")
+            return
+        self._commands[unit], self._command_stamps[unit] = command, stamp
+        self._received[unit] = time.monotonic()
+
+    def _retry(self) -> None:
+        """Send an unanswered sample again; count who never answers as lost."""
+        silence = time.monotonic() - self._sent
+        if silence < _RETRY:
+            return
+        if self._gate.begun and silence > self.p['lock_step_timeout']:
+            lost = self._gate.give_up()
+            if lost:
+                self.say('lost', f"no valve commands for {', '.join(lost)}: venting", 0.0)
+            if len(self._gate.lost) == self.units:
+                # Nobody drives time any more: let the air out at about wall speed.
+                for _ in range(round(_RETRY * self.p['rate'])):
+                    self._step([-1.0] * self.units)
+                self._publish(driven=False)
+                return
+            self._step(self._gate_commands())
+        self._publish(driven=not self._gate.begun)
+
+    def _gate_commands(self) -> list[float]:
+        """Return the commands of this stamp; whoever is lost is vented."""
+        return [self._gate.value(channel, -1.0) for channel in self._channels]
+
+    # --- wall time -----------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        now = self.now_ns()
+        if now == 0:
+            self.say('no clock', 'use_sim_time is on and nobody publishes /clock: time stands '
+                     'still (lock_step makes this node the clock)')
+            return
+        late = now - self._stamp - self._period_ns
+        if abs(late) > 4 * self._period_ns:
+            # Held up, or the clock was set: begin anew rather than catch up.
+            self._overruns += 1
+            self._stamp += late
+        commands = [self._fresh(i) for i in range(self.units)]
+        self._step(commands)
+        self._publish()
+
+    def _fresh(self, unit: int) -> float:
+        """Return the command of a motor unit, or that to vent it when there is no fresh one."""
+        stamp = self._command_stamps[unit]
+        if stamp is None:
+            return -1.0
+        age = (self._stamp - stamp) * 1e-9
+        if age <= self.p['command_timeout']:
+            return self._commands[unit]
+        self.say(f'silent {unit}', f'mu{unit + 1} is vented: its last valve command is stamped '
+                 f'{age:.3f} s ago and came {time.monotonic() - self._received[unit]:.3f} s ago; '
+                 f"at most {self.p['command_timeout']:g} s is taken")
+        return -1.0
+
+    # --- both ----------------------------------------------------------------------------------
+
+    def _step(self, commands: list[float]) -> None:
+        period = self._period_ns * 1e-9
+        run_time = self._steps * period
+        if self._on_step:
+            self._on_step(run_time)
+        if self._profile:
+            target = self._profile.value(run_time + period)
+            self.rig.impose_strain(target, abs(target - self.rig.truth.strain) / period)
+        stopped = self.rig.e_stopped
+        self.rig.step(commands, period)
+        self._steps += 1
+        self._stamp += self._period_ns
+        if self.rig.e_stopped != stopped:
+            self._announce_stop()
+
+    def _publish(self, driven: bool = True) -> None:
+        """Publish the present sample; ``driven`` restarts the wait for its answers."""
+        if driven:
+            self._sent = time.monotonic()
+        self._meter.tick()
+        stamp, readings, ambient = self._stamp, self.rig.readings, self.ambient
+        if self._time_publisher:
+            self._time_publisher.publish(interface.clock_message(stamp))
+        values: list[tuple[str, Any, Any]] = [
+            ('force', self._force, readings.force),
+            ('strain', self._strain, (readings.strain, readings.strain_rate)),
+            ('supply', self._supply, readings.supply)]
+        values += [(f'mu{i + 1}/pressure', self._pressure[i], readings.pressure[i])
+                   for i in range(self.units)]
+        for channel, publisher, value in values:
+            if channel in self.faults.silent:
+                continue
+            if channel in self.faults.frozen:
+                value = self._frozen.setdefault(channel, value)
+            if channel == 'force':
+                publisher.publish(interface.force_message(stamp, value))
+            elif channel == 'strain':
+                strain, rate = value
+                publisher.publish(interface.strain_message(stamp, strain, rate,
+                                                           self.rig.length))
+            else:
+                publisher.publish(interface.pressure_message(stamp, value, ambient,
+                                                             channel.partition('/')[0]))
+
+    def _announce_stop(self) -> None:
+        if self.rig.e_stopped:
+            self.get_logger().warning(f'stopped: {self.rig.e_stopped}')
+        self._e_stop.publish(interface.bool_message(bool(self.rig.e_stopped)))
+
+    # --- services and parameters ---------------------------------------------------------------
+
+    def _on_e_stop(self, request: Trigger.Request, response: Trigger.Response
+                   ) -> Trigger.Response:
+        self.rig.e_stop('e_stop_trigger was called')
+        self._announce_stop()
+        response.success, response.message = True, 'stopped; all motor units are vented'
+        return response
+
+    def _on_e_stop_reset(self, request: Trigger.Request, response: Trigger.Response
+                         ) -> Trigger.Response:
+        response.success = bool(self.rig.e_stop_reset())
+        response.message = ('running' if response.success else
+                            f'still stopped: {self.rig.e_stopped}, and a motor unit is above '
+                            f"{self.p['trip_pressure'] / 1e3:g} kPa")
+        self._announce_stop()
+        return response
+
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response
+                  ) -> Trigger.Response:
+        self.rig.reset()
+        self._steps = 0
+        self._announce_stop()
+        response.success, response.message = True, 'at rest, vented, not stopped; faults stay'
+        return response
+
+    def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.rig.tare()
+        response.success, response.message = True, 'force zeroed at the present load'
+        return response
+
+    def _change(self, changes: dict[str, Any]) -> None:
+        self._set_faults(self.p)
+        fields = load_change(self.p['load.kind'], changes)
+        if fields and isinstance(self.rig.load, Dynamometer):
+            self.rig.impose_strain(self.p['load.strain'], self.p['load.speed'])
+        elif fields:
+            self.rig.change_load(**fields)
+
+    def _set_faults(self, values: dict[str, Any]) -> None:
+        self.faults = faults_from(values, self.units)
+        self._frozen = {k: v for k, v in self._frozen.items() if k in self.faults.frozen}
+        faults = self.rig.faults
+        faults.stuck_valve = dict(self.faults.stuck_valve)
+        faults.leak = dict(self.faults.leak)
+        faults.dropout = set(self.faults.nan)
+        faults.noise_factor = self.faults.noise_factor
+
+    def _report(self, report: Report) -> None:
+        self._meter.report(report, 'sample')
+        report.value('rig', 'simulated')
+        report.value('model', self.rig.bundle.name)
+        report.value('run time, s', self._steps * self._period_ns * 1e-9, 6)
+        report.value('e_stop', self.rig.e_stopped or 'off')
+        report.value('air drawn, g', 1e3 * self.rig.air_mass)
+        report.value('work, J', self.rig.work)
+        report.value('overruns', self._overruns)
+        report.value('commands refused', self._refused)
+        if self.rig.e_stopped:
+            report.add(ERROR, f'stopped: {self.rig.e_stopped}')
+        if self.faults.text:
+            report.add(WARN, f'faults: {self.faults.text}')
+        for i in range(self.units):
+            if self.lock_step:
+                lost = self._channels[i] in self._gate.lost
+                waiting = not self._gate.begun
+            else:
+                stamp = self._command_stamps[i]
+                waiting = stamp is None
+                lost = stamp is not None and (
+                    self._stamp - stamp) * 1e-9 > self.p['command_timeout']
+            if waiting or lost:
+                report.add(WARN, f"mu{i + 1}: {'WAITING for' if waiting else 'lost its'} "
+                           'valve commands, vented')
+        if self.count_publishers(interface.FORCE) > 1:
+            report.add(ERROR, 'another rig publishes force under this namespace')
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; the exit status."""
+    return run(lambda context: [PlantSimulator(context=context)],
+               f'{__doc__}\nParameters:\n{table(SPECS)}', args)

@@ -1,0 +1,163 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The life of a process that runs nodes: start, spin, vent, end.
+
+Signals only set a flag. rclpy's own handlers would shut the context down before the last vent
+command could be published, and an exception raised inside a callback could leave a node half way.
+"""
+
+from collections.abc import Callable, Sequence
+import os
+import signal
+import sys
+import time
+from types import FrameType
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import Executor
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes.base import BundleNode
+
+#: s. Bounds how late a signal is noticed: with an infinite wait EventsExecutor ignores signals.
+SLICE = 0.1
+#: s that the last messages get to reach everyone.
+FAREWELL = 0.3
+
+NodeFactory = Callable[[Context], Sequence[BundleNode]]
+
+
+class Spinner:
+    """
+    An EventsExecutor with nodes, spun in bounded slices.
+
+    Parameters
+    ----------
+    context : Context
+    nodes : sequence of BundleNode
+        At least one. Stopped and destroyed by `close`, in this order.
+    """
+
+    def __init__(self, context: Context, nodes: Sequence[BundleNode]):
+        self.context = context
+        self.nodes = list(nodes)
+        self.executor: Executor = EventsExecutor(context=context)
+        self._slice: Future = Future(executor=self.executor)
+        self._deadline = 0.0
+        for node in self.nodes:
+            self.executor.add_node(node)
+        # The executor looks at its own time-out only when nothing waits to be done, which in
+        # lock-step is never.
+        self.nodes[0].every(0.5 * SLICE, self._check)
+
+    def spin(self, seconds: float = SLICE) -> None:
+        """Work off events for some time, or until `interrupt`."""
+        self._slice = Future(executor=self.executor)
+        self._deadline = time.monotonic() + seconds
+        self.executor.spin_until_future_complete(self._slice, timeout_sec=seconds)
+
+    def interrupt(self) -> None:
+        """End the present `spin` once the present callback is done."""
+        if not self._slice.done():
+            self._slice.set_result(None)
+
+    def close(self) -> None:
+        """Let every node publish its safe state, then destroy them; the context stays."""
+        for node in self.nodes:
+            node.stop()
+        for node in self.nodes:
+            node.flush(FAREWELL)
+        self.executor.shutdown()
+        for node in self.nodes:
+            node.destroy_node()
+
+    def _check(self) -> None:
+        if time.monotonic() >= self._deadline:
+            self.interrupt()
+
+
+class _Signals:
+    """Notes SIGINT and SIGTERM; a second one interrupts whatever does not end."""
+
+    def __init__(self) -> None:
+        self.received = False
+
+    def install(self) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._note)
+
+    def ignore(self) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.received:
+            raise KeyboardInterrupt
+        self.received = True
+
+
+def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int:
+    """
+    Run nodes until SIGINT or SIGTERM, vent, and return the exit status.
+
+    Parameters
+    ----------
+    make : callable
+        Gets the context, returns the nodes.
+    usage : str
+        Text for ``--help``.
+    args : sequence of str, optional
+        Command line; ``sys.argv`` by default.
+
+    Returns
+    -------
+    int
+        0 after a signal, 2 for bad input (one line on stderr says what).
+    """
+    argv = list(sys.argv if args is None else args)
+    program = os.path.basename(argv[0]) if argv else 'fam_bundle_ros'
+    signals = _Signals()
+    signals.install()
+    context = Context()
+    spinner = None
+    try:
+        if '-h' in argv[1:] or '--help' in argv[1:]:
+            print(usage)
+            return 0
+        _init(context, argv)
+        spinner = Spinner(context, make(context))
+        while not signals.received and context.ok():
+            spinner.spin()
+    except InputError as error:
+        print(f'{program}: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signals.ignore()
+        if spinner is not None:
+            spinner.close()
+        context.try_shutdown()
+    return 0
+
+
+def _init(context: Context, argv: Sequence[str]) -> None:
+    try:
+        rest = remove_ros_args(list(argv))[1:]
+        if rest:
+            raise InputError(f"unknown argument '{rest[0]}'; parameters are given as "
+                             '--ros-args -p name:=value (see --help)')
+        rclpy.init(args=list(argv), context=context,
+                   signal_handler_options=SignalHandlerOptions.NO)
+    except InputError:
+        raise
+    except (RuntimeError, ValueError) as error:
+        # RCLError is a RuntimeError; behind the reason it gives places in C source files.
+        reason = str(error).split(', at /')[0].partition(': ')
+        raise InputError(' '.join((reason[2] or reason[0]).split())) from None

@@ -1,0 +1,185 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A reference over time: points joined by lines or smooth steps. No ROS.
+
+Files look like this::
+
+    format: fam-bundle-trajectory/1
+    name: up and down
+    quantity: force            # or strain
+    interpolation: linear      # or smooth: comes to rest at every point
+    points:                    # time, value
+      - [0 s, 20 N]
+      - [5 s, 80 N]
+"""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+import math
+from typing import Any, Protocol
+
+import yaml
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes.models import shipped_or_own
+from fam_bundle_ros.units import parse
+
+FORMAT = 'fam-bundle-trajectory/1'
+_LIKE = {'force': 'N', 'strain': '1'}
+#: Possible references; beyond them somebody mixed up units.
+_LIMITS = {'force': 1e4, 'strain': 0.5}
+_KEYS = {'format', 'name', 'quantity', 'interpolation', 'points', 'notes'}
+
+
+class Profile(Protocol):
+    """What a reference generator needs; `fam_bundle_ros.simulation.Trajectory` is one too."""
+
+    @property
+    def name(self) -> str:
+        """For people."""
+    @property
+    def kind(self) -> str:
+        """Say ``force`` or ``strain``."""
+    @property
+    def duration(self) -> float:
+        """Length in s."""
+    @property
+    def value(self) -> Any:
+        """Return the function from time to reference."""
+    @property
+    def rate(self) -> Any:
+        """Return the function from time to its rate."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """
+    Points in time, held before the first and after the last.
+
+    Parameters
+    ----------
+    name : str
+    kind : str
+        ``force`` (N) or ``strain``.
+    times : tuple of float, s
+        Rising.
+    values : tuple of float
+    rates : tuple of float, optional
+        With rates, cubic between the points; without, straight lines.
+
+    Raises
+    ------
+    InputError
+        When the points do not make a trajectory.
+
+    Examples
+    --------
+    >>> up = Points('up', 'force', (0.0, 2.0), (10.0, 20.0))
+    >>> up.value(1.0), up.rate(1.0), up.value(5.0), up.rate(5.0)
+    (15.0, 5.0, 20.0, 0.0)
+    """
+
+    name: str
+    kind: str
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+    rates: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in _LIKE:
+            raise InputError(f"{self.name}: quantity is '{self.kind}'; expected force or strain")
+        if not self.times:
+            raise InputError(f'{self.name}: has no points; expected one at least')
+        if len(self.values) != len(self.times) or (
+                self.rates is not None and len(self.rates) != len(self.times)):
+            raise InputError(f'{self.name}: {len(self.times)} times and {len(self.values)} '
+                             'values; expected as many')
+        for k, (time, value) in enumerate(zip(self.times, self.values)):
+            if not (math.isfinite(time) and time >= 0.0 and abs(value) <= _LIMITS[self.kind]):
+                raise InputError(f'{self.name}: point {k + 1} is {value:g} at {time:g} s; '
+                                 f'expected a time from 0 and a size up to '
+                                 f'{_LIMITS[self.kind]:g} {_LIKE[self.kind]}')
+            if k and not time > self.times[k - 1]:
+                raise InputError(f'{self.name}: point {k + 1} is at {time:g} s, not after point '
+                                 f'{k} at {self.times[k - 1]:g} s')
+
+    @property
+    def duration(self) -> float:
+        """Time of the last point, s."""
+        return self.times[-1]
+
+    def value(self, time: float) -> float:
+        """Return the reference at a time."""
+        return self._at(time)[0]
+
+    def rate(self, time: float) -> float:
+        """Return its rate per second."""
+        return self._at(time)[1]
+
+    def _at(self, time: float) -> tuple[float, float]:
+        k = bisect_right(self.times, time)
+        if k == 0:
+            return self.values[0], 0.0
+        if k == len(self.times):
+            return self.values[-1], 0.0
+        h = self.times[k] - self.times[k - 1]
+        s = (time - self.times[k - 1]) / h
+        a, b = self.values[k - 1], self.values[k]
+        if self.rates is None:
+            return a + s * (b - a), (b - a) / h
+        # Cubic Hermite, as joint_trajectory_controller takes points with velocities.
+        u, v = self.rates[k - 1] * h, self.rates[k] * h
+        value = (a + s * (u + s * (3.0 * (b - a) - 2.0 * u - v
+                                   + s * (2.0 * (a - b) + u + v))))
+        rate = (u + s * (2.0 * (3.0 * (b - a) - 2.0 * u - v)
+                         + 3.0 * s * (2.0 * (a - b) + u + v))) / h
+        return value, rate
+
+
+def load_profile(name: str) -> Points:
+    """
+    Return the trajectory of a file: a path, or the name of one that ships.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the point.
+    """
+    path = shipped_or_own(name, 'trajectories')
+    try:
+        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f'{path.name}: is no YAML ({str(error).splitlines()[0]})') from None
+    return profile_from(content, path.name)
+
+
+def profile_from(content: Any, label: str) -> Points:
+    """Return the trajectory that a file's content describes; ``label`` is for messages."""
+    if not isinstance(content, dict) or content.get('format') != FORMAT:
+        raise InputError(f"{label}: expected a mapping with 'format: {FORMAT}'")
+    unknown = sorted(set(map(str, content)) - _KEYS)
+    if unknown:
+        raise InputError(f"{label}: unknown key '{unknown[0]}'; expected "
+                         f"{', '.join(sorted(_KEYS))}")
+    kind = content.get('quantity')
+    if kind not in _LIKE:
+        raise InputError(f'{label}: quantity is {kind!r}; expected force or strain')
+    smooth = content.get('interpolation', 'linear')
+    if smooth not in ('linear', 'smooth'):
+        raise InputError(f'{label}: interpolation is {smooth!r}; expected linear or smooth')
+    points = content.get('points')
+    if not isinstance(points, list):
+        raise InputError(f'{label}: points is {type(points).__name__}; expected a list')
+    times, values = [], []
+    for k, point in enumerate(points):
+        if not (isinstance(point, list) and len(point) == 2):
+            raise InputError(f'{label}: point {k + 1} is {point!r}; '
+                             f'expected [time, value], as [2 s, 40 {_LIKE[kind]}]')
+        try:
+            times.append(parse(point[0], 's'))
+            values.append(parse(point[1], _LIKE[kind]))
+        except InputError as error:
+            raise InputError(f'{label}: point {k + 1}: {error}') from None
+    rates = tuple(0.0 for _ in times) if smooth == 'smooth' else None
+    return Points(str(content.get('name', label)), kind, tuple(times), tuple(values), rates)

@@ -1,0 +1,441 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Node recruitment_controller: a force or strain reference in, pressure setpoints out.
+
+Each complete sample of the rig is answered with setpoints that carry its stamp. The last
+reference received, ``reference/force`` or ``reference/strain``, is the control mode. Readings that
+cannot be trusted hold the pressures at first and vent when it lasts; over-pressure and the
+emergency stop switch off until ``enable`` is called again.
+"""
+
+from collections.abc import Mapping
+import math
+import time
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rclpy.context import Context
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool, UInt8
+from std_srvs.srv import SetBool
+
+from fam_bundle_ros.control import (
+    Command,
+    ControllerConfig,
+    LoadModel,
+    Measurement,
+    OuterConfig,
+    RecruitmentController,
+    Reference,
+    SwitchingConfig,
+)
+from fam_bundle_ros.control.allocation import SCHEMES
+from fam_bundle_ros.control.recruitment import POLICIES
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.nodes import interface, sensing
+from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
+from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.parameters import Spec, table
+from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.sensing import Sample, Sensing
+from fam_bundle_ros.nodes.watch import Health, SensorWatch, WatchConfig
+
+_SWITCHING, _OUTER = SwitchingConfig(), OuterConfig()
+#: Fields of the outer loop that are parameters: name, unit, largest value.
+_OUTER_FIELDS = (
+    ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0), ('force_integral', '1/s', 1e3),
+    ('strain_gain', 'N', 1e6), ('strain_integral', 'N/s', 1e7), ('strain_damping', 'N s', 1e5),
+    ('filter_time', 's', 10.0), ('fade_time', 's', 10.0))
+_LOAD_FIELDS = (('force', 'N at zero strain'), ('stiffness', 'N per strain'),
+                ('inertia', 'N s^2'), ('damping', 'N s'))
+
+SPECS = (
+    *MODEL, *LISTENER, *sensing.SPECS,
+    Spec('start_enabled', False, 'act without being enabled first'),
+    Spec('wait_for_reference', False, 'in lock-step wait for a reference of the same stamp: set '
+         'it where a reference_generator runs'),
+    Spec('policy', 'reversal_aware', 'when to switch', choices=POLICIES, dynamic=True),
+    Spec('scheme', 'orderly', 'how motor units share the force', choices=SCHEMES, dynamic=True),
+    Spec('dwell', _SWITCHING.dwell, 'least time between opposite switches, s', 0.0, 60.0,
+         dynamic=True),
+    Spec('margin', -1.0, 'switching margin by hand, N; -1: from model and noise', -1.0, 1e4,
+         dynamic=True),
+    Spec('hysteresis', -1.0, 'hysteresis by hand, N; -1: from model and noise', -1.0, 1e4,
+         dynamic=True),
+    Spec('feed_forward', True, 'use the model to meet the reference', dynamic=True),
+    Spec('feedback', True, 'correct by the measured error', dynamic=True),
+    *(Spec(f'outer.{name}', getattr(_OUTER, name), f'of the outer loop, {unit}',
+           0.0 if 'time' not in name else 1e-4, high, dynamic=True)
+      for name, unit, high in _OUTER_FIELDS),
+    *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
+           dynamic=True) for name, unit in _LOAD_FIELDS),
+    Spec('reference_timeout', 0.0, 'switch to zero when the reference is older, s; 0 for never',
+         0.0, 3600.0, dynamic=True),
+    Spec('ramp_down_time', 0.5, 'time over which switching off lets the air out, s', 0.0, 60.0,
+         dynamic=True),
+    Spec('over_pressure_factor', 1.15, 'switch off above the largest pressure times this',
+         1.0, 3.0, dynamic=True),
+    Spec('force_low', -200.0, 'least possible force reading, N', -1e5, 0.0),
+    Spec('force_high', 5000.0, 'largest possible force reading, N', 0.0, 1e5),
+    Spec('strain_low', -0.2, 'least possible strain reading', -1.0, 0.0),
+    Spec('strain_high', 0.6, 'largest possible strain reading', 0.0, 1.0),
+    Spec('sensor_timeout', 0.1, 'a reading older than this is stale, s', 0.01, 10.0),
+    Spec('hold_time', 0.2, 'a bad reading holds the pressures so long, then vents, s', 0.0, 10.0),
+    Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
+    Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while pressures move is '
+         'stuck, s; 0 for instruments without noise', 0.0, 60.0),
+)
+#: Pa: pressures that have moved by this since a force or strain last changed must move it.
+_MOVED = 30e3
+#: References that change by more than this share of the blocked force at once are steps.
+_STEP = 0.02
+
+
+class RecruitmentNode(BundleNode):
+    """
+    The recruitment controller.
+
+    Parameters
+    ----------
+    context : Context, optional
+    **keywords
+        Of `BundleNode`.
+    """
+
+    def __init__(self, *, context: Context | None = None, **keywords: Any):
+        super().__init__('recruitment_controller', SPECS, context=context, **keywords)
+        p = self.p
+        self.bundle = bundle_from(p['model'])
+        self._loaded = p['model']
+        self.controller = RecruitmentController(self.bundle, controller_config(p))
+        n = self.bundle.n
+        self._limit = self.bundle.max_pressure.tolist()
+        self._enabled: bool = p['start_enabled']
+        self._take_over = True
+        self._stopped = False
+        self._latched = ''
+        self._state = 'WAITING'
+        self._reference: Reference | None = None
+        self._reference_rate = _ReferenceRate(
+            _STEP * float(self.bundle.blocked_force(self.bundle.max_pressure)))
+        self._reference_meter = Meter()
+        self._answered = -1
+        self._setpoints = [0.0] * n
+        self._command: Command | None = None
+        self._published_state = -1
+        self._watches = self._make_watches()
+        self._moved_from: dict[str, tuple[float, list[float]]] = {}
+        self._set_up_interface()
+
+    def _set_up_interface(self) -> None:
+        n = self.bundle.n
+        self._setpoint_publishers = [
+            self.publisher(interface.setpoint_topic(i + 1), FluidPressure) for i in range(n)]
+        self._state_publisher = self.publisher(interface.RECRUITMENT_STATE, UInt8,
+                                               interface.LATCHED)
+        self._recruitment = self.publisher(interface.RECRUITMENT, JointState)
+        self._publish_state(0)
+        extra = ('reference',) if self.p['wait_for_reference'] else ()
+        self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
+                                self._on_sample, extra)
+        self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._on_force)
+        self.subscribe(interface.REFERENCE_STRAIN, JointState, self._on_strain)
+        self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.LATCHED)
+        self.create_service(SetBool, interface.ENABLE, self._on_enable)
+        self.p.on_change(self, self._check, self._change)
+        self._diagnostics = Diagnostics(self, self._report)
+        self.every(max(1.0 / self.p['rate'], 2e-3), self._sensing.check_time)
+
+    def _make_watches(self) -> list[SensorWatch]:
+        p = self.p
+
+        def config(low: float, high: float, stuck: float) -> WatchConfig:
+            return WatchConfig(low, high, p['sensor_timeout'], p['hold_time'],
+                               p['recovery_time'], stuck)
+        return [
+            SensorWatch('force', 'N', config(p['force_low'], p['force_high'], p['stuck_time'])),
+            SensorWatch('strain', '', config(p['strain_low'], p['strain_high'],
+                                             p['stuck_time'])),
+            *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0))
+              for i in range(self.bundle.n))]
+
+    # --- references ----------------------------------------------------------------------------
+
+    def _on_force(self, message: WrenchStamped) -> None:
+        stamp = interface.stamp_ns(message.header.stamp)
+        value = interface.read_force(message)
+        self._take_reference('force', stamp, value,
+                             self._reference_rate.update(stamp, value))
+
+    def _on_strain(self, message: JointState) -> None:
+        stamp = interface.stamp_ns(message.header.stamp)
+        value, rate = interface.read_strain(
+            message, float(self.bundle.motor_units[0].geometry.length))
+        self._take_reference('strain', stamp, value, rate if math.isfinite(rate) else 0.0)
+
+    def _take_reference(self, kind: str, stamp: int, value: float, rate: float) -> None:
+        limit = 1e5 if kind == 'force' else 1.0
+        if not abs(value) <= limit:
+            raise InputError(f'reference is {value}; expected a size up to {limit:g}')
+        self._reference_meter.tick()
+        reference = Reference(kind, value, rate)
+        if self.lock_step and self.p['wait_for_reference']:
+            self._sensing.put('reference', stamp, reference)
+        else:
+            self._reference = reference
+
+    # --- the tick ------------------------------------------------------------------------------
+
+    def _on_sample(self, sample: Sample) -> None:
+        if 'reference' in sample.extra:
+            self._reference = sample.extra['reference']
+        if sample.stamp != self._answered:
+            dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
+            self._answered = sample.stamp
+            self._decide(sample, dt)
+        self._publish(sample.stamp)
+
+    def _decide(self, sample: Sample, dt: float) -> None:
+        """Work out setpoints and state for a sample."""
+        measurement = self._trusted(sample)
+        off = self._reason_to_be_off(sample)
+        if off:
+            self._state = off
+            self._take_over = True
+            self._command = None
+            self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE'))
+            return
+        reference = self._reference
+        assert reference is not None
+        readable = all(watch.health == Health.GOOD for watch in self._watches)
+        if dt < 0.0:
+            # The clock was set: what filters and memory hold belongs to another time.
+            self._take_over = True
+        if self._take_over and readable:
+            self.controller.enable(measurement, reference)
+            self._take_over = False
+        elif self._take_over:
+            self._state = 'SENSOR'
+            self._ramp_down(dt, at_once=True)
+            return
+        command = self.controller.update(dt, measurement, reference)
+        self._command = command
+        self._setpoints = command.pressure.tolist()
+        if command.explanation:
+            self.get_logger().info(command.explanation)
+        if readable:
+            self._state = 'ACTIVE'
+            return
+        self._state = 'HOLD' if any(self._setpoints) else 'SENSOR'
+        # Once the air is out, switching on anew must start from the pressures as they are.
+        self._take_over = self._state == 'SENSOR'
+        for watch in self._watches:
+            if watch.health != Health.GOOD:
+                self.say(f'{watch.name} {self._state}', f'{watch.reason}: '
+                         + ('pressures held' if self._state == 'HOLD' else 'vented'))
+
+    def _trusted(self, sample: Sample) -> Measurement:
+        """Return the readings with nan for those that cannot be trusted."""
+        now = self._now()
+        meters = list(self._sensing.meters.values())
+        values = [sample.force, sample.strain, *sample.pressure]
+        for watch, meter, value in zip(self._watches, meters, values):
+            last = meter.last
+            if self.lock_step:
+                watch.see(now, value, self._must_move(watch.name, value, sample.pressure))
+            elif last is not None and last != watch.age:
+                watch.see(last, value, self._must_move(watch.name, value, sample.pressure))
+                watch.check(now)
+            else:
+                watch.check(now)
+        force, strain, *pressure = (
+            value if watch.health == Health.GOOD else math.nan
+            for watch, value in zip(self._watches, values))
+        return Measurement(force, strain, sample.rate, np.array(pressure))
+
+    def _now(self) -> float:
+        """Return the time that watches run on: stamps in lock-step, else the steady clock."""
+        return self._answered * 1e-9 if self.lock_step else time.monotonic()
+
+    def _must_move(self, name: str, value: float, pressure: list[float]) -> bool:
+        """Whether pressures have moved so far that this reading cannot have stayed the same."""
+        if name not in ('force', 'strain'):
+            return False
+        before = self._moved_from.get(name)
+        if before is None or before[0] != value:
+            self._moved_from[name] = (value, pressure)
+            return False
+        return any(abs(a - b) > _MOVED for a, b in zip(pressure, before[1]))
+
+    def _reason_to_be_off(self, sample: Sample) -> str:
+        for i, (value, limit) in enumerate(zip(sample.pressure, self._limit)):
+            highest = limit * self.p['over_pressure_factor']
+            if value > highest and not self._latched:
+                self._latched = (f'mu{i + 1} at {value / 1e3:.0f} kPa, above '
+                                 f'{highest / 1e3:.0f} kPa: off until enabled again')
+                self._enabled = False
+                self.get_logger().error(self._latched)
+        if self._stopped:
+            return 'E_STOP'
+        if self._latched:
+            return 'OVER_PRESSURE'
+        if not self._enabled:
+            return 'OFF'
+        if self._reference is None:
+            return 'WAITING'
+        limit = self.p['reference_timeout']
+        last = self._reference_meter.last
+        if not self.lock_step and limit > 0.0 and last is not None:
+            age = time.monotonic() - last
+            if age > limit:
+                self.say('reference', f'the reference came {age:.2f} s ago; at most {limit:g} s '
+                         'is taken: vented')
+                return 'NO_REFERENCE'
+        return ''
+
+    def _ramp_down(self, dt: float, at_once: bool) -> None:
+        """Let the air out: at once where it is urgent, else without a jump."""
+        ramp = self.p['ramp_down_time']
+        if at_once or ramp <= 0.0:
+            self._setpoints = [0.0] * self.bundle.n
+        else:
+            self._setpoints = [max(value - limit * max(dt, 0.0) / ramp, 0.0)
+                               for value, limit in zip(self._setpoints, self._limit)]
+
+    # --- output --------------------------------------------------------------------------------
+
+    def _publish(self, stamp: int) -> None:
+        for publisher, setpoint in zip(self._setpoint_publishers, self._setpoints):
+            publisher.publish(interface.pressure_message(stamp, setpoint, self.ambient))
+        command = self._command
+        n = self.bundle.n
+        self._publish_state(command.state if command else 0)
+        active = command.active if command else [False] * n
+        share = command.share.tolist() if command else [0.0] * n
+        self._recruitment.publish(interface.recruitment_message(stamp, active, share))
+
+    def _publish_state(self, state: int) -> None:
+        if state != self._published_state:
+            self._published_state = state
+            self._state_publisher.publish(interface.state_message(state))
+
+    def stop(self) -> None:
+        """Ask for ambient pressure."""
+        self._setpoints = [0.0] * self.bundle.n
+        self._command = None
+        self._publish(max(self._answered, 0))
+
+    # --- services, parameters, diagnostics -----------------------------------------------------
+
+    def _on_e_stop(self, message: Bool) -> None:
+        stopped = bool(message.data)
+        if stopped and self._enabled and self._answered >= 0:
+            # A stop ends what was going on; going on again is a decision of its own.
+            self._enabled = False
+        self._stopped = stopped
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response
+                   ) -> SetBool.Response:
+        if not request.data:
+            self._enabled = False
+            response.success, response.message = True, 'off; pressures ramp down'
+        elif self._stopped:
+            response.success, response.message = False, 'the emergency stop is on'
+        else:
+            self._enabled, self._latched = True, ''
+            response.success, response.message = True, 'on, from the pressures as they are'
+        return response
+
+    def _check(self, values: Mapping[str, Any]) -> None:
+        config = controller_config(values)
+        bundle = self._bundle_for(values['model'])
+        RecruitmentController(bundle, config)
+        if bundle.n != self.bundle.n:
+            raise InputError(f"{values['model']} has {bundle.n} motor units; this bundle has "
+                             f'{self.bundle.n}')
+
+    def _bundle_for(self, model: str) -> Bundle:
+        return self.bundle if model == self._loaded else bundle_from(model)
+
+    def _change(self, changes: dict[str, Any]) -> None:
+        if set(changes) <= {'reference_timeout', 'ramp_down_time', 'over_pressure_factor'}:
+            return
+        self.bundle = self._bundle_for(self.p['model'])
+        self._loaded = self.p['model']
+        self._limit = self.bundle.max_pressure.tolist()
+        self.controller = RecruitmentController(self.bundle, controller_config(self.p))
+        self._take_over = True
+        self.get_logger().info(f"taken over: {', '.join(sorted(changes))}")
+
+    def _report(self, report: Report) -> None:
+        self._sensing.report(report)
+        self._reference_meter.report(report, 'reference')
+        report.value('state', self._state)
+        report.value('enabled', self._enabled)
+        report.value('e_stop', self._stopped)
+        report.value('model', self.bundle.name)
+        report.value('policy', self.p['policy'])
+        report.value('scheme', self.p['scheme'])
+        command = self._command
+        if command:
+            report.value('recruitment', f'RS{command.state}')
+            report.value('demand, N', command.demand)
+            report.value('saturation', command.saturated or 'none')
+            report.value('recruit above, N', command.margins.recruit)
+            report.value('release below, N', command.margins.release)
+            report.value('overlap, N', command.margins.width)
+            report.value('uncertainty, N', command.margins.uncertainty)
+            report.value('bias, N', self.controller.outer.bias)
+            if command.saturated in ('high', 'low'):
+                report.add(WARN, f'demand {command.demand:.1f} N is out of reach '
+                           f'({command.saturated})')
+        if self._state != 'ACTIVE':
+            urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR')
+            why = [watch.reason for watch in self._watches if watch.reason]
+            report.add(ERROR if urgent else WARN, ' '.join(
+                [self._state, self._latched, '; '.join(why)]).strip())
+
+
+class _ReferenceRate:
+    """Works out how fast a force reference moves: a wrench has no room to say it."""
+
+    def __init__(self, step: float):
+        self._step = step
+        self._last: tuple[int, float] | None = None
+        self._rate = 0.0
+
+    def update(self, stamp: int, value: float) -> float:
+        """Return the rate, N/s; 0 after a step or a pause."""
+        last, self._last = self._last, (stamp, value)
+        if last is None or not 0 < stamp - last[0] <= 100_000_000:
+            if last is None or stamp != last[0]:
+                self._rate = 0.0
+            return self._rate
+        dt = (stamp - last[0]) * 1e-9
+        change = value - last[1]
+        self._rate = change / dt if abs(change - self._rate * dt) <= self._step else 0.0
+        return self._rate
+
+
+def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
+    """Return the controller's settings; InputError where they do not fit together."""
+    return ControllerConfig(
+        policy=values['policy'], scheme=values['scheme'], hold_time=values['hold_time'],
+        switching=SwitchingConfig(
+            dwell=values['dwell'],
+            margin=None if values['margin'] < 0.0 else values['margin'],
+            hysteresis=None if values['hysteresis'] < 0.0 else values['hysteresis']),
+        outer=OuterConfig(
+            feed_forward=values['feed_forward'], feedback=values['feedback'],
+            **{name: values[f'outer.{name}'] for name, _, _ in _OUTER_FIELDS}),
+        load=LoadModel(**{name: values[f'load_model.{name}'] for name, _ in _LOAD_FIELDS}))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; the exit status."""
+    return run(lambda context: [RecruitmentNode(context=context)],
+               f'{__doc__}\nParameters:\n{table(SPECS)}', args)

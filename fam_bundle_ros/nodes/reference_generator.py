@@ -1,0 +1,176 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Node reference_generator: samples a trajectory into ``reference/force`` or ``reference/strain``.
+
+The trajectory comes from a file (parameter) or from the topic ``reference/trajectory`` (joint
+``force``, ``strain`` or ``contraction``; cubic where the points have velocities, else straight
+lines; a start stamp of 0 means now). A file's trajectory starts once the rig sends samples and
+somebody takes the reference. The end is held.
+"""
+
+import time
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.context import Context
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode, MODEL
+from fam_bundle_ros.nodes.diagnostics import Diagnostics, Meter, Report, WARN
+from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.parameters import Spec, table
+from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.profile import load_profile, Points, Profile
+
+SPECS = (
+    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + ': for the rest length'),
+    Spec('trajectory', '', 'trajectory file: a path, or the name of one that ships'),
+    Spec('repeat', False, 'begin anew at the end', dynamic=True),
+    Spec('prepare', 0.0, 'time for which the first value is held before the start, s', 0.0, 60.0),
+    Spec('rate', 200.0, 'references per second (in lock-step: one per sample)', 1.0, 1000.0),
+)
+
+
+class ReferenceGenerator(BundleNode):
+    """
+    The reference generator.
+
+    Parameters
+    ----------
+    context : Context, optional
+    profile : Profile, optional
+        In place of the parameter ``trajectory``.
+    **keywords
+        Of `BundleNode`.
+    """
+
+    def __init__(self, *, context: Context | None = None, profile: Profile | None = None,
+                 **keywords: Any):
+        super().__init__('reference_generator', SPECS, context=context, **keywords)
+        p = self.p
+        if profile is None and p['trajectory']:
+            profile = load_profile(p['trajectory'])
+        self._length = float(bundle_from(p['model']).motor_units[0].geometry.length)
+        self._profile = profile
+        #: Stamp at which the trajectory began, ns; None while it waits for the loop.
+        self.start: int | None = None
+        self._stamp = 0
+        self._meter = Meter()
+        self._sample_meter = Meter()
+        self._force = self.publisher(interface.REFERENCE_FORCE, WrenchStamped)
+        self._strain = self.publisher(interface.REFERENCE_STRAIN, JointState)
+        self.subscribe(interface.TRAJECTORY, JointTrajectory, self._on_trajectory,
+                       interface.RELIABLE)
+        # The rig's samples are the clock of the references, so that both carry one time.
+        self.subscribe(interface.STRAIN, JointState, self._on_sample)
+        p.on_change(self, lambda values: None, lambda changes: None)
+        self._diagnostics = Diagnostics(self, self._report)
+        if not self.lock_step:
+            self.every(1.0 / p['rate'], self._tick)
+
+    @property
+    def run_time(self) -> float:
+        """Time since the trajectory began, s; negative before."""
+        if self.start is None:
+            return -float('inf')
+        return (self._stamp - self.start) * 1e-9 - self.p['prepare']
+
+    @property
+    def finished(self) -> bool:
+        """Whether the trajectory is over."""
+        return self._profile is not None and self.run_time >= self._profile.duration
+
+    def _on_sample(self, message: JointState) -> None:
+        self._sample_meter.tick()
+        self._stamp = interface.stamp_ns(message.header.stamp)
+        self._sampled_at = time.monotonic()
+        if self.lock_step:
+            self._send(self._stamp)
+
+    def _tick(self) -> None:
+        if self._sample_meter.last is not None:
+            # Between samples the steady clock carries the rig's time on.
+            since = time.monotonic() - self._sampled_at
+            self._send(self._stamp + round(since * 1e9) if since < 0.5 else self._stamp)
+
+    def _send(self, stamp: int) -> None:
+        profile = self._profile
+        if profile is None:
+            return
+        publisher = self._force if profile.kind == 'force' else self._strain
+        if self.start is None:
+            if not self.lock_step and publisher.get_subscription_count() == 0:
+                return
+            self.start = stamp
+        t = (stamp - self.start) * 1e-9 - self.p['prepare']
+        if self.p['repeat'] and profile.duration > 0.0 and t > 0.0:
+            t %= profile.duration
+        value = profile.value(max(t, 0.0))
+        rate = profile.rate(t) if 0.0 <= t < profile.duration else 0.0
+        self._meter.tick()
+        if profile.kind == 'force':
+            publisher.publish(interface.reference_force_message(stamp, value, rate))
+        else:
+            publisher.publish(interface.reference_strain_message(stamp, value, rate))
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        """Take a new trajectory; one that does not make sense leaves the old one."""
+        profile = trajectory_profile(message, self._length)
+        self._profile = profile
+        self.start = interface.stamp_ns(message.header.stamp) or (self._stamp or None)
+        self.get_logger().info(f'new trajectory of {profile.kind}: {len(profile.times)} points '
+                               f'over {profile.duration:g} s')
+
+    def _report(self, report: Report) -> None:
+        self._sample_meter.report(report, 'sample')
+        self._meter.report(report, 'reference')
+        if self._profile is None:
+            report.add(WARN, 'WAITING for a trajectory')
+            return
+        report.value('trajectory', self._profile.name)
+        report.value('run time, s', self.run_time)
+        report.value('duration, s', self._profile.duration)
+        if self.start is None:
+            report.add(WARN, 'WAITING for the loop')
+
+
+def trajectory_profile(message: JointTrajectory, length: float) -> Points:
+    """
+    Return the trajectory of a message.
+
+    Parameters
+    ----------
+    message : JointTrajectory
+    length : float, m
+        Rest length, for a joint ``contraction``.
+
+    Raises
+    ------
+    InputError
+        When the joint is not force, strain or contraction, or the points do not fit.
+    """
+    names = list(message.joint_names)
+    if len(names) != 1 or names[0] not in ('force', 'strain', 'contraction'):
+        raise InputError(f"trajectory of the joints {', '.join(names) or 'none'}; expected one "
+                         "of 'force', 'strain', 'contraction'")
+    scale = 1.0 / length if names[0] == 'contraction' else 1.0
+    kind = 'force' if names[0] == 'force' else 'strain'
+    if not all(len(point.positions) == 1 for point in message.points):
+        raise InputError('a trajectory point has not exactly one position')
+    times = tuple(point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
+                  for point in message.points)
+    values = tuple(scale * point.positions[0] for point in message.points)
+    rates = None
+    if message.points and all(len(point.velocities) == 1 for point in message.points):
+        rates = tuple(scale * point.velocities[0] for point in message.points)
+    return Points('trajectory', kind, times, values, rates)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; the exit status."""
+    return run(lambda context: [ReferenceGenerator(context=context)],
+               f'{__doc__}\nParameters:\n{table(SPECS)}', args)

@@ -1,0 +1,189 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated rig as ROS parameters: load, instruments, supply, valves, faults."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes.parameters import Spec
+from fam_bundle_ros.plant import (
+    Arm,
+    Dynamometer,
+    Load,
+    MassSpring,
+    RigConfig,
+    SensorConfig,
+    SeriesSpringMass,
+    SupplyConfig,
+    ValveConfig,
+)
+
+#: Loads by the name that a parameter gives them, with the parameters that they take.
+_LOADS: dict[str, tuple[type[Load], dict[str, str]]] = {
+    'dynamometer': (Dynamometer, {'strain': 'load.strain', 'speed': 'load.speed'}),
+    'mass_spring': (MassSpring, {
+        'mass': 'load.mass', 'stiffness_against': 'load.stiffness_against',
+        'damping': 'load.damping'}),
+    'series_spring_mass': (SeriesSpringMass, {
+        'mass': 'load.mass', 'stiffness_series': 'load.stiffness_series',
+        'stiffness_against': 'load.stiffness_against', 'damping': 'load.damping'}),
+    'arm': (Arm, {
+        'mass': 'load.arm.mass', 'moment_of_inertia': 'load.arm.moment_of_inertia',
+        'centre': 'load.arm.centre', 'moment_arm': 'load.arm.moment_arm',
+        'rest_angle': 'load.arm.rest_angle', 'damping': 'load.arm.damping'}),
+}
+
+LOAD = (
+    Spec('load.kind', 'mass_spring', 'what the bundle pulls on', choices=tuple(_LOADS)),
+    Spec('load.profile', '', 'trajectory file (quantity strain) that the dynamometer imposes'),
+    Spec('load.strain', 0.1, 'strain that the dynamometer holds', -0.15, 0.5, dynamic=True),
+    Spec('load.speed', 1.0, 'largest strain rate of the dynamometer, 1/s', 1e-4, 100.0,
+         dynamic=True),
+    Spec('load.mass', 5.0, 'mass, kg', 0.01, 1e4, dynamic=True),
+    Spec('load.stiffness_against', 0.0, 'spring that resists contraction, N/m', 0.0, 1e6,
+         dynamic=True),
+    Spec('load.stiffness_series', 10e3, 'spring between bundle and mass, N/m', 1.0, 1e7,
+         dynamic=True),
+    Spec('load.damping', 5.0, 'damping of the guide, N s/m', 0.0, 1e5, dynamic=True),
+    Spec('load.arm.mass', 1.5, 'mass of forearm and load, kg', 0.01, 1e3, dynamic=True),
+    Spec('load.arm.moment_of_inertia', 0.06, 'about the joint, kg m^2', 1e-5, 1e3, dynamic=True),
+    Spec('load.arm.centre', 0.18, 'distance of the centre of mass from the joint, m', 1e-3, 10.0,
+         dynamic=True),
+    Spec('load.arm.moment_arm', 0.03, 'radius of the pulley, m', 1e-3, 1.0, dynamic=True),
+    Spec('load.arm.rest_angle', 0.35, 'joint angle at zero strain, from hanging, rad', -3.2, 3.2,
+         dynamic=True),
+    Spec('load.arm.damping', 0.05, 'damping of the joint, N m s/rad', 0.0, 1e3, dynamic=True),
+)
+
+_SENSORS = {f'sensors.{f.name}': f.name for f in fields(SensorConfig)
+            if f.name not in ('dropout', 'on_dropout')}
+_UNITS = {'force': 'N', 'pressure': 'Pa', 'strain': 'dimensionless', 'rate': 'Hz'}
+
+RIG = (
+    *(Spec(name, getattr(SensorConfig(), field),
+           f"{field.replace('_', ' ')} of the instruments, {_UNITS[field.partition('_')[0]]}",
+           -1e5 if field.endswith('bias') else 1e-3 if field == 'rate_cutoff' else 0.0, 1e5)
+      for name, field in _SENSORS.items()),
+    Spec('supply.pressure', SupplyConfig().pressure, 'set point of the regulator, Pa gauge',
+         1e3, 1.5e6),
+    Spec('supply.resistance', SupplyConfig().resistance, 'droop of the supply, Pa/(kg/s)',
+         1.0, 1e12),
+    Spec('valve.conductance', ValveConfig().conductance, 'sonic conductance, m^3/(s Pa)',
+         1e-12, 1e-5),
+    Spec('valve.dead_band', ValveConfig().dead_band, 'command that does not open the valve',
+         0.0, 0.9),
+    Spec('valve.bandwidth', ValveConfig().bandwidth, 'of the spool, Hz', 1.0, 1e4),
+    Spec('trip_pressure', 450e3, 'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
+)
+
+FAULTS = (
+    Spec('faults.stuck_valve', '', 'valves that no longer move: mu1 where it is, mu1=0.3 at an '
+         'opening; several with commas', dynamic=True),
+    Spec('faults.leak', '', 'leaks with their time constant in s: mu2=0.5', dynamic=True),
+    Spec('faults.nan', '', 'channels that show nan: force, strain, supply, mu1/pressure',
+         dynamic=True),
+    Spec('faults.frozen', '', 'channels that repeat their last reading', dynamic=True),
+    Spec('faults.silent', '', 'channels of which nothing is sent', dynamic=True),
+    Spec('faults.noise_factor', 1.0, 'factor on the noise of all instruments', 0.0, 1e3,
+         dynamic=True),
+)
+
+
+@dataclass(frozen=True)
+class FaultSet:
+    """The faults that the parameters name; motor units count from 0."""
+
+    stuck_valve: dict[int, float | None]
+    leak: dict[int, float]
+    nan: frozenset[str]
+    frozen: frozenset[str]
+    silent: frozenset[str]
+    noise_factor: float
+
+    @property
+    def text(self) -> str:
+        """What is broken, in words; empty when nothing is."""
+        parts = [f'valve of mu{unit + 1} stuck' for unit in self.stuck_valve]
+        parts += [f'mu{unit + 1} leaks' for unit in self.leak]
+        for word in ('nan', 'frozen', 'silent'):
+            parts += [f'{channel} {word}' for channel in sorted(getattr(self, word))]
+        if self.noise_factor != 1.0:
+            parts.append(f'noise x{self.noise_factor:g}')
+        return ', '.join(parts)
+
+
+def load_from(values: dict[str, Any]) -> Load:
+    """Return the load that the parameters describe."""
+    kind, names = _LOADS[values['load.kind']]
+    return kind(**{field: values[name] for field, name in names.items()})
+
+
+def load_change(kind: str, changes: dict[str, Any]) -> dict[str, float]:
+    """Return the fields of a load that the changed parameters set."""
+    return {field: changes[name] for field, name in _LOADS[kind][1].items() if name in changes}
+
+
+def rig_config(values: dict[str, Any]) -> RigConfig:
+    """Return the rig that the parameters describe."""
+    return RigConfig(
+        load=load_from(values),
+        valve=ValveConfig(conductance=values['valve.conductance'],
+                          dead_band=values['valve.dead_band'],
+                          bandwidth=values['valve.bandwidth']),
+        supply=SupplyConfig(pressure=values['supply.pressure'],
+                            resistance=values['supply.resistance']),
+        sensors=SensorConfig(**{field: values[name] for name, field in _SENSORS.items()}),
+        ambient_pressure=values['ambient_pressure'], trip_pressure=values['trip_pressure'])
+
+
+def faults_from(values: dict[str, Any], units: int) -> FaultSet:
+    """
+    Return the faults that the parameters describe.
+
+    Raises
+    ------
+    InputError
+        When one names a motor unit or channel that is not there, or a value does not fit.
+    """
+    channels = ('force', 'strain', 'supply', *(f'mu{i + 1}/pressure' for i in range(units)))
+    sets = {word: _channels(f'faults.{word}', values[f'faults.{word}'], channels)
+            for word in ('nan', 'frozen', 'silent')}
+    stuck = _units('faults.stuck_valve', values['faults.stuck_valve'], units)
+    for unit, opening in stuck.items():
+        if opening is not None and not -1.0 <= opening <= 1.0:
+            raise InputError(f'faults.stuck_valve of mu{unit + 1} is {opening:g}; '
+                             'expected -1 to 1')
+    leak = {}
+    for unit, time in _units('faults.leak', values['faults.leak'], units).items():
+        if time is None or not time > 0.0:
+            raise InputError(f'faults.leak of mu{unit + 1} needs a time constant above 0 s, '
+                             f'as in mu{unit + 1}=0.5')
+        leak[unit] = time
+    return FaultSet(stuck, leak, **sets, noise_factor=values['faults.noise_factor'])
+
+
+def _items(text: str) -> list[str]:
+    return [item.strip() for item in text.split(',') if item.strip()]
+
+
+def _channels(name: str, text: str, known: tuple[str, ...]) -> frozenset[str]:
+    for item in _items(text):
+        if item not in known:
+            raise InputError(f"{name} names '{item}'; expected {', '.join(known)}")
+    return frozenset(_items(text))
+
+
+def _units(name: str, text: str, units: int) -> dict[int, float | None]:
+    found: dict[int, float | None] = {}
+    for item in _items(text):
+        unit, equals, value = item.partition('=')
+        known = [f'mu{i + 1}' for i in range(units)]
+        if unit.strip() not in known:
+            raise InputError(f"{name} names '{unit.strip()}'; expected {', '.join(known)}")
+        try:
+            number = float(value) if equals else None
+        except ValueError:
+            raise InputError(f"{name} has '{item}'; expected for example mu1=0.3") from None
+        found[known.index(unit.strip())] = number
+    return found

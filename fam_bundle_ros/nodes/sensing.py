@@ -1,0 +1,207 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What recruitment and monitor hear of a rig: force, strain and pressures, brought together.
+
+In lock-step a sample is complete when every channel carries its stamp. In wall time it is
+complete when every channel has sent anew; the owner's timer takes what there is when a channel
+is slower or silent.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import math
+import time
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import FluidPressure, JointState
+
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.diagnostics import Meter, Report
+from fam_bundle_ros.nodes.gate import Gate
+from fam_bundle_ros.nodes.parameters import Spec
+
+#: Hz, of the low-pass behind a strain that comes without velocity.
+_RATE_CUTOFF = 20.0
+
+SPECS = (
+    Spec('rate', 200.0, 'samples per second that the rig is expected to send', 1.0, 2000.0),
+    Spec('lock_step_timeout', 4.0, 'wall time after which a missing message counts as lost, s',
+         0.1, 600.0),
+)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """
+    Readings that belong together; nan where a channel is lost.
+
+    Attributes
+    ----------
+    stamp : int, ns
+    force : float, N
+    strain, rate : float, 1 and 1/s
+    pressure : list of float, Pa (gauge)
+    extra : dict
+        Values of further channels (lock-step only).
+    """
+
+    stamp: int
+    force: float
+    strain: float
+    rate: float
+    pressure: list[float]
+    extra: dict[str, Any]
+
+
+class StrainRate:
+    """Differentiates a strain that comes without velocity, behind a low-pass."""
+
+    def __init__(self) -> None:
+        self._last: tuple[int, float] | None = None
+        self._rate = 0.0
+
+    def update(self, stamp: int, strain: float) -> float:
+        """Return the rate, 1/s; afresh after a reading that was no number."""
+        if not math.isfinite(strain):
+            self._last = None
+            return math.nan
+        if self._last is None:
+            self._rate = 0.0
+        elif stamp > self._last[0]:
+            dt = (stamp - self._last[0]) * 1e-9
+            gain = -math.expm1(-2.0 * math.pi * _RATE_CUTOFF * dt)
+            self._rate += gain * ((strain - self._last[1]) / dt - self._rate)
+        self._last = (stamp, strain)
+        return self._rate
+
+
+class Sensing:
+    """
+    Subscribes a node to its rig.
+
+    Parameters
+    ----------
+    node : BundleNode
+        With the parameters of `SPECS` and `LISTENER`.
+    units : int
+    length : float, m
+        Rest length of the bundle.
+    on_sample : callable
+        Gets each complete `Sample`.
+    extra : sequence of str
+        Channels besides the sensors that a sample has to wait for in lock-step; they are fed
+        with `put`.
+    """
+
+    def __init__(self, node: BundleNode, units: int, length: float,
+                 on_sample: Callable[[Sample], None], extra: Sequence[str] = ()):
+        self._node = node
+        self._units = units
+        self._length = length
+        self._on_sample = on_sample
+        self._extra = tuple(extra) if node.lock_step else ()
+        sensors = ['force', 'strain', *(f'mu{i + 1}' for i in range(units))]
+        #: How often and when each channel came.
+        self.meters = {name: Meter() for name in sensors}
+        self._latest: dict[str, tuple[int, Any]] = {}
+        self._fresh: set[str] = set()
+        self._gate = Gate([*sensors, *self._extra])
+        self._gate_since = time.monotonic()
+        self._rate = StrainRate()
+        self._last_sample = time.monotonic()
+        self._stamp = -1
+        node.subscribe(interface.FORCE, WrenchStamped, self._on_force)
+        node.subscribe(interface.STRAIN, JointState, self._on_strain)
+        for i in range(units):
+            def pressure(message: FluidPressure, i: int = i) -> None:
+                self._on_pressure(i, message)
+            node.subscribe(interface.pressure_topic(i + 1), FluidPressure, pressure)
+
+    @property
+    def begun(self) -> bool:
+        """Whether every sensor has been heard."""
+        return all(meter.last is not None for meter in self.meters.values())
+
+    @property
+    def stamp(self) -> int:
+        """Stamp of the newest sample, ns; -1 before the first."""
+        return self._stamp
+
+    def put(self, channel: str, stamp: int, value: Any) -> None:
+        """Take a value that is not a sensor's."""
+        self._put(channel, stamp, value)
+
+    def check_time(self) -> None:
+        """Call this from a timer: nothing else runs while the rig is silent."""
+        now = time.monotonic()
+        if self._node.lock_step:
+            if (self._gate.begun and self._gate.missing
+                    and now - self._gate_since > self._node.p['lock_step_timeout']):
+                lost = self._gate.give_up()
+                self._node.say('lost', f"no {', '.join(lost)} any more", 0.0)
+                self._complete_gate()
+            return
+        if self._latest and now - self._last_sample > 2.0 / self._node.p['rate']:
+            silence = round((now - self._last_sample) * 1e9)
+            self._complete(max((stamp for stamp, _ in self._latest.values()))
+                           if self._fresh else self._stamp + silence)
+
+    def report(self, report: Report) -> None:
+        """Add rate and age of every channel."""
+        for name, meter in self.meters.items():
+            meter.report(report, name)
+
+    # --- messages ------------------------------------------------------------------------------
+
+    def _on_force(self, message: WrenchStamped) -> None:
+        self._put('force', interface.stamp_ns(message.header.stamp),
+                  interface.read_force(message))
+
+    def _on_strain(self, message: JointState) -> None:
+        stamp = interface.stamp_ns(message.header.stamp)
+        strain, rate = interface.read_strain(message, self._length)
+        if math.isnan(rate):
+            rate = self._rate.update(stamp, strain)
+        self._put('strain', stamp, (strain, rate))
+
+    def _on_pressure(self, index: int, message: FluidPressure) -> None:
+        self._put(f'mu{index + 1}', interface.stamp_ns(message.header.stamp),
+                  interface.read_pressure(message, self._node.ambient,
+                                          self._node.p['pressure_is_gauge']))
+
+    def _put(self, channel: str, stamp: int, value: Any) -> None:
+        if channel in self.meters:
+            self.meters[channel].tick()
+        if self._node.lock_step:
+            if stamp > self._gate.stamp:
+                self._gate_since = time.monotonic()
+            if self._gate.put(channel, stamp, value):
+                self._complete_gate()
+            return
+        self._latest[channel] = (stamp, value)
+        self._fresh.add(channel)
+        if len(self._fresh) == len(self.meters):
+            self._complete(max(stamp for stamp, _ in self._latest.values()))
+
+    def _complete_gate(self) -> None:
+        gate = self._gate
+        lost = (math.nan, math.nan)
+        self._stamp = gate.stamp
+        strain, rate = gate.value('strain', lost)
+        self._on_sample(Sample(
+            gate.stamp, gate.value('force', math.nan), strain, rate,
+            [gate.value(f'mu{i + 1}', math.nan) for i in range(self._units)],
+            {name: gate.value(name) for name in self._extra}))
+
+    def _complete(self, stamp: int) -> None:
+        self._fresh.clear()
+        self._last_sample = time.monotonic()
+        self._stamp = stamp
+        missing = (stamp, math.nan)
+        strain, rate = self._latest.get('strain', (stamp, (math.nan, math.nan)))[1]
+        self._on_sample(Sample(
+            stamp, self._latest.get('force', missing)[1], strain, rate,
+            [self._latest.get(f'mu{i + 1}', missing)[1] for i in range(self._units)], {}))
