@@ -61,8 +61,8 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
         Headline('Best', f"{error['best']:.3g} N", 'with what was found'),
         Headline('Noise floor', f'{result.noise.value:.3g} N', result.noise.basis)]
     return Page(
-        f'What {result.model.name} is missing', f'{result.summary[:1].upper()}{result.summary[1:]}.',
-        headline,
+        f'What {result.model.name} is missing',
+        f'{result.summary[:1].upper()}{result.summary[1:]}.', headline,
         [*diagnosis_sections(result),
          *comparison_sections(comparison, result.model),
          Section('Best model', '', [units_table(result.best), effects_table(result.best)])],

@@ -23,8 +23,8 @@ import numpy as np
 
 from fam_bundle_ros.model import Bundle, Place
 
-__all__ = ['ForceStrainSpace', 'FreeStrain', 'Isobars', 'PaperFigures', 'paper_figures',
-           'readings']
+__all__ = ['force_strain_space', 'ForceStrainSpace', 'FreeStrain', 'Isobars', 'paper_figures',
+           'PaperFigures', 'readings']
 
 PSI = 6894.757293168
 #: 10 psi; the paper prints 68.1 kPa.
@@ -158,6 +158,11 @@ def paper_figures(bundle: Bundle, points: int = 401) -> PaperFigures:
     resistive = any(e.family == 'resistive' for e in bundle.effects)
     return PaperFigures(bundle.name, resistive, _isobars(models, points), _space(models, points),
                         _free_strain(models, points) if bundle.n > 1 else None)
+
+
+def force_strain_space(bundle: Bundle, points: int = 401) -> ForceStrainSpace:
+    """Return what each recruitment state can give at every strain (figure 3) alone."""
+    return _space(readings(bundle), points)
 
 
 def _isobars(models, points):

@@ -1,0 +1,139 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that measure the package itself: `benchmark-control`, `bench`."""
+
+from collections.abc import Callable
+from pathlib import Path
+import time
+from typing import Annotated, Any
+
+import typer
+
+from fam_bundle_ros.cli.common import (
+    console,
+    JsonFile,
+    model_path,
+    open_model,
+    progress_bar,
+    save_json,
+    table,
+    wrote,
+)
+from fam_bundle_ros.errors import InputError
+
+PANEL = 'Benchmarks'
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module."""
+    app.command('benchmark-control', rich_help_panel=PANEL)(benchmark_control)
+    app.command('bench', rich_help_panel=PANEL)(bench)
+
+
+def benchmark_control(
+    trajectories: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    plants: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    controllers: Annotated[str, typer.Option(help='policy/scheme with commas between, or all.'
+                                             )] = 'all',
+    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 1,
+    workers: Annotated[int | None, typer.Option(help='Processes; all cores by default.',
+                                                min=1)] = None,
+    out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
+                                             'page (HTML).')] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Run every policy and scheme on the same trajectories and plants, without ROS."""
+    from fam_bundle_ros.benchmarks import control
+    from fam_bundle_ros.report.control_pages import benchmark_page, verdicts
+    chosen = _pick(trajectories, control.TRAJECTORIES, '--trajectories')
+    kinds = _pick(plants, control.PLANTS, '--plants')
+    pairs = _pick(controllers, [f'{p}/{s}' for p, s in control.CONTROLLERS], '--controllers')
+    with progress_bar('benchmark-control') as tick:
+        result = control.run_benchmark(
+            [pair for pair in control.CONTROLLERS if '/'.join(pair) in pairs], chosen, kinds,
+            seed, workers=workers,
+            progress=lambda done, every, what: tick(done / every, what))
+    table(('figure', 'value', 'to reach', ''), verdicts(result.summary), numeric=(1,),
+          title='reversal_aware, worst trajectory')
+    saved = {name: entry for name, entry in result.summary['by_trajectory'].items()
+             if entry.get('air_saving') is not None}
+    if saved:
+        table(('trajectory', 'air saved (%)', 'at most (%)', 'a liquid would save (%)',
+               'air over least'),
+              [(name, *(None if entry.get(key) is None else 100.0 * entry[key] for key in
+                        ('air_saving', 'air_saving_bound', 'liquid_saving')),
+                entry.get('air_over_least')) for name, entry in saved.items()],
+              title='against all on', numeric=(1, 2, 3, 4))
+    console.print(f'{len(result.rows)} runs; chatter in '
+                  f'{sum(row["chatter"] for row in result.rows)}')
+    if out is not None:
+        from fam_bundle_ros.report.page import write_page
+        shipped = control.MODEL.rpartition('/')[2].removesuffix('.yaml')
+        write_page(out, benchmark_page(result, open_model(shipped), seed,
+                                       [('model file', model_path(shipped))]))
+        wrote(out)
+    save_json(json_file, result.to_json())
+
+
+def bench(json_file: JsonFile = None) -> None:
+    """Measure how fast the parts run on this machine."""
+    rows = [(name, value, unit, note) for name, (value, unit, note) in _speeds().items()]
+    table(('what', 'median', 'unit', 'of'), rows, numeric=(1,))
+    save_json(json_file, {name: {'value': value, 'unit': unit, 'note': note}
+                          for name, value, unit, note in rows})
+
+
+def _speeds() -> dict[str, tuple[float, str, str]]:
+    import numpy as np
+
+    from fam_bundle_ros.control import (
+        ControllerConfig,
+        Measurement,
+        RecruitmentController,
+        Reference,
+    )
+    from fam_bundle_ros.model import Motion
+    from fam_bundle_ros.plant import Rig, RigConfig
+    bundle = open_model('spie2021').with_effect('coulomb_friction')
+    strain, pressure = 0.1, np.array([3e5, 1e5])
+    state = bundle.start_state()
+    count = 1_000_000
+    wave = np.linspace(0.0, 200.0, count)
+    motion = Motion(0.1 + 0.05 * np.sin(wave), np.broadcast_to(pressure, (count, 2)).copy(),
+                    0.05 * np.cos(wave), 1e-3 * np.arange(count))
+    rig = Rig(bundle, RigConfig(), seed=0)
+    controller = RecruitmentController(bundle, ControllerConfig())
+    measured = Measurement(60.0, strain, 0.0, pressure)
+    asked = Reference('force', 60.0, 0.0)
+    return {
+        'one tick of the model': (1e6 * _seconds(
+            lambda: bundle.step(state, 2e-3, strain, pressure)), 'µs', 'two motor units'),
+        'a logged sample': (1e9 * _seconds(lambda: bundle.simulate(motion), 0.0) / count, 'ns',
+                            'a million at once'),
+        'one tick of the rig': (1e6 * _seconds(lambda: rig.step([0.1, 0.0], 2e-3)), 'µs',
+                                '2 ms of simulated time'),
+        'one tick of the recruitment controller': (1e6 * _seconds(
+            lambda: controller.update(4e-3, measured, asked)), 'µs', 'reversal aware'),
+    }
+
+
+def _seconds(call: Callable[[], Any], budget: float = 0.4) -> float:
+    """Return the median time of a call."""
+    times: list[float] = []
+    end = time.perf_counter() + budget
+    while not times or time.perf_counter() < end:
+        begin = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - begin)
+    return sorted(times)[len(times) // 2]
+
+
+def _pick(text: str, known: Any, option: str) -> list[str]:
+    if text == 'all':
+        return list(known)
+    names = [name.strip() for name in text.split(',')]
+    for name in names:
+        if name not in known:
+            raise InputError(f"{option}: '{name}' is not known; expected all, or some of "
+                             f'{", ".join(known)}')
+    return names

@@ -1,0 +1,151 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of a closed-loop run: tracking, pressures, recruitment states, force-strain track."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.report.paper import force_strain_space
+from fam_bundle_ros.report.paper_plots import state_regions
+from fam_bundle_ros.simulation import Log
+
+__all__ = ['compared', 'run', 'track']
+
+#: More points than this in one line only slow the page down.
+MOST_POINTS = 2500
+#: More stretches of states than this are not named one by one.
+_MOST_NAMES = 14
+
+
+def run(log: Log) -> go.Figure:
+    """
+    Draw a run over time: tracking, error, pressures, recruitment state.
+
+    The state is the strip below and the tint behind the tracking.
+    """
+    drawing = make_subplots(4, 1, shared_xaxes=True, row_heights=[0.40, 0.17, 0.33, 0.10],
+                            vertical_spacing=0.035)
+    plotting.dress(drawing, 680)
+    plotting.style_axes(drawing)
+    keep = _thin(len(log.time))
+    time, scale = log.time[keep], _scale(log.kind)
+    reached = (log.force if log.kind == 'force' else log.strain)[keep] * scale
+    what = 'force (N)' if log.kind == 'force' else 'strain (%)'
+    drawing.add_trace(plotting.line(time, reached, 'reached', palette.effect('mesh'), width=2.2,
+                                    hovertemplate='%{y:.2f}'), row=1, col=1)
+    drawing.add_trace(plotting.line(time, log.reference[keep] * scale, 'asked for',
+                                    plotting.INK, 'dash', 1.3, hovertemplate='%{y:.2f}'),
+                      row=1, col=1)
+    drawing.add_trace(plotting.line(time, log.error[keep] * scale, 'error',
+                                    palette.effect('mesh'), width=1.3, showlegend=False,
+                                    hovertemplate='%{y:.3f}'), row=2, col=1)
+    drawing.add_hline(0.0, row=2, col=1, line={'color': palette.NEUTRAL['faint'].light,
+                                               'width': 1})
+    for unit in range(log.pressure.shape[1]):
+        colour = palette.recruitment_state(unit + 1)
+        name = f'MU{unit + 1}'
+        drawing.add_trace(plotting.line(time, log.pressure[keep, unit] / 1e3, name, colour,
+                                        width=2.0, legendgroup=name,
+                                        hovertemplate='%{y:.1f} kPa'), row=3, col=1)
+        drawing.add_trace(plotting.line(time, log.setpoint[keep, unit] / 1e3, f'{name} asked for',
+                                        colour, 'dot', 1.2, legendgroup=name, showlegend=False,
+                                        hovertemplate='%{y:.1f} kPa'), row=3, col=1)
+    # plotly leaves shapes out of a panel without a trace: one that is not seen
+    drawing.add_trace(go.Scatter(x=time, y=log.state[keep], mode='none', showlegend=False,
+                                 name='state', hovertemplate='RS%{y}'), row=4, col=1)
+    stretches = _stretches(log)
+    for start, end, state in stretches:
+        tint = palette.recruitment_state(state).light
+        drawing.add_vrect(start, end, row=4, col=1, line_width=0, layer='below',
+                          fillcolor=palette.fade(tint, 0.85))
+        drawing.add_vrect(start, end, row=1, col=1, line_width=0, layer='below',
+                          fillcolor=palette.fade(tint, 0.10))
+        wide = end - start > 0.035 * (log.time[-1] - log.time[0])
+        if len(stretches) <= _MOST_NAMES and wide:
+            plotting.label(drawing, 0.5 * (start + end), 0.5, f'RS{state}',
+                           palette.NEUTRAL['paper'].light, row=4, col=1)
+    drawing.update_yaxes(range=[0.0, 1.0], showticklabels=False, ticks='', showgrid=False,
+                         row=4, col=1)
+    for row, title in ((1, what), (2, f'error ({what.partition("(")[2]}'), (3, 'pressure (kPa)'),
+                       (4, 'state')):
+        drawing.update_yaxes(title_text=title, row=row, col=1)
+    drawing.update_xaxes(range=[float(log.time[0]), float(log.time[-1])])
+    drawing.update_xaxes(title_text='time (s)', showgrid=False, row=4, col=1)
+    drawing.update_layout(hovermode='x')
+    return drawing
+
+
+def track(log: Log, model: Bundle, reading: str = 'included') -> go.Figure:
+    """Draw the force-strain track over the regions of the recruitment states."""
+    space = force_strain_space(model)
+    drawing = plotting.figure('strain', 'force of the bundle (N)', height=460)
+    for trace in state_regions(space, reading):
+        drawing.add_trace(trace)
+    keep = _thin(len(log.time))
+    drawing.add_trace(plotting.line(log.strain[keep], log.force[keep], 'track', plotting.INK,
+                                    width=1.6, hovertemplate='%{y:.1f} N at %{x:.3f}'))
+    low, high = float(log.strain.min()), float(log.strain.max())
+    margin = max(0.12 * (high - low), 0.02)
+    top = max(1.15 * float(log.force.max()), 1.0)
+    drawing.update_xaxes(range=[max(low - margin, 0.0), min(high + margin,
+                                                            float(space.strain[-1]))])
+    drawing.update_yaxes(range=[min(0.0, 1.1 * float(log.force.min())), top])
+    return drawing
+
+
+def compared(logs: Mapping[str, Log], window: tuple[float, float] | None = None) -> go.Figure:
+    """
+    Draw the same trajectory under several controllers: tracking above, error below.
+
+    Parameters
+    ----------
+    logs : mapping of str to Log
+        By the name that the legend shows; of one trajectory.
+    window : (float, float), s, optional
+        Stretch of time that is shown.
+    """
+    first = next(iter(logs.values()))
+    scale = _scale(first.kind)
+    drawing = make_subplots(2, 1, shared_xaxes=True, row_heights=[0.6, 0.4],
+                            vertical_spacing=0.05)
+    plotting.dress(drawing, 480)
+    plotting.style_axes(drawing)
+    keep = _thin(len(first.time))
+    drawing.add_trace(plotting.line(first.time[keep], first.reference[keep] * scale, 'asked for',
+                                    plotting.INK, 'dash', 1.3), row=1, col=1)
+    dashes: Sequence[str] = ('solid', 'solid', 'dot', 'dashdot')
+    hues = [palette.effect(name) for name in ('mesh', 'resistive_buckling', 'bladder_elasticity',
+                                              'presliding_hysteresis')]
+    for k, (name, log) in enumerate(logs.items()):
+        keep = _thin(len(log.time))
+        reached = (log.force if log.kind == 'force' else log.strain)[keep] * scale
+        for row, values in ((1, reached), (2, log.error[keep] * scale)):
+            drawing.add_trace(plotting.line(log.time[keep], values, name, hues[k % 4],
+                                            dashes[k % 4], 1.7, legendgroup=name,
+                                            showlegend=row == 1), row=row, col=1)
+    unit = '(N)' if first.kind == 'force' else '(%)'
+    drawing.update_yaxes(title_text=f'{first.kind} {unit}', row=1, col=1)
+    drawing.update_yaxes(title_text=f'error {unit}', row=2, col=1)
+    drawing.update_xaxes(title_text='time (s)', row=2, col=1)
+    drawing.update_xaxes(range=list(window or (float(first.time[0]), float(first.time[-1]))))
+    return drawing
+
+
+def _stretches(log: Log) -> list[tuple[float, float, int]]:
+    """Return start, end and state of every stretch with one recruitment state."""
+    cuts = [0, *(int(k) for k in log.switches), len(log.time)]
+    return [(float(log.time[a]), float(log.time[min(b, len(log.time) - 1)]), int(log.state[a]))
+            for a, b in zip(cuts, cuts[1:], strict=False)]
+
+
+def _scale(kind: str) -> float:
+    return 1.0 if kind == 'force' else 100.0
+
+
+def _thin(count: int) -> Any:
+    return slice(None, None, max(1, -(-count // MOST_POINTS)))

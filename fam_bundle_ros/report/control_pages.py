@@ -1,0 +1,124 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Pages of control: one closed-loop run, and the benchmark of policies and schemes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from fam_bundle_ros.benchmarks.control import ControlBenchmark
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.report import control_figures
+from fam_bundle_ros.report.page import Headline, Page, Section, Table
+from fam_bundle_ros.report.picture import Picture
+from fam_bundle_ros.report.provenance import provenance
+from fam_bundle_ros.simulation import Log
+
+__all__ = ['benchmark_page', 'run_pictures', 'TARGETS']
+
+#: What the summary of the benchmark is held against: key, words, target, whether lower is better.
+TARGETS = (
+    ('dip_ratio', 'transition dip over that of neglect', 0.10, True),
+    ('transition_rms_ratio', 'tracking rms in the transition, over that of neglect', 1 / 3, True),
+    ('air_over_least', 'air over the least that any allocation could use', 1.10, True),
+    ('air_saving', 'least saving of air against all on', 0.0, False),
+    ('tracking_ratio_all_on', 'tracking rms over that of all on', 1.1, True),
+    ('chatter_runs', 'runs with chatter', 0, True),
+)
+
+
+def run_pictures(log: Log, model: Bundle, key: str, title: str, words: str = '') -> list[Picture]:
+    """Return a run over time and its track over the regions of the recruitment states."""
+    return [
+        Picture(f'{key}-run', f'{title}: over time', control_figures.run(log),
+                f'{words} Tinted and below: the recruitment state. Dotted: pressures asked '
+                'for.'.strip()),
+        Picture(f'{key}-track', f'{title}: over the regions of the recruitment states',
+                control_figures.track(log, model),
+                'The line is the run. Hatched: forces that both states can give; holding there '
+                'without a rule makes a controller chatter.')]
+
+
+def benchmark_page(result: ControlBenchmark, model: Bundle, seed: int,
+                   files: Sequence[tuple[str, Any]] = ()) -> Page:
+    """Return the page of ``fam_bundle benchmark-control``."""
+    rows = verdicts(result.summary)
+    reached = sum(row[-1] == 'reached' for row in rows)
+    headline = [Headline(f'{words[:1].upper()}{words[1:]}', _shown(value),
+                         f'to reach: {target}; {verdict}')
+                for words, value, target, verdict in rows]
+    sections = [
+        Section('Against the targets', 'Policy reversal_aware, worst trajectory each, on the '
+                'nominal plant (chatter: on every plant).',
+                [Table(('figure', 'value', 'to reach', ''), rows), _by_trajectory(result)]),
+        *_shown_runs(result, model),
+        Section('Every run', 'Errors in N for a force, in strain for a strain. The least air is '
+                'an exhaustive search that knows the future and has ideal valves.',
+                [_every_run(result)], folded=True)]
+    return Page(
+        'Recruitment control: what each part buys',
+        f'{len(result.rows)} closed-loop runs in simulation, the same trajectories and plants '
+        f'for every policy and scheme; {reached} of {len(rows)} targets are reached.',
+        headline, sections,
+        provenance(files, [('seed', str(seed)),
+                           ('kind of numbers', 'all simulated; nothing here is measured')]))
+
+
+def verdicts(summary: dict[str, Any]) -> list[tuple[str, Any, str, str]]:
+    """Return one row per target: words, value, target, whether it is reached."""
+    rows = []
+    for key, words, target, lower in TARGETS:
+        value = summary.get(key)
+        shown = f'at most {target:.3g}' if lower else f'above {target:.3g}'
+        if value is None:
+            verdict = 'not run'
+        else:
+            good = value <= target if lower else value > target
+            verdict = 'reached' if good else 'not reached'
+        rows.append((words, value, shown, verdict))
+    return rows
+
+
+def _shown(value: Any) -> str:
+    return '–' if value is None else f'{value:.3g}'
+
+
+def _by_trajectory(result: ControlBenchmark) -> Table:
+    table = result.summary['by_trajectory']
+    keys = ('dip_ratio', 'transition_rms_ratio', 'air_over_least', 'air_saving',
+            'air_saving_bound', 'liquid_saving', 'tracking_ratio_all_on')
+    return Table(
+        ('trajectory', 'dip ratio', 'transition rms ratio', 'air over least',
+         'air saved against all on', 'most that could be saved', 'saved with a liquid',
+         'tracking over all on'),
+        [(name, *(entry.get(key) for key in keys)) for name, entry in table.items()],
+        'A gas is drawn in proportion to pressure and volume, a liquid to volume alone: that is '
+        'why the saving differs by so much.')
+
+
+def _shown_runs(result: ControlBenchmark, model: Bundle) -> list[Section]:
+    sections = []
+    ramp = {policy: log for (policy, scheme, trajectory, plant), log in result.logs.items()
+            if (scheme, trajectory, plant) == ('orderly', 'ramp', 'nominal')}
+    if len(ramp) > 1:
+        sections.append(Section('The transition', '', [Picture(
+            'policies', 'Ramp through the overlap and back, by policy',
+            control_figures.compared(ramp),
+            'The same ramp at constant strain. The spikes of the error are the transitions.')]))
+    items: list[Picture] = []
+    for (policy, scheme, trajectory, plant), log in result.logs.items():
+        title = f'{policy}, {scheme}, {trajectory}, plant {plant}'
+        items += run_pictures(log, model, f'{policy}-{scheme}-{trajectory}-{plant}', title)
+    if items:
+        sections.append(Section('Runs', '', items))
+    return sections
+
+
+def _every_run(result: ControlBenchmark) -> Table:
+    keys = ('tracking_rms', 'largest_error', 'transition_rms', 'dip_depth', 'switches',
+            'air_mass', 'air_over_least', 'efficiency', 'chatter')
+    return Table(
+        ('plant', 'trajectory', 'policy', 'scheme', 'rms', 'largest', 'rms at switches',
+         'dip', 'switches', 'air (mg)', 'air over least', 'efficiency', 'chatter'),
+        [(row['plant'], row['trajectory'], row['policy'], row['scheme'],
+          *(1e6 * row[key] if key == 'air_mass' else row[key] for key in keys))
+         for row in result.rows])
