@@ -1,0 +1,303 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The discovery benchmark: how often the hidden effect is found, and how often a wrong one is named.
+
+    python -m fam_bundle_ros.benchmarks.discovery --cases 150 --json result.json
+
+Every case comes from `discovery_cases`, which shares no code with the catalogue. Each figure is
+printed beside its target; where one is missed the confusion table says by which effect.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+import json
+import os
+import sys
+import time
+from typing import Any, Optional
+
+from fam_bundle_ros.benchmarks import discovery_cases as make
+from fam_bundle_ros.discovery.candidates import family
+from fam_bundle_ros.discovery.diagnose import diagnose
+from fam_bundle_ros.discovery.fit import base_terms, Problem
+from fam_bundle_ros.discovery.result import finite
+import numpy as np
+
+SETS = ('single', 'other', 'clean', 'parameters', 'outside', 'pairs', 'small')
+_KINDS = ('static', 'dynamic', 'bundle')
+#: Below this size, after the model's own parameters have absorbed what they can, nothing is to
+#: be seen (noise standard deviations).
+_VISIBLE = 0.2
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case to make and diagnose."""
+
+    group: str
+    kind: str
+    seed: int
+    hidden: tuple[str, ...] = ()
+    form: str = 'same'
+    noise: str = 'white'
+    off: float = 0.4
+    outsider: str = ''
+    size: float = 1.0
+
+
+def tasks(cases: int, sets: Iterable[str] = SETS) -> list[Task]:
+    """Return the benchmark's cases: so many of each kind in each set."""
+    found: list[Task] = []
+    for group in sets:
+        for kind in _KINDS:
+            names = make.HIDEABLE[kind]
+            for k in range(cases):
+                if group in ('single', 'other'):
+                    form = 'same' if group == 'single' else 'other'
+                    found.append(Task(group, kind, k, (names[k % len(names)],), form))
+                elif group == 'clean':
+                    for noise in ('white', 'ar', 'outliers'):
+                        found.append(Task(f'clean {noise}', kind, k, noise=noise, off=0.0))
+                elif group == 'parameters':
+                    found.append(Task(group, kind, k, off=0.8))
+                elif group == 'outside':
+                    name = make.OUTSIDERS[k % len(make.OUTSIDERS)]
+                    found.append(Task(group, kind, k, outsider=name))
+                elif group == 'pairs' and kind in make.PAIRS:
+                    pair = make.PAIRS[kind][k % len(make.PAIRS[kind])]
+                    found.append(Task(f'pairs {kind}', kind, k, pair))
+                elif group == 'small' and kind == 'static':
+                    found.append(Task(group, kind, k, ('coulomb_friction',), size=0.02))
+    return found
+
+
+def run(task: Task) -> dict[str, Any]:
+    """Make a case, diagnose it, and return what was right and wrong as plain numbers."""
+    case = make.make_case(task.kind, task.seed, task.hidden, task.form, task.noise, task.off,
+                          task.outsider, task.size)
+    begun = time.process_time()
+    result = diagnose(case.model, case.data)
+    seconds = time.process_time() - begun
+    problem = Problem(case.data, case.model)
+    base = problem.fit(case.model, base_terms(case.model))
+    visible = float(np.sqrt(max(base.chi2 / problem.samples - 1.0, 0.0)))
+    named = set(result.effects)
+    right = [{name, *also} for name, also in zip(case.hidden, case.also_right)]
+    ranking = [entry.effect for entry in result.ranking]
+    ties = [set(group) for group in result.tied]
+
+    def covers(want: set[str]) -> bool:
+        return bool(named & want) or any(group & want and group & named for group in ties)
+
+    first = ranking[0] if ranking else ''
+    families = {family(name) for name in case.hidden}
+    row: dict[str, Any] = {
+        'group': task.group, 'kind': task.kind, 'case': case.name, 'hidden': list(case.hidden),
+        'outsider': task.outsider, 'verdict': result.verdict, 'effects': list(result.effects),
+        'shapes': list(result.shapes), 'tied': [list(group) for group in result.tied],
+        'visible': visible, 'seconds': seconds, 'noise': case.noise,
+        'error_over_floor': result.error_N['best'] / case.noise,
+        'verdict_right': result.verdict in case.verdicts,
+        'found': bool(right) and all(covers(want) for want in right),
+        'exact': bool(right) and all(covers(want) for want in right)
+        and len(named) == len(right),
+        'top_three': bool(right) and any(want & set(ranking[:3]) for want in right)
+        and (len(right) == 1 or all(want & set(ranking[:6]) for want in right)),
+        'family': bool(families & {family(n) for n in result.effects}) or any(
+            families & {family(n) for n in group} for group in ties),
+        'probability': result.ranking[0].probability if ranking else 0.0, 'first': first,
+        'confident_wrong': bool(named) and not (bool(right) and all(covers(w) for w in right))
+        and result.verdict == 'missing_effect' and not result.tied,
+        'named': bool(named),
+    }
+    row.update(_parameters(case, result))
+    return finite(row)
+
+
+def _parameters(case: make.Case, result: Any) -> dict[str, Any]:
+    """Return relative errors of the parameters that have the same meaning, and their coverage."""
+    errors, inside, flagged = [], [], []
+    if case.form == 'same':
+        known = {e.key: e for e in result.parameters}
+        for key, truth in case.parameters.items():
+            estimate = known.get(key)
+            if estimate is None or truth == 0:
+                continue
+            errors.append(abs(estimate.si - truth) / abs(truth))
+            low, high = estimate.si_interval
+            inside.append(bool(low <= truth <= high))
+            flagged.append(bool(estimate.flag))
+    return {'parameter_errors': errors, 'inside': inside, 'flagged': flagged}
+
+
+# --- the table ---------------------------------------------------------------------------------
+
+def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the figures of DISCOVERY's 'what to reach', each beside its target."""
+    figures: list[dict[str, Any]] = []
+
+    def add(measure: str, chosen: list[dict[str, Any]], value: Callable[[dict[str, Any]], Any],
+            target: float, at_least: bool = True, reduce: Callable = np.mean) -> None:
+        values = [value(row) for row in chosen]
+        values = [item for v in values for item in (v if isinstance(v, list) else [v])]
+        values = [v for v in values if v is not None]
+        if not values:
+            return
+        reached = float(reduce(np.asarray(values, float)))
+        figures.append({'measure': measure, 'cases': len(chosen), 'value': reached,
+                        'target': target, 'at_least': at_least,
+                        'met': reached >= target if at_least else reached <= target})
+
+    for kind in _KINDS:
+        seen = [r for r in rows if r['group'] == 'single' and r['kind'] == kind
+                and r['visible'] >= _VISIBLE]
+        add(f'true effect or a tie that holds it first, {kind}', seen, lambda r: r['found'], 0.95)
+        add(f'in the top three, {kind}', seen, lambda r: r['found'] or r['top_three'], 0.98)
+        add(f'wrong and confident, {kind}', seen, lambda r: r['confident_wrong'], 0.02, False)
+        other = [r for r in rows if r['group'] == 'other' and r['kind'] == kind
+                 and r['visible'] >= _VISIBLE]
+        add(f'right family, other form, {kind}', other, lambda r: r['family'], 0.90)
+        add(f'true effect or a tie, other form, {kind}', other, lambda r: r['found'], 0.90)
+    for noise in ('white', 'ar', 'outliers'):
+        add(f'false discovery, {noise} noise',
+            [r for r in rows if r['group'] == f'clean {noise}'],
+            lambda r: r['named'] or r['verdict'] == 'unexplained', 0.02, False)
+    add('parameter errors named as an effect', [r for r in rows if r['group'] == 'parameters'],
+        lambda r: r['named'] or r['verdict'] == 'unexplained', 0.02, False)
+    outside = [r for r in rows if r['group'] == 'outside' and r['visible'] >= _VISIBLE]
+    add('outside the library: unexplained or partial', outside,
+        lambda r: r['verdict'] in ('unexplained', 'partial'), 0.80)
+    add('outside the library: a wrong name', outside, lambda r: r['named'], 0.10, False)
+    for kind, target in (('static', 0.85), ('dynamic', 0.75)):
+        add(f'two effects both found, nothing else, {kind}',
+            [r for r in rows if r['group'] == f'pairs {kind}'], lambda r: r['exact'], target)
+    good = [r for r in rows if r['group'] == 'single' and r['found']]
+    add('error after adding over the noise (median)', good, lambda r: r['error_over_floor'],
+        1.05, False, np.median)
+    add('parameter error (median)', good, lambda r: r['parameter_errors'], 0.05, False, np.median)
+    add('95 % intervals that hold the truth, or flagged', good,
+        lambda r: [a or b for a, b in zip(r['inside'], r['flagged'])], 0.85)
+    add('effect of 0.2 noise sd found', [r for r in rows if r['group'] == 'small'
+                                         and 0.15 <= r['visible'] <= 0.35],
+        lambda r: r['found'], 0.90)
+    add('seconds per case (median)', rows, lambda r: r['seconds'], 3.0, False, np.median)
+    return figures
+
+
+def calibration(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
+    """Return claimed probability of the first candidate against how often it was right."""
+    chosen = [r for r in rows if r['group'] in ('single', 'other') and r['named']
+              and r['visible'] >= _VISIBLE]
+    edges = (0.0, 0.5, 0.75, 0.9, 0.98, 1.01)
+    out = []
+    for low, high in zip(edges[:-1], edges[1:]):
+        part = [r for r in chosen if low <= r['probability'] < high]
+        if part:
+            right = [r['first'] in {*r['hidden'], *[a for n in r['hidden']
+                                                    for a in make.SAME_PHYSICS.get(n, ())]}
+                     for r in part]
+            out.append({'claimed': float(np.mean([r['probability'] for r in part])),
+                        'right': float(np.mean(right)), 'cases': float(len(part))})
+    return out
+
+
+def confusion(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
+    """Return what was answered for each hidden effect, in the cases that went wrong."""
+    wrong: dict[str, Counter] = {}
+    for row in rows:
+        bad = not row['found'] if row['hidden'] else (
+            row['named'] or (row['verdict'] == 'unexplained' and not row['outsider'])
+            or (bool(row['outsider']) and row['verdict'] not in ('unexplained', 'partial')))
+        if bad:
+            truth = f"{row['group']}: {'+'.join(row['hidden']) or row['outsider'] or 'none'}"
+            answer = '+'.join(row['effects']) or row['verdict']
+            wrong.setdefault(truth, Counter())[answer] += 1
+    return {truth: dict(counter.most_common()) for truth, counter in sorted(wrong.items())}
+
+
+def show(figures: list[dict[str, Any]]) -> str:
+    """Return the table as text."""
+    lines = [f"{'measure':<58}{'cases':>7}{'value':>10}{'target':>12}"]
+    for row in figures:
+        sign = '>=' if row['at_least'] else '<='
+        target = f"{sign} {row['target']:.3g}"
+        lines.append(f"{row['measure']:<58}{row['cases']:>7}{row['value']:>10.3f}{target:>12}"
+                     f"{'' if row['met'] else '   missed'}")
+    return '\n'.join(lines)
+
+
+def benchmark(cases: int = 150, sets: Iterable[str] = SETS, processes: Optional[int] = None,
+              progress: Optional[Callable[[int, int], None]] = None) -> dict[str, Any]:
+    """
+    Run the benchmark.
+
+    Returns
+    -------
+    dict
+        ``rows`` (one per case), ``table``, ``calibration``, ``confusion``.
+    """
+    todo = tasks(cases, sets)
+    rows: list[dict[str, Any]] = []
+    workers = processes or os.cpu_count() or 1
+    os.environ.setdefault('OMP_NUM_THREADS', '1')  # the processes are the parallelism
+    if workers == 1:
+        for done, task in enumerate(todo):
+            rows.append(run(task))
+            if progress:
+                progress(done + 1, len(todo))
+    else:
+        with ProcessPoolExecutor(workers) as pool:
+            for done, row in enumerate(pool.map(run, todo, chunksize=4)):
+                rows.append(row)
+                if progress:
+                    progress(done + 1, len(todo))
+    return {'rows': rows, 'table': table(rows), 'calibration': calibration(rows),
+            'confusion': confusion(rows)}
+
+
+def main(arguments: Optional[list[str]] = None) -> int:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(prog='benchmark-discovery', description=__doc__)
+    parser.add_argument('--cases', type=int, default=150, help='per kind of data and set')
+    parser.add_argument('--sets', nargs='*', default=list(SETS), choices=SETS)
+    parser.add_argument('--processes', type=int, default=None)
+    parser.add_argument('--json', default=None, help='write everything there')
+    parser.add_argument('--against', action='store_true',
+                        help='LASSO and pysindy STLSQ on the same cases (extras)')
+    options = parser.parse_args(arguments)
+
+    def tell(done: int, total: int) -> None:
+        if sys.stderr.isatty() or done % 50 == 0:
+            print(f'\r{done} of {total} cases', end='', file=sys.stderr, flush=True)
+
+    result = benchmark(options.cases, options.sets, options.processes, tell)
+    print(file=sys.stderr)
+    print(show(result['table']))
+    if result['calibration']:
+        print('\nprobability claimed, and how often right')
+        for row in result['calibration']:
+            print(f"  {row['claimed']:.2f}  {row['right']:.2f}  ({row['cases']:.0f} cases)")
+    if result['confusion']:
+        print('\nwhere it went wrong: hidden -> answered')
+        for truth, answers in result['confusion'].items():
+            print(f'  {truth}: ' + ', '.join(f'{a} {n}' for a, n in answers.items()))
+    if options.against:
+        from fam_bundle_ros.benchmarks.discovery_against import against
+        result['against'] = against(options.cases)
+        print('\nagainst sparse regression on the same cases')
+        for name, row in result['against'].items():
+            print(f'  {name}: ' + ', '.join(f'{k} {v}' for k, v in row.items()))
+    if options.json:
+        with open(options.json, 'w', encoding='utf-8') as stream:
+            json.dump(finite(result), stream, indent=1)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
