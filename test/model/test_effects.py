@@ -68,9 +68,9 @@ def test_stepwise_equals_vectorised(effect):
     forces, state = [], {}
     for k in range(len(motion.time)):
         if motion.start[k]:
-            state = {**bundle.start_state(), 'time': 0.0}
-        if effect.name == 'temperature' and motion.start[k] and k:
-            break  # it counts the clock of the whole log, which a fresh state begins anew
+            state = bundle.start_state()
+        if effect.across_trials and motion.start[k] and k:
+            break  # it goes by the whole log, which a fresh state would begin anew
         dt = motion.time[k] - motion.time[k - 1] if k else 0.0
         force, state = bundle.step(state, dt, motion.strain[k], motion.pressure[k],
                                    motion.strain_rate[k])
@@ -197,6 +197,18 @@ def test_stretching_braid_loses_force_with_the_square_of_pressure():
     pressure = np.array([[1e5], [2e5], [4e5]])
     loss = plain.force(0.0, pressure) - soft.force(0.0, pressure)
     assert_allclose(loss, 2e-8 * PAPER.area * pressure[:, 0] ** 2 / PAPER.sin2, rtol=5e-3)
+
+
+def test_softening_recovers_between_trials_or_not():
+    """The same trial twice gives the same force, unless softening lasts for a lifetime."""
+    strain = np.tile(np.linspace(0.0, 0.2, 50), 2)
+    motion = Motion(strain, np.zeros((100, 1)), np.zeros(100), 0.1 * np.arange(100.0),
+                    np.arange(100) % 50 == 0)
+    tube = Bundle('tube', units(1), [BladderElasticity()])
+    first, second = tube.with_effect('softening').simulate(motion).reshape(2, 50)
+    assert_allclose(first, second, atol=1e-9)
+    first, second = tube.with_effect('softening_lifetime').simulate(motion).reshape(2, 50)
+    assert np.all(second[1:] > first[1:])
 
 
 def test_the_larger_of_two_limits_holds():

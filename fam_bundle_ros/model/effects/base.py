@@ -120,6 +120,8 @@ class Effect(ABC):
     off: ClassVar[Mapping[str, float]] = {}
     #: True when the contribution depends on what was before.
     memory: ClassVar[bool] = False
+    #: True when it goes by what happened in all trials of a log, not afresh in each.
+    across_trials: ClassVar[bool] = False
 
     def __init__(self, **values: float):
         known = {p.name: p for p in self.parameters}

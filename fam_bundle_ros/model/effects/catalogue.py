@@ -42,7 +42,7 @@ BUILT_IN: tuple[type[Effect], ...] = (
     relaxation.RelaxationProny, relaxation_rubber.RelaxationRubber, end_caps.EndCaps,
     end_caps.TonduFactor, braid.BraidElasticity,
     threshold.ThresholdPressure, threshold.SoftThreshold, lag.PressureLineLag, rubber.Temperature,
-    rubber.Softening, sensors.ForceSensorBias, sensors.ForceSensorGain,
+    rubber.Softening, rubber.SofteningLifetime, sensors.ForceSensorBias, sensors.ForceSensorGain,
     sensors.PressureSensorBias, sensors.PressureSensorGain, sensors.StrainSensorOffset,
     mismatch.MotorUnitMismatch, pneumatic.Leak, pneumatic.SupplyDroop,
 )

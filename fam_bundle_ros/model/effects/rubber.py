@@ -21,6 +21,7 @@ class Temperature(Effect):
     source = 'entropic rubber elasticity, 0.3 %/K; first-order warm-up derived'
     place = Place.FORCE
     family = 'temperature'
+    across_trials = True
     signature = 'the error drifts with clock time and follows the bladder force'
     parameters = (
         Parameter('rise', 'K', 10.0, -60.0, 150.0, 'change of temperature after the warm-up'),
@@ -39,7 +40,7 @@ class Softening(Effect):
     Bladder softer over the first cycles: F = -d F_bladder (1 - exp(-s/s0)), s = strain travelled.
 
     Travel is counted behind a play of half width 0.2 % strain, so that sensor noise does not
-    count as motion.
+    count as motion. The bladder recovers between trials; see `softening_lifetime`.
     """
 
     name = 'softening'
@@ -66,7 +67,16 @@ class Softening(Effect):
         upper = np.where(x.start, strain, strain + self._PLAY)
         path = clamp_scan(lower, upper, centre)
         moved = np.abs(np.diff(path, axis=0, prepend=np.asarray(centre)[None]))
-        travel = affine_scan(np.where(x.start, 0.0, 1.0), np.where(x.start, 0.0, moved),
-                             travelled)
+        recovery = 1.0 if self.across_trials else np.where(x.start, 0.0, 1.0)
+        travel = affine_scan(recovery, np.where(x.start, 0.0, moved), travelled)
         lost = self.depth * -np.expm1(-travel / self.travel)
         return -lost * x.bladder, (path[-1], travel[-1])
+
+
+class SofteningLifetime(Softening):
+    """As `softening`, but the bladder does not recover: travel is counted over all trials."""
+
+    name = 'softening_lifetime'
+    variant_of = 'softening'
+    summary = 'Mullins softening that stays from trial to trial'
+    across_trials = True
