@@ -10,8 +10,8 @@ first and are dashed, so that colour is never the only difference between them.
 
 from typing import NamedTuple
 
-__all__ = ['Colour', 'DIRECTIONS', 'NEUTRAL', 'by_page', 'dash', 'effect', 'fade', 'isobar',
-           'recruitment_state']
+__all__ = ['by_page', 'Colour', 'CONTROLLERS', 'dash', 'DIRECTIONS', 'effect', 'fade', 'isobar',
+           'NEUTRAL', 'recruitment_state']
 
 
 class Colour(NamedTuple):
@@ -85,6 +85,8 @@ _STATES = (_GREY, _BLUE, _ORANGE, _GREEN, _PURPLE, _SKY, _VERMILLION)
 
 #: While the bundle shortens (+1), rests (0), lengthens (-1).
 DIRECTIONS = {1: _BLUE, 0: _GREY, -1: _VERMILLION}
+#: Controllers side by side: ours first.
+CONTROLLERS = (_BLUE, _VERMILLION, _GREEN, _PURPLE)
 #: Low to high pressure, after viridis; the ends are moved until they stand out from the page.
 _RAMP_LIGHT = ('#46206B', '#3B528B', '#21818C', '#3C8F48', '#8C8400')
 _RAMP_DARK = ('#A896E0', '#7FA0E0', '#3FB8B0', '#7FDB83', '#FDE725')

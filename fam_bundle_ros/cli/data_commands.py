@@ -1,10 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that read measurements: `compare`, `diagnose`."""
+"""Commands that read measurements: `compare`, `diagnose`, `convert`, `workbench`."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
+from rich.markup import escape
 import typer
 
 from fam_bundle_ros.cli.common import (
@@ -22,6 +23,7 @@ from fam_bundle_ros.cli.common import (
     table,
     wrote,
 )
+from fam_bundle_ros.errors import InputError
 
 PANEL = 'Discovery'
 
@@ -38,6 +40,8 @@ def register(app: typer.Typer) -> None:
     """Add the commands of this module."""
     app.command('compare', rich_help_panel=PANEL)(compare)
     app.command('diagnose', rich_help_panel=PANEL)(diagnose)
+    app.command('convert', rich_help_panel=PANEL)(convert)
+    app.command('workbench', rich_help_panel=PANEL)(workbench)
 
 
 def compare(
@@ -54,7 +58,7 @@ def compare(
     result = discovery.compare(bundle, read(data, rest_length))
     console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
                   f'of the force; mean {result.bias_N:+.3g} N, largest {result.largest_N:.3g} N')
-    console.print(_escaped(str(result.noise)))
+    console.print(escape(str(result.noise)))
     for name in ('pressure', 'strain', 'direction', 'region', 'motor_unit'):
         rows = result.tables.get(name, [])
         if len(rows) > 1:
@@ -64,7 +68,7 @@ def compare(
     console.print('where it fails' if result.located
                   else 'no region stands out of the noise', style='bold')
     for region in result.located:
-        console.print(f'  {_escaped(str(region))}')
+        console.print(f'  {escape(str(region))}')
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import comparison_page
         from fam_bundle_ros.report.page import write_page
@@ -87,7 +91,7 @@ def diagnose(
     measured = read(data, rest_length)
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick)
-    console.print(f'[bold]{result.verdict}[/bold]: {_escaped(result.summary)}', soft_wrap=True)
+    console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     error = result.error_N
     console.print(f"error {error['model']:.3g} N as it is, {error['recalibrated']:.3g} N "
                   f"recalibrated, {error['best']:.3g} N at best; noise floor "
@@ -105,16 +109,63 @@ def diagnose(
     if result.shapes_left and result.verdict in ('unexplained', 'partial'):
         console.print('the error that is left looks like', style='bold')
         for shape in result.shapes_left:
-            console.print(f'  {_escaped(str(shape))}', soft_wrap=True)
-    console.print(f'[bold]next[/bold]: {_escaped(result.next_experiment)}', soft_wrap=True)
+            console.print(f'  {escape(str(shape))}', soft_wrap=True)
+    console.print(f'[bold]next[/bold]: {escape(result.next_experiment)}', soft_wrap=True)
     for note in result.notes:
-        console.print(f'note: {_escaped(note)}', style='dim', soft_wrap=True)
+        console.print(f'note: {escape(note)}', style='dim', soft_wrap=True)
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import diagnosis_page
         from fam_bundle_ros.report.page import write_page
         write_page(out, diagnosis_page(result, _files(data, model)))
         wrote(out)
     save_json(json_file, result.to_dict())
+
+
+def convert(
+    source: Annotated[str, typer.Argument(metavar='DATA', help='ROS 2 bag (folder, .mcap, .db3) '
+                                          'or CSV.')],
+    target: Annotated[Path, typer.Argument(metavar='OUT', help='CSV file to write.')],
+    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Add the '
+                                              'force of this model and the residual.')] = None,
+    json_file: JsonFile = None,
+    rest_length: RestLength = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """Turn a bag, or a CSV in other units, into a CSV of strain, pressure (kPa), force (N)."""
+    from fam_bundle_ros.discovery import compare as compare_with
+    from fam_bundle_ros.discovery import write_csv
+    from fam_bundle_ros.report.files import whole
+    if target.suffix != '.csv':
+        raise InputError(f'{target}: expected the name of a CSV file (.csv) to write')
+    measured = read(source, rest_length)
+    extra = {}
+    if model is not None:
+        result = compare_with(open_model(model, allow_python), measured)
+        extra = {'model force [N]': result.prediction, 'residual [N]': result.residual}
+    with whole(target) as draft:
+        write_csv(measured, draft, extra)
+    console.print(escape(str(measured)), soft_wrap=True)
+    wrote(target)
+    save_json(json_file, {'source': source, 'sha256': measured.sha256, 'rows': len(measured),
+                          'trials': len(measured.trial_names), 'notes': list(measured.notes)})
+
+
+def workbench(
+    data: Annotated[str | None, typer.Argument(metavar='[DATA]', help='Measurement to open with.'
+                                               )] = None,
+    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model file, '
+                                              'or a name that ships.')] = None,
+    host: Annotated[str, typer.Option(help='Address to listen at.')] = '127.0.0.1',
+    port: Annotated[int, typer.Option(help='Port to listen at.', min=1, max=65535)] = 8080,
+    token: Annotated[str | None, typer.Option(help='Needed for any address but this machine.'
+                                              )] = None,
+    show: Annotated[bool, typer.Option(help='Open a browser.')] = True,
+) -> None:
+    """Open the web page where the error falls before your eyes."""
+    from fam_bundle_ros.workbench.main import run
+    run(data=None if data is None else data_path(data),
+        model=None if model is None else model_path(model), host=host, port=port, token=token,
+        show=show)
 
 
 def read(data: str, rest_length: str | None) -> Any:
@@ -126,8 +177,3 @@ def read(data: str, rest_length: str | None) -> Any:
 
 def _files(data: str, model: str) -> list[tuple[str, Path]]:
     return [('measurement', data_path(data)), ('model file', model_path(model))]
-
-
-def _escaped(text: str) -> str:
-    from rich.markup import escape
-    return escape(text)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of a closed-loop run: tracking, pressures, recruitment states, force-strain track."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import plotly.graph_objects as go
@@ -36,13 +36,13 @@ def run(log: Log) -> go.Figure:
     time, scale = log.time[keep], _scale(log.kind)
     reached = (log.force if log.kind == 'force' else log.strain)[keep] * scale
     what = 'force (N)' if log.kind == 'force' else 'strain (%)'
-    drawing.add_trace(plotting.line(time, reached, 'reached', palette.effect('mesh'), width=2.2,
+    drawing.add_trace(plotting.line(time, reached, 'reached', palette.CONTROLLERS[0], width=2.2,
                                     hovertemplate='%{y:.2f}'), row=1, col=1)
     drawing.add_trace(plotting.line(time, log.reference[keep] * scale, 'asked for',
                                     plotting.INK, 'dash', 1.3, hovertemplate='%{y:.2f}'),
                       row=1, col=1)
     drawing.add_trace(plotting.line(time, log.error[keep] * scale, 'error',
-                                    palette.effect('mesh'), width=1.3, showlegend=False,
+                                    palette.CONTROLLERS[0], width=1.3, showlegend=False,
                                     hovertemplate='%{y:.3f}'), row=2, col=1)
     drawing.add_hline(0.0, row=2, col=1, line={'color': palette.NEUTRAL['faint'].light,
                                                'width': 1})
@@ -118,16 +118,14 @@ def compared(logs: Mapping[str, Log], window: tuple[float, float] | None = None)
     keep = _thin(len(first.time))
     drawing.add_trace(plotting.line(first.time[keep], first.reference[keep] * scale, 'asked for',
                                     plotting.INK, 'dash', 1.3), row=1, col=1)
-    dashes: Sequence[str] = ('solid', 'solid', 'dot', 'dashdot')
-    hues = [palette.effect(name) for name in ('mesh', 'resistive_buckling', 'bladder_elasticity',
-                                              'presliding_hysteresis')]
-    for k, (name, log) in enumerate(logs.items()):
+    # the last one is drawn on top, in the colour that the run alone has
+    for k, (name, log) in zip(reversed(range(len(logs))), logs.items(), strict=True):
         keep = _thin(len(log.time))
         reached = (log.force if log.kind == 'force' else log.strain)[keep] * scale
         for row, values in ((1, reached), (2, log.error[keep] * scale)):
-            drawing.add_trace(plotting.line(log.time[keep], values, name, hues[k % 4],
-                                            dashes[k % 4], 1.7, legendgroup=name,
-                                            showlegend=row == 1), row=row, col=1)
+            drawing.add_trace(plotting.line(
+                log.time[keep], values, name, palette.CONTROLLERS[k % 4], width=1.7,
+                legendgroup=name, showlegend=row == 1), row=row, col=1)
     unit = '(N)' if first.kind == 'force' else '(%)'
     drawing.update_yaxes(title_text=f'{first.kind} {unit}', row=1, col=1)
     drawing.update_yaxes(title_text=f'error {unit}', row=2, col=1)

@@ -102,7 +102,8 @@ def _shown_runs(result: ControlBenchmark, model: Bundle) -> list[Section]:
     if len(ramp) > 1:
         sections.append(Section('The transition', '', [Picture(
             'policies', 'Ramp through the overlap and back, by policy',
-            control_figures.compared(ramp),
+            control_figures.compared(dict(sorted(
+                ramp.items(), key=lambda item: item[0] == 'reversal_aware'))),
             'The same ramp at constant strain. The spikes of the error are the transitions.')]))
     items: list[Picture] = []
     for (policy, scheme, trajectory, plant), log in result.logs.items():

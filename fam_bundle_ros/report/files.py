@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes files whole or not at all, and results as strict JSON."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 import json
 import math
@@ -15,7 +16,7 @@ import numpy as np
 
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['plain', 'to_json', 'write_json', 'write_whole']
+__all__ = ['plain', 'to_json', 'whole', 'write_json', 'write_whole']
 
 
 def write_whole(path: str | Path, content: str | bytes) -> Path:
@@ -27,21 +28,35 @@ def write_whole(path: str | Path, content: str | bytes) -> Path:
     InputError
         When the folder is not there or the file cannot be written.
     """
+    with whole(path) as draft:
+        draft.write_bytes(content.encode() if isinstance(content, str) else content)
+    return Path(path)
+
+
+@contextmanager
+def whole(path: str | Path) -> Iterator[Path]:
+    """
+    Yield a draft beside a file; it takes the file's place when the block ends well.
+
+    Raises
+    ------
+    InputError
+        When the folder is not there or the file cannot be written.
+    """
     path = Path(path)
-    data = content.encode() if isinstance(content, str) else content
     draft = None
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f'.{path.name}.',
                                          delete=False) as file:
             draft = Path(file.name)
-            file.write(data)
+        yield draft
         draft.chmod(0o666 & ~_umask())
         draft.replace(path)
     except OSError as error:
+        raise InputError(f'{path}: cannot be written ({error.strerror or error})') from error
+    finally:
         if draft is not None:
             draft.unlink(missing_ok=True)
-        raise InputError(f'{path}: cannot be written ({error.strerror or error})') from error
-    return path
 
 
 def plain(value: Any) -> Any:

@@ -69,3 +69,22 @@ def test_data_and_model_must_have_the_same_units(fam_bundle):
     result = fam_bundle('compare', 'dmsp20_static_map', '--model', 'spie2021')
     assert result.returncode == 2
     assert 'expected 2' in result.stderr
+
+
+def test_convert_writes_a_csv_that_reads_back(fam_bundle, repository, tmp_path):
+    """`convert` with a model adds its force and the residual; the result is a measurement again."""
+    case = repository / 'test/data/practice/p10'
+    result = fam_bundle('convert', f'{case}.csv', 'out.csv', '--model', f'{case}.model.yaml')
+    assert result.returncode == 0, result.stderr
+    header = (tmp_path / 'out.csv').read_text().splitlines()[0]
+    assert header.endswith('force [N],model force [N],residual [N]')
+    again = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.splitlines()[0]
+             for data in (f'{case}.csv', 'out.csv')]
+    assert again[0] == again[1]
+
+
+def test_convert_leaves_no_half_a_file(fam_bundle, tmp_path):
+    """A measurement that cannot be read leaves the folder as it was."""
+    (tmp_path / 'bad.csv').write_text('strain,pressure [kPa],force [N]\n')
+    assert fam_bundle('convert', 'bad.csv', 'out.csv').returncode == 2
+    assert [path.name for path in tmp_path.iterdir()] == ['bad.csv']
