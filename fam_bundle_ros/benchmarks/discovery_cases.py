@@ -39,12 +39,12 @@ class Rig:
         return np.pi * self.radius ** 2 * p * (
             3.0 * long / np.tan(self.angle) ** 2 - stretch / np.sin(self.angle) ** 2)
 
-    def rubber(self, e: np.ndarray) -> np.ndarray:
-        """Return the force of the tube, N."""
+    def rubber(self, e: np.ndarray, stretch: np.ndarray | float = 1.0) -> np.ndarray:
+        """Return the force of the tube, N; threads that stretch let it widen."""
         if self.bladder is not None:
             return self.bladder(e)
         long, k = 1.0 - e, 1.0 / np.tan(self.angle) ** 2
-        wide = 1.0 + k * (1.0 - long ** 2)
+        wide = (stretch - long ** 2 * np.cos(self.angle) ** 2) / np.sin(self.angle) ** 2
         ring = np.pi * (self.radius ** 2 - (self.radius - WALL) ** 2)
         first = 2 * long * (1 - k) - 2 / (long ** 3 * wide) + 2 * k / (long * wide ** 2)
         second = -2 / long ** 3 + 2 * k * long / wide ** 2 + 2 * long * wide - 2 * k * long ** 3
@@ -191,7 +191,7 @@ def true_force(record: Record, rig: Rig, hidden: list[Hidden]) -> np.ndarray:
                 stretch = stretch * h.stretch(felt, p)
             if h.area:
                 area *= h.area(unit)
-        rubber = rig.rubber(felt)
+        rubber = rig.rubber(felt, stretch)
         force = area * (rig.mesh(felt, p, stretch) + rubber)
         for h in hidden:
             if h.rubber:

@@ -25,7 +25,8 @@ from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import leave_out, Progress, Scale, Search
-from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
+from fam_bundle_ros.discovery.templates import (describe, Described, nominal_fit,
+                                                surface_share)
 from fam_bundle_ros.discovery.uncertainty import confounding, estimates
 from fam_bundle_ros.model import Bundle, catalogue
 import numpy as np
@@ -136,12 +137,11 @@ def _structured(problem: Problem, fit: Fit, left: Described) -> bool:
     if left.templates and left.templates[0].gain > _SHAPE_GATE and (
             left.templates[0].size_N > _SHAPE_SIZE * problem.noise):
         return True
-    data = problem.data.select(problem.weight)
-    floor = noise_floor(data, fit.residual[problem.weight])
-    if floor.repeats is None:
+    kept = problem.weight
+    if rms(fit.residual[kept]) < np.sqrt(1.0 + _SHAPE_SIZE ** 2) * problem.noise:
         return False
-    # noise, however coloured, does not repeat itself
-    return rms(fit.residual[problem.weight]) > 1.5 * max(floor.repeats, problem.noise)
+    # noise, however coloured, cannot be foretold from strain, pressure and direction
+    return surface_share(problem, fit) > 0.25
 
 
 def _moved(problem: Problem, search: Search) -> bool:
