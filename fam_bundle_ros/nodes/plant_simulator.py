@@ -8,9 +8,8 @@ commands stay away. In lock-step it publishes a sample and ``/clock``, and steps
 command with that sample's stamp has come for every motor unit.
 """
 
-from collections.abc import Callable
 import time
-from typing import Any
+from typing import Any, Protocol
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.context import Context
@@ -55,6 +54,16 @@ SPECS = (
 _RETRY = 0.2
 
 
+class Script(Protocol):
+    """What happens around each step of a simulated rig, and when it ends."""
+
+    def before(self, rig: Rig, time: float, period: float) -> None:
+        """Act on the rig at a time of the run (s), before it steps by a period."""
+
+    def after(self, rig: Rig, time: float, commands: list[float]) -> bool:
+        """Look at the rig after a step; return whether time is to stand still from now on."""
+
+
 class PlantSimulator(BundleNode):
     """
     The simulated rig.
@@ -64,31 +73,34 @@ class PlantSimulator(BundleNode):
     context : Context, optional
     rig : Rig, optional
         In place of the one that the parameters describe.
-    on_step : callable, optional
-        Called with the time of the run (s) before each step, for loads that change in a script.
+    script : Script, optional
+        What happens besides.
     **keywords
         Of `BundleNode`.
 
     Attributes
     ----------
     rig : Rig
+    halted : bool
+        Time stands still: the script has ended.
     """
 
     def __init__(self, *, context: Context | None = None, rig: Rig | None = None,
-                 on_step: Callable[[float], None] | None = None, **keywords: Any):
+                 script: Script | None = None, **keywords: Any):
         super().__init__('plant_simulator', SPECS, context=context, **keywords)
         p = self.p
         self.rig = rig or Rig(bundle_from(p['plant_model'] or p['model']), rig_config(p),
                               seed=p['seed'])
         self.units = self.rig.bundle.n
         self._channels = [f'mu{i + 1}' for i in range(self.units)]
-        self._on_step = on_step
+        self._script = script
         self._profile: Profile | None = load_profile(p['load.profile']) if p['load.profile'] \
             else None
         if self._profile and (self._profile.kind != 'strain' or not isinstance(
                 self.rig.load, Dynamometer)):
             raise InputError('load.profile needs a trajectory of strain and load.kind dynamometer')
         self._period_ns = round(1e9 / p['rate'])
+        self.halted = False
         self._steps = 0
         self._overruns = 0
         self._refused = 0
@@ -156,7 +168,7 @@ class PlantSimulator(BundleNode):
     def _retry(self) -> None:
         """Send an unanswered sample again; count who never answers as lost."""
         silence = time.monotonic() - self._sent
-        if silence < _RETRY:
+        if silence < _RETRY or self.halted:
             return
         if self._gate.begun and silence > self.p['lock_step_timeout']:
             lost = self._gate.give_up()
@@ -178,6 +190,8 @@ class PlantSimulator(BundleNode):
     # --- wall time -----------------------------------------------------------------------------
 
     def _tick(self) -> None:
+        if self.halted:
+            return
         now = self.now_ns()
         if now == 0:
             self.say('no clock', 'use_sim_time is on and nobody publishes /clock: time stands '
@@ -210,8 +224,8 @@ class PlantSimulator(BundleNode):
     def _step(self, commands: list[float]) -> None:
         period = self._period_ns * 1e-9
         run_time = self._steps * period
-        if self._on_step:
-            self._on_step(run_time)
+        if self._script:
+            self._script.before(self.rig, run_time, period)
         if self._profile:
             target = self._profile.value(run_time + period)
             self.rig.impose_strain(target, abs(target - self.rig.truth.strain) / period)
@@ -221,9 +235,13 @@ class PlantSimulator(BundleNode):
         self._stamp += self._period_ns
         if self.rig.e_stopped != stopped:
             self._announce_stop()
+        if self._script:
+            self.halted = self._script.after(self.rig, run_time + period, commands)
 
     def _publish(self, driven: bool = True) -> None:
         """Publish the present sample; ``driven`` restarts the wait for its answers."""
+        if self.halted:
+            return
         if driven:
             self._sent = time.monotonic()
         self._meter.tick()

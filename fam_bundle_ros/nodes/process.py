@@ -11,8 +11,10 @@ from collections.abc import Callable, Sequence
 import os
 import signal
 import sys
+import threading
 import time
 from types import FrameType
+from typing import Any
 
 import rclpy
 from rclpy.context import Context
@@ -29,6 +31,8 @@ from fam_bundle_ros.nodes.base import BundleNode
 SLICE = 0.1
 #: s that the last messages get to reach everyone.
 FAREWELL = 0.3
+#: s after a first signal in which a second one counts as the same.
+PATIENCE = 2.0
 
 NodeFactory = Callable[[Context], Sequence[BundleNode]]
 
@@ -82,24 +86,61 @@ class Spinner:
             self.interrupt()
 
 
-class _Signals:
-    """Notes SIGINT and SIGTERM; a second one interrupts whatever does not end."""
+class StopSignals:
+    """
+    Notes SIGINT and SIGTERM while it is entered.
 
-    def __init__(self) -> None:
+    One Ctrl-C may arrive twice (from the terminal and from launch); only one that comes later
+    interrupts what does not end.
+
+    Parameters
+    ----------
+    restore : bool
+        Whether to put the handlers from before back in the end. A program that is about to exit
+        must not: a late signal would spoil its exit status.
+
+    Attributes
+    ----------
+    received : bool
+    on_stop : callable
+        Called with the first signal.
+    """
+
+    def __init__(self, restore: bool = True) -> None:
         self.received = False
+        self._restore = restore
+        self._first = 0.0
+        self.on_stop: Callable[[], None] = lambda: None
+        # Python delivers signals to the main thread only; elsewhere its owner has to stop us.
+        self._able = threading.current_thread() is threading.main_thread()
+        self._before: dict[int, Any] = {}
 
-    def install(self) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
+    def __enter__(self) -> 'StopSignals':
+        self._install(self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler if self._restore else signal.SIG_IGN)
 
     def ignore(self) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
+        """Let nothing interrupt the farewell."""
+        self._install(signal.SIG_IGN)
+
+    def _install(self, handler: Any) -> None:
+        if self._able:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                before = signal.signal(number, handler)
+                self._before.setdefault(number, before)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self.received:
+        now = time.monotonic()
+        if not self.received:
+            self._first = now
+        elif now - self._first > PATIENCE:
             raise KeyboardInterrupt
         self.received = True
+        self.on_stop()
 
 
 def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int:
@@ -122,28 +163,28 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
     """
     argv = list(sys.argv if args is None else args)
     program = os.path.basename(argv[0]) if argv else 'fam_bundle_ros'
-    signals = _Signals()
-    signals.install()
-    context = Context()
-    spinner = None
-    try:
-        if '-h' in argv[1:] or '--help' in argv[1:]:
-            print(usage)
-            return 0
-        _init(context, argv)
-        spinner = Spinner(context, make(context))
-        while not signals.received and context.ok():
-            spinner.spin()
-    except InputError as error:
-        print(f'{program}: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signals.ignore()
-        if spinner is not None:
-            spinner.close()
-        context.try_shutdown()
+    if '-h' in argv[1:] or '--help' in argv[1:]:
+        print(usage)
+        return 0
+    with StopSignals(restore=False) as signals:
+        context = Context()
+        spinner = None
+        try:
+            _init(context, argv)
+            spinner = Spinner(context, make(context))
+            signals.on_stop = spinner.interrupt
+            while not signals.received and context.ok():
+                spinner.spin()
+        except InputError as error:
+            print(f'{program}: {error}', file=sys.stderr)
+            return 2
+        except KeyboardInterrupt:
+            pass
+        finally:
+            signals.ignore()
+            if spinner is not None:
+                spinner.close()
+            context.try_shutdown()
     return 0
 
 

@@ -163,6 +163,16 @@ class RecruitmentNode(BundleNode):
             *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0))
               for i in range(self.bundle.n))]
 
+    @property
+    def command(self) -> Command | None:
+        """Return the controller's last command; None while it is off."""
+        return self._command
+
+    @property
+    def setpoints(self) -> list[float]:
+        """Return the last setpoints, Pa (gauge)."""
+        return self._setpoints
+
     # --- references ----------------------------------------------------------------------------
 
     def _on_force(self, message: WrenchStamped) -> None:

@@ -1,0 +1,221 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Records the topics of the interface into a bag (mcap), byte for byte as they were sent.
+
+Needs the package rosbags (extra ``tools``), not rosbag2.
+"""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+import struct
+import time
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.interface import Topic
+from fam_bundle_ros.nodes.process import Spinner, StopSignals
+
+#: How many motor units are looked for.
+_MOST_UNITS = 64
+#: s that `record` waits for the first topic.
+_PATIENCE = 10.0
+
+
+class BagWriter:
+    """
+    A bag that is being written.
+
+    Parameters
+    ----------
+    folder : path
+        Must not exist yet.
+
+    Raises
+    ------
+    InputError
+        When rosbags is not installed or the folder is there already.
+    """
+
+    def __init__(self, folder: str | Path):
+        try:
+            from rosbags.rosbag2 import StoragePlugin, Writer
+            from rosbags.typesys import get_typestore, Stores
+        except ImportError:
+            raise InputError('writing a bag needs the package rosbags: install the extra '
+                             "'tools'") from None
+        self.folder = Path(folder)
+        if self.folder.exists():
+            raise InputError(f'{folder}: is there already; expected the name of a new folder')
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._connections: dict[str, Any] = {}
+        self._writer = Writer(self.folder, version=9, storage_plugin=StoragePlugin.MCAP)
+        try:
+            self._writer.open()
+        except OSError as error:
+            raise InputError(f'{folder}: cannot be written ({error.strerror})') from None
+        #: Messages written so far.
+        self.count = 0
+
+    def write(self, name: str, topic: Topic, stamp: int, raw: bytes) -> None:
+        """Add a message as it was serialised; ``name`` is the topic's full name."""
+        connection = self._connections.get(name)
+        if connection is None:
+            connection = self._connections[name] = self._writer.add_connection(
+                name, topic.type_name, typestore=self._types,
+                offered_qos_profiles=[_qos(topic.latched)])
+        self._writer.write(connection, stamp, raw)
+        self.count += 1
+
+    def close(self) -> None:
+        """Finish the bag: without this it cannot be read."""
+        self._writer.close()
+
+
+def _qos(latched: bool) -> Any:
+    from rosbags.interfaces import (
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
+    forever = QosTime(2147483647, 4294967295)
+    durability = QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE
+    return Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, durability, forever, forever,
+               QosLiveliness.AUTOMATIC, forever, False)
+
+
+class Recorder(BundleNode):
+    """
+    Subscribes to topics and writes what comes.
+
+    Messages with a header are filed under their own stamp, others under the newest stamp seen:
+    in lock-step the bag of a run is then the same whenever it is made.
+
+    Parameters
+    ----------
+    writer : BagWriter
+    context : Context, optional
+    **keywords
+        Of `BundleNode`.
+    """
+
+    def __init__(self, writer: BagWriter, *, context: Context | None = None, **keywords: Any):
+        super().__init__('recorder', (), context=context, **keywords)
+        self._writer = writer
+        self._newest = 0
+        #: Full names of the topics that are recorded.
+        self.recorded: set[str] = set()
+
+    def add(self, topics: Iterable[Topic], qos: QoSProfile | None = None) -> None:
+        """Record topics, with a QoS that suits ours or the given one."""
+        for topic in topics:
+            name = self.resolve_topic_name(topic.name)
+            if name in self.recorded:
+                continue
+            self.recorded.add(name)
+            headed = 'header' in topic.type.get_fields_and_field_types()
+
+            def take(raw: bytes, name: str = name, topic: Topic = topic,
+                     headed: bool = headed) -> None:
+                self._writer.write(name, topic, self._stamp(raw, headed), raw)
+            self.create_subscription(
+                topic.type, topic.name, take,
+                qos or (interface.LATCHED if topic.latched else interface.LOCK_STEP), raw=True)
+
+    def discover(self) -> None:
+        """Record what of the interface is on the graph now and is not recorded yet."""
+        known = {self.resolve_topic_name(topic.name): topic
+                 for topic in interface.topics(_MOST_UNITS)}
+        for name, types in self.get_topic_names_and_types():
+            topic = known.get(name)
+            if topic is None or name in self.recorded or topic.type_name not in types:
+                continue
+            offers = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
+            if offers:
+                self.add([topic], matching_qos(offers))
+
+    def _stamp(self, raw: bytes, headed: bool) -> int:
+        stamp = 0
+        if headed:
+            # CDR: 4 bytes say the byte order, then the header begins with its stamp.
+            sec, nanosec = struct.unpack_from('<iI' if raw[1] & 1 else '>iI', raw, 4)
+            stamp = sec * 1_000_000_000 + nanosec
+        self._newest = max(self._newest, stamp)
+        return stamp or self._newest or time.time_ns()
+
+
+def matching_qos(offers: Iterable[QoSProfile]) -> QoSProfile:
+    """Return the QoS that hears all of these publishers, as reliably as they allow."""
+    offers = list(offers)
+    reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
+    latched = all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
+    return QoSProfile(
+        depth=200,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE))
+
+
+def record(folder: str | Path, seconds: float | None = None,
+           namespace: str = interface.NAMESPACE, domain: int | None = None,
+           progress: Callable[[float, int], None] | None = None) -> int:
+    """
+    Record a bundle that runs elsewhere, until the time is over or Ctrl-C.
+
+    Parameters
+    ----------
+    folder : path
+        New folder for the bag.
+    seconds : float, optional
+    namespace : str
+    domain : int, optional
+        ROS domain; that of the environment by default.
+    progress : callable, optional
+        Gets seconds and messages so far, a few times a second.
+
+    Returns
+    -------
+    int
+        Number of messages.
+
+    Raises
+    ------
+    InputError
+        When nothing of the interface is there within 10 s.
+    """
+    context = Context()
+    context.init(domain_id=domain)
+    writer: BagWriter | None = None
+    spinner: Spinner | None = None
+    try:
+        writer = BagWriter(folder)
+        node = Recorder(writer, context=context, namespace=namespace)
+        spinner = Spinner(context, [node])
+        with StopSignals() as signals:
+            signals.on_stop = spinner.interrupt
+            begin = time.monotonic()
+            while not signals.received:
+                node.discover()
+                spinner.spin(0.25)
+                elapsed = time.monotonic() - begin
+                if progress:
+                    progress(elapsed, writer.count)
+                if not node.recorded and elapsed > _PATIENCE:
+                    raise InputError(f'no topics of a bundle under {node.get_namespace()}; is '
+                                     'the rig running, in this ROS domain?')
+                if seconds is not None and elapsed >= seconds:
+                    break
+        return writer.count
+    finally:
+        if spinner is not None:
+            spinner.close()
+        if writer is not None:
+            writer.close()
+        context.try_shutdown()

@@ -1,0 +1,216 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Does a rig speak the interface: names, types, rates, units, signs, noise."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import time
+from typing import Any
+
+import numpy as np
+from rclpy.context import Context
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.recording import matching_qos
+
+#: Pa: FluidPressure below this is not absolute; a motor unit at rest shows about 101 kPa.
+_ABSOLUTE = 50e3
+#: Slowest rate that the control loop can use, Hz.
+_SLOWEST = 50.0
+_MOST_UNITS = 64
+
+
+@dataclass(frozen=True)
+class Finding:
+    """
+    One thing that was checked.
+
+    Attributes
+    ----------
+    ok : bool
+    what : str
+    detail : str
+        What was seen, and where it is not right what to do.
+    """
+
+    ok: bool
+    what: str
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{'ok  ' if self.ok else 'FAIL'} {self.what}: {self.detail}"
+
+
+class _Listener(BundleNode):
+    """Collects stamps and values of a rig's sensors."""
+
+    def __init__(self, context: Context, namespace: str, length: float):
+        super().__init__('check_rig', (), context=context, namespace=namespace)
+        self._length = length
+        self.rows: dict[str, list[tuple[float, int, float]]] = {}
+        self.bad: dict[str, str] = {}
+
+    def listen(self, topic: str, kind: Any, read: Callable[[Any], float]) -> None:
+        """Collect a topic with whatever QoS its publishers offer."""
+        rows = self.rows.setdefault(topic, [])
+
+        def take(message: Any) -> None:
+            try:
+                value = read(message)
+            except InputError as error:
+                self.bad[topic] = str(error)
+                return
+            rows.append((time.monotonic(), interface.stamp_ns(message.header.stamp), value))
+        name = self.resolve_topic_name(topic)
+        offers = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
+        self.create_subscription(kind, topic, take, matching_qos(offers))
+
+    def types(self) -> dict[str, list[str]]:
+        """Return the topics of the graph that somebody publishes, with their types."""
+        return {name: types for name, types in self.get_topic_names_and_types()
+                if self.count_publishers(name)}
+
+
+def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *,
+              domain: int | None = None, length: float = 0.127, ambient: float = 101325.0,
+              patience: float = 5.0,
+              progress: Callable[[float], None] | None = None) -> list[Finding]:
+    """
+    Listen to a rig and return what is right and wrong with what it sends.
+
+    Parameters
+    ----------
+    namespace : str
+    seconds : float
+        How long readings are collected.
+    domain : int, optional
+        ROS domain; that of the environment by default.
+    length : float, m
+        Rest length, for a rig that sends the contraction alone.
+    ambient : float, Pa (absolute)
+    patience : float, s
+        How long the rig's topics are waited for.
+    progress : callable, optional
+        Gets the seconds so far.
+
+    Returns
+    -------
+    list of Finding
+    """
+    context = Context()
+    context.init(domain_id=domain)
+    node = _Listener(context, namespace, length)
+    spinner = Spinner(context, [node])
+    try:
+        with StopSignals() as signals:
+            signals.on_stop = spinner.interrupt
+            begin = time.monotonic()
+            sensors = {node.resolve_topic_name(name) for name in (
+                interface.FORCE, interface.STRAIN, interface.pressure_topic(1))}
+            while (not sensors <= set(node.types()) and time.monotonic() - begin < patience
+                   and not signals.received):
+                spinner.spin(0.1)
+            units = _listen(node, length, ambient)
+            begin = time.monotonic()
+            while time.monotonic() - begin < seconds and not signals.received:
+                spinner.spin(0.2)
+                if progress:
+                    progress(time.monotonic() - begin)
+            if signals.received:
+                raise KeyboardInterrupt
+            return _judge(node, units, seconds)
+    finally:
+        spinner.close()
+        context.try_shutdown()
+
+
+def _listen(node: _Listener, length: float, ambient: float) -> int:
+    """Subscribe to every sensor of the right type; return the number of motor units."""
+    types = node.types()
+    units = 0
+    while units < _MOST_UNITS and node.resolve_topic_name(
+            interface.pressure_topic(units + 1)) in types:
+        units += 1
+    readers: dict[str, Callable[[Any], float]] = {
+        interface.FORCE: interface.read_force,
+        interface.STRAIN: lambda m: interface.read_strain(m, length)[0],
+        interface.SUPPLY: lambda m: interface.read_pressure(m, ambient),
+        **{interface.pressure_topic(i + 1): lambda m: interface.read_pressure(m, ambient)
+           for i in range(units)}}
+    for topic in interface.topics(units):
+        name = node.resolve_topic_name(topic.name)
+        if topic.name in readers and topic.type_name in types.get(name, ()):
+            node.listen(topic.name, topic.type, readers[topic.name])
+    return units
+
+
+def _judge(node: _Listener, units: int, seconds: float) -> list[Finding]:
+    types = node.types()
+    expected = {topic.name: topic for topic in interface.topics(max(units, 1))}
+    findings = []
+    names = [interface.FORCE, interface.STRAIN,
+             *(interface.pressure_topic(i + 1) for i in range(max(units, 1))), interface.SUPPLY]
+    for name in names:
+        found = types.get(node.resolve_topic_name(name), [])
+        wanted = expected[name].type_name
+        optional = name == interface.SUPPLY
+        if wanted not in found:
+            seen = f"is {', '.join(found)}" if found else 'nobody publishes it'
+            findings.append(Finding(optional and not found, name, f'{seen}; expected {wanted}'
+                                    + (' (optional)' if optional else '')))
+            continue
+        findings += _judge_channel(name, node.rows.get(name, []), node.bad.get(name), seconds)
+    for i in range(units):
+        name = interface.valve_topic(i + 1)
+        heard = node.count_subscribers(name)
+        findings.append(Finding(heard > 0, name, f'{heard} listen to it' if heard else
+                                'nobody listens: the valve driver has to subscribe'))
+    stop = node.count_publishers(interface.E_STOP)
+    findings.append(Finding(stop == 1, interface.E_STOP, f'{stop} publishers; expected one'))
+    return findings
+
+
+def _judge_channel(name: str, rows: list[tuple[float, int, float]], bad: str | None,
+                   seconds: float) -> list[Finding]:
+    if bad:
+        return [Finding(False, name, bad)]
+    if len(rows) < 5:
+        return [Finding(False, name, f'{len(rows)} messages in {seconds:g} s')]
+    times, stamps, values = (np.array(column) for column in zip(*rows))
+    rate = (len(times) - 1) / max(times[-1] - times[0], 1e-9)
+    findings = [Finding(rate >= _SLOWEST, f'{name} rate', f'{rate:.0f} Hz'
+                        + ('' if rate >= _SLOWEST else f'; expected {_SLOWEST:g} Hz or more'))]
+    steps = np.diff(stamps)
+    stamped = bool(np.all(stamps > 0) and np.all(steps >= 0) and np.any(steps > 0))
+    findings.append(Finding(stamped, f'{name} stamps', 'rise' if stamped else
+                            'are zero or go backwards; expected the time of the reading'))
+    finite = values[np.isfinite(values)]
+    if len(finite) < len(values):
+        findings.append(Finding(False, f'{name} values',
+                                f'{len(values) - len(finite)} of {len(values)} are no number'))
+    if len(finite):
+        findings.append(_judge_values(name, finite))
+    return findings
+
+
+def _judge_values(name: str, values: np.ndarray) -> Finding:
+    middle = float(np.median(values))
+    noise = float(1.4826 * np.median(np.abs(np.diff(values) - np.median(np.diff(values))))
+                  / np.sqrt(2.0)) if len(values) > 2 else 0.0
+    if name == interface.FORCE:
+        ok = -20.0 < middle < 5000.0
+        return Finding(ok, 'force unit and sign', f'{middle:.2f} N, noise {noise:.2f} N' + (
+            '' if ok else '; expected N, tension positive: is the sign or the unit wrong?'))
+    if name == interface.STRAIN:
+        ok = -0.1 < middle < 0.5
+        return Finding(ok, 'strain unit and sign', f'{middle:.4f}, noise {noise:.1e}' + (
+            '' if ok else '; expected a fraction (not % or mm), positive when shorter'))
+    absolute = middle + 101325.0
+    ok = absolute > _ABSOLUTE and middle < 1.5e6
+    hint = ('' if ok else '; FluidPressure is absolute: set pressure_is_gauge for a driver that '
+            'sends gauge' if absolute <= _ABSOLUTE else '; expected Pa')
+    return Finding(ok, f'{name} unit', f'{absolute / 1e3:.1f} kPa absolute, noise '
+                   f'{noise / 1e3:.2f} kPa{hint}')

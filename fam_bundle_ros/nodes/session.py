@@ -1,0 +1,247 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Runs the whole bundle in this process on real ROS, from start to end of a trajectory.
+
+What ``fam_bundle run`` and ``demo`` use, and tests and notebooks may: the same nodes as the
+executables, one executor, a record of every topic, and the run as a `Log` like that of
+`fam_bundle_ros.simulation.ClosedLoop`, so that both can be laid side by side.
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+import tempfile
+from typing import Any
+
+import numpy as np
+from rclpy.context import Context
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, save_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.profile import load_profile, Points
+from fam_bundle_ros.nodes.recording import BagWriter, record, Recorder
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.nodes.rig_check import check_rig, Finding
+from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
+from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory
+
+__all__ = ['check_rig', 'Finding', 'record', 'run_trajectory']
+
+#: s of wall time that messages on their way get at the end.
+_DRAIN = 0.3
+
+
+def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points | str | Path, *,
+                   plant_model: Bundle | str | Path | None = None, load: Load | None = None,
+                   rig: RigConfig | None = None, rate: float = 200.0, seed: int = 0,
+                   lock_step: bool = True, overrides: Mapping[str, Any] | None = None,
+                   bag: str | Path | None = None,
+                   progress: Callable[[float], None] | None = None,
+                   namespace: str = interface.NAMESPACE, domain: int | None = None) -> Log:
+    """
+    Run a trajectory on a simulated rig over ROS.
+
+    Parameters
+    ----------
+    model : Bundle or path
+        What controller and monitor believe; a path may be the name of a model that ships.
+    trajectory : Trajectory, Points or path
+        A path may be the name of a trajectory that ships.
+    plant_model : Bundle or path, optional
+        What the rig is made of; ``model`` by default.
+    load : Load, optional
+        In place of the trajectory's own; a dynamometer at strain 0.1 where there is none.
+    rig : RigConfig, optional
+        Its load is not used.
+    rate : float, Hz
+        Of samples, controller and pressure loops.
+    seed : int
+    lock_step : bool
+        As fast as the machine can, the same every time; else in wall time.
+    overrides : mapping, optional
+        Parameters of nodes, say ``{'policy': 'neglect', 'faults.leak': 'mu1=2.0'}``.
+    bag : path, optional
+        New folder into which all topics are recorded (mcap).
+    progress : callable, optional
+        Gets the time of the trajectory done, s.
+    namespace : str
+    domain : int, optional
+        ROS domain; that of the environment by default.
+
+    Returns
+    -------
+    Log
+        True values of strain, force and pressure, as `ClosedLoop` gives them.
+
+    Raises
+    ------
+    InputError
+        For bad files or parameters, and where another rig publishes under the same names.
+    KeyboardInterrupt
+        After Ctrl-C, when everything is vented and the bag is closed.
+    """
+    plan = _plan(trajectory, load)
+    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch:
+        model_name = _as_file(model, scratch, 'model')
+        plant = bundle_from(_as_file(plant_model, scratch, 'plant')
+                            if plant_model is not None else model_name)
+        config = rig or RigConfig()
+        hardware = Rig(plant, RigConfig(
+            load=plan.load, valve=config.valve, chamber=config.chamber, supply=config.supply,
+            sensors=config.sensors, step=config.step,
+            ambient_pressure=config.ambient_pressure, trip_pressure=config.trip_pressure),
+            seed=seed)
+        values = {**_parameters(config, hardware), 'model': model_name, 'rate': rate,
+                  'lock_step': lock_step, 'wait_for_reference': lock_step,
+                  'publish_clock': lock_step, 'start_enabled': True, 'start_stopped': False,
+                  'prepare': plan.prepare, **(overrides or {})}
+        return _run(values, plan, hardware, namespace, domain, bag, progress)
+
+
+def _run(values: dict[str, Any], plan: Trajectory, hardware: Rig, namespace: str,
+         domain: int | None, bag: str | Path | None,
+         progress: Callable[[float], None] | None) -> Log:
+    script = _Script(plan)
+    context = Context()
+    context.init(domain_id=domain)
+    writer: BagWriter | None = None
+    spinner: Spinner | None = None
+    try:
+        nodes: list[BundleNode] = []
+        if bag is not None:
+            writer = BagWriter(bag)
+            recorder = Recorder(writer, context=context, namespace=namespace)
+            recorder.add(interface.topics(hardware.bundle.n))
+            nodes.append(recorder)
+        nodes = make_nodes(context, namespace, overrides=values,
+                           simulator={'rig': hardware, 'script': script},
+                           generator={'profile': plan}) + nodes
+        spinner = Spinner(context, nodes)
+        script.controller = next(n for n in nodes if isinstance(n, RecruitmentNode))
+        script.interrupt = spinner.interrupt
+        with StopSignals() as signals:
+            signals.on_stop = spinner.interrupt
+            while not script.ended and not signals.received:
+                spinner.spin(0.2)
+                if progress:
+                    progress(max(script.time, 0.0))
+                _refuse_company(nodes[0])
+            if signals.received:
+                raise KeyboardInterrupt
+            spinner.spin(_DRAIN)
+        return script.log()
+    finally:
+        if spinner is not None:
+            spinner.close()
+        if writer is not None:
+            writer.close()
+        context.try_shutdown()
+
+
+def _refuse_company(node: BundleNode) -> None:
+    rigs = node.count_publishers(interface.FORCE)
+    if rigs > 1:
+        raise InputError(f'{rigs} rigs publish {node.resolve_topic_name(interface.FORCE)}: choose '
+                         'another namespace or ROS_DOMAIN_ID')
+
+
+class _Script:
+    """Moves load and dynamometer along the plan, logs every step, and says when it is over."""
+
+    def __init__(self, plan: Trajectory):
+        self._plan = plan
+        self._events = sorted(plan.events, key=lambda event: event[0])
+        self._rows: list[tuple[Any, ...]] = []
+        self._decisions: list[tuple[float, str]] = []
+        self._explained = ''
+        self.controller: RecruitmentNode | None = None
+        self.interrupt: Callable[[], None] = lambda: None
+        #: Time of the trajectory, s.
+        self.time = -plan.prepare
+        self.ended = False
+
+    def before(self, rig: Rig, time: float, period: float) -> None:
+        plan = self._plan
+        self.time = time - plan.prepare
+        while self._events and self._events[0][0] <= self.time + 1e-9:
+            rig.change_load(**self._events.pop(0)[1])
+        if plan.imposed is not None:
+            target = plan.imposed(max(self.time + period, 0.0))
+            rig.impose_strain(target, abs(target - rig.truth.strain) / period)
+
+    def after(self, rig: Rig, time: float, commands: list[float]) -> bool:
+        plan, t = self._plan, self.time
+        assert self.controller is not None
+        command = self.controller.command
+        explanation = command.explanation if command else ''
+        if explanation and explanation != self._explained:
+            self._decisions.append((t, explanation))
+        self._explained = explanation
+        self.time = time - plan.prepare
+        if t >= -1e-9:
+            truth, n = rig.truth, rig.bundle.n
+            margins = command.margins if command else None
+            overlap = ((margins.recruit - margins.width, margins.recruit) if margins
+                       else (np.nan, np.nan))
+            self._rows.append((
+                self.time, plan.value(max(t, 0.0)), command.demand if command else 0.0,
+                truth.strain, truth.force, truth.supply, truth.pressure,
+                np.array(self.controller.setpoints), np.array(commands),
+                command.state if command else 0, command.share if command else np.zeros(n),
+                command.saturated if command else '', overlap, rig.air_mass, rig.work))
+        self.ended = self.time >= plan.duration - 1e-9
+        if self.ended:
+            self.interrupt()
+        return self.ended
+
+    def log(self) -> Log:
+        names = ('time', 'reference', 'demand', 'strain', 'force', 'supply', 'pressure',
+                 'setpoint', 'command', 'state', 'share', 'saturated', 'overlap', 'air', 'work')
+        columns: dict[str, Any] = {
+            name: np.array(column) for name, column in zip(names, zip(*self._rows))}
+        return Log(**columns, decisions=self._decisions, kind=self._plan.kind)
+
+
+def _plan(trajectory: Trajectory | Points | str | Path, load: Load | None) -> Trajectory:
+    if isinstance(trajectory, (str, Path)):
+        trajectory = load_profile(str(trajectory))
+    if isinstance(trajectory, Trajectory):
+        plan, own = trajectory, trajectory.load
+    else:
+        plan, own = None, Dynamometer(strain=0.1)
+    load = load or own
+    if plan is None:
+        return Trajectory(trajectory.name, trajectory.kind, trajectory.duration,
+                          trajectory.value, trajectory.rate, load)
+    imposed = plan.imposed if isinstance(load, Dynamometer) else None
+    if imposed is not None and isinstance(load, Dynamometer):
+        load = Dynamometer(strain=imposed(0.0), speed=load.speed)
+    return Trajectory(plan.name, plan.kind, plan.duration, plan.value, plan.rate, load, imposed,
+                      plan.events, plan.prepare)
+
+
+def _as_file(model: Bundle | str | Path, folder: str, name: str) -> str:
+    """Return the path of a model: nodes take files, as their parameters do."""
+    if not isinstance(model, Bundle):
+        return str(model)
+    path = Path(folder) / f'{name}.yaml'
+    save_model(model, path)
+    return str(path)
+
+
+def _parameters(config: RigConfig, rig: Rig) -> dict[str, Any]:
+    """Return what a user would tell the controller about the rig."""
+    known = ClosedLoop._load_model(rig.load, rig.length)
+    return {'ambient_pressure': config.ambient_pressure,
+            'supply.pressure': config.supply.pressure,
+            'valve.conductance': config.valve.conductance,
+            'valve.dead_band': config.valve.dead_band,
+            'tube_volume': config.chamber.tube_volume,
+            'load_model.force': float(known.force),
+            'load_model.stiffness': float(known.stiffness),
+            'load_model.inertia': float(known.inertia)}
