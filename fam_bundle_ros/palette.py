@@ -53,6 +53,7 @@ _EFFECTS = {
     'bladder_polynomial': (_GREEN, 'dash'),
     'bladder_ogden': (_GREEN, 'dot'),
     'softening': (_GREEN, 'dashdot'),
+    'softening_lifetime': (_GREEN, 'longdash'),
     'resistive_buckling': (_VERMILLION, 'solid'),
     'resistive_plateau': (_VERMILLION, 'dash'),
     'tendon_slack': (_BROWN, 'solid'),

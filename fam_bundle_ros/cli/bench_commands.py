@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that measure the package itself: `benchmark-control`, `bench`."""
+"""Commands that measure the package: `benchmark-control`, `benchmark-discovery`, `bench`."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,6 +27,7 @@ PANEL = 'Benchmarks'
 def register(app: typer.Typer) -> None:
     """Add the commands of this module."""
     app.command('benchmark-control', rich_help_panel=PANEL)(benchmark_control)
+    app.command('benchmark-discovery', rich_help_panel=PANEL)(benchmark_discovery)
     app.command('bench', rich_help_panel=PANEL)(bench)
 
 
@@ -73,6 +74,42 @@ def benchmark_control(
                                        [('model file', model_path(shipped))]))
         wrote(out)
     save_json(json_file, result.to_json())
+
+
+def benchmark_discovery(
+    cases: Annotated[int, typer.Option(help='Cases per kind of data and set.', min=1)] = 150,
+    sets: Annotated[str, typer.Option(help='Sets of cases with commas between, or all.')] = 'all',
+    workers: Annotated[int | None, typer.Option(help='Processes; all cores by default.',
+                                                min=1)] = None,
+    against: Annotated[bool, typer.Option('--against', help='LASSO and pysindy STLSQ on the same '
+                                          'cases (extras).')] = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Hide effects in simulated data and count how often `diagnose` names them."""
+    from fam_bundle_ros.benchmarks import discovery
+    chosen = _pick(sets, discovery.SETS, '--sets')
+    with progress_bar('benchmark-discovery') as tick:
+        result = discovery.benchmark(cases, chosen, workers,
+                                     lambda done, every: tick(done / every, f'{done} of {every}'))
+    table(('measure', 'cases', 'value', 'target', ''),
+          [(row['measure'], row['cases'], f'{row["value"]:.3f}',
+            f'{"≥" if row["at_least"] else "≤"} {row["target"]:.3g}',
+            '' if row['met'] else 'missed') for row in result['table']], numeric=(1, 2))
+    if result['calibration']:
+        table(('probability claimed', 'right', 'cases'),
+              [(f'{row["claimed"]:.2f}', f'{row["right"]:.2f}', int(row['cases']))
+               for row in result['calibration']], numeric=(0, 1, 2))
+    if result['confusion']:
+        table(('hidden', 'answered instead (times)'),
+              [(truth, ', '.join(f'{answer} {count}' for answer, count in answers.items()))
+               for truth, answers in result['confusion'].items()], title='where it went wrong')
+    if against:
+        from fam_bundle_ros.benchmarks.discovery_against import against as others
+        result['against'] = others(cases)
+        table(('method', 'figures'), [(name, ', '.join(f'{key} {value}' for key, value in
+                                                       row.items()))
+                                      for name, row in result['against'].items()])
+    save_json(json_file, result)
 
 
 def bench(json_file: JsonFile = None) -> None:
