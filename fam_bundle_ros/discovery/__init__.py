@@ -7,8 +7,11 @@ Discovery: which physical effect is a model missing, judged on measured data.
     print(compare(model, data))
     result = diagnose(model, data)
     print(result)
+    better = add_effect(model, result.shapes, data)
+    print(ladder(data, [model, better.model]))
 """
 
+from fam_bundle_ros.discovery.add import add_effect, Added, Ladder, ladder, orders
 from fam_bundle_ros.discovery.compare import compare, Comparison
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
@@ -16,5 +19,6 @@ from fam_bundle_ros.discovery.measurement import Measurement, read_measurement, 
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 
-__all__ = ['Candidate', 'compare', 'Comparison', 'diagnose', 'Diagnosis', 'locate', 'Measurement',
-           'noise_floor', 'NoiseFloor', 'read_measurement', 'Region', 'write_csv']
+__all__ = ['add_effect', 'Added', 'Candidate', 'compare', 'Comparison', 'diagnose', 'Diagnosis',
+           'ladder', 'Ladder', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor', 'orders',
+           'read_measurement', 'Region', 'write_csv']

@@ -13,8 +13,13 @@ from dataclasses import dataclass
 import json
 from typing import Any, Optional, Union
 
-from fam_bundle_ros.discovery.grouping import (pressure_levels, rms, strain_bins,
-                                               varying_unit)
+from fam_bundle_ros.discovery.grouping import (
+    pressure_levels,
+    reversals,
+    rms,
+    strain_bins,
+    varying_unit,
+)
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, visit_cells
@@ -166,7 +171,9 @@ def residual_maps(data: Measurement, residual: np.ndarray, strains: int = 24,
         total = np.bincount(cell[rows], residual[rows], shape[0] * shape[1])
         return np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(shape)
 
-    up, down = mean_over(data.direction > 0), mean_over(data.direction < 0)
+    clear = ~reversals(data)
+    up = mean_over((data.direction > 0) & clear)
+    down = mean_over((data.direction < 0) & clear)
     every = mean_over(np.ones(len(residual), bool))
     return {'strain': (edges[1:] + edges[:-1]) / 2, 'pressure': means, 'mean': every,
             'even': every if data.is_static else (up + down) / 2, 'odd': (up - down) / 2}

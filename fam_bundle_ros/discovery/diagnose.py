@@ -19,12 +19,12 @@ from typing import Any, Optional
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.experiment import best_experiment, without_force
-from fam_bundle_ros.discovery.fit import Fit, Problem
-from fam_bundle_ros.discovery.grouping import blocks, rms
+from fam_bundle_ros.discovery.fit import Fit, held_out_error, Problem
+from fam_bundle_ros.discovery.grouping import rms
 from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
-from fam_bundle_ros.discovery.search import leave_out, Progress, Scale, Search
+from fam_bundle_ros.discovery.search import Progress, Scale, Search
 from fam_bundle_ros.discovery.templates import (describe, Described, nominal_fit,
                                                 surface_share)
 from fam_bundle_ros.discovery.uncertainty import confounding, estimates
@@ -73,9 +73,9 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         progress(0.9, 'weighing what is left')
     finding = _verdict(problem, search)
     full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
-    base = _confirm(full, search.fit(()))
+    base = confirm(full, search.fit(()))
     chosen = search.chosen if finding.named else []
-    final = base if not chosen else _confirm(full, search.fit(chosen))
+    final = base if not chosen else confirm(full, search.fit(chosen))
     scale = Scale.of(full, final)
     ranking = _ranking(search, full, final, chosen)
     tied = _ties(search, chosen)
@@ -91,11 +91,11 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         noise=floor, ranking=ranking, tied=tied, located=comparison.located,
         next_experiment=_next(problem, search, finding, tied, data),
         parameters=tuple(estimates(final, scale)), moved=final.moved(),
-        best=model if keep_nominal else _with_intervals(final, scale, floor.value),
+        best=model if keep_nominal else with_intervals(final, scale),
         recalibrated=base.model, shapes_left=tuple(finding.left.templates),
         notes=data.notes + _notes(data, floor, base, final),
         rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
-        ladder=_ladder(full, model, search, base, chosen), seconds=time.perf_counter() - begun)
+        ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
 
 
 @dataclass
@@ -178,7 +178,7 @@ def _outsider(problem: Problem, search: Search, final: Fit) -> Optional[Describe
 
 # --- numbers -----------------------------------------------------------------------------------
 
-def _confirm(full: Problem, fit: Fit) -> Fit:
+def confirm(full: Problem, fit: Fit) -> Fit:
     """Return a fit of the search refitted on every row."""
     if len(full.data) == len(fit.residual):
         return fit
@@ -246,57 +246,37 @@ def _ties(search: Search, chosen: list[str]) -> tuple[tuple[str, ...], ...]:
     return tuple(groups)
 
 
-def _ladder(full: Problem, model: Bundle, search: Search, base: Fit, chosen: list[str],
+def _ladder(full: Problem, model: Bundle, search: Search, chosen: list[str],
             ) -> list[dict[str, Any]]:
-    """Return the error after each step, on the rows and on blocks left out."""
+    """Return the error after each step, on all rows and on isobars or trials left out."""
     kept = full.weight
-    nominal = full.residual(model)
-    steps = [{'step': 'model', 'error_N': rms(nominal[kept]), 'held_out_N': rms(nominal[kept])}]
+    nominal = rms(full.residual(model)[kept])
+    steps = [{'step': 'model', 'error_N': nominal, 'held_out_N': nominal}]
     for count in range(len(chosen) + 1):
-        fit = base if not count else _confirm(full, search.fit(chosen[:count]))
+        fit = search.fit(chosen[:count])
+        here = confirm(full, fit)
+        error = rms(here.residual[kept])
+        # the search may have averaged neighbours: what leaving out adds is added to a row's error
+        added = held_out_error(search.problem, fit) ** 2 - rms(
+            fit.residual[search.problem.weight]) ** 2
         steps.append({'step': 'recalibrated' if not count else f'+ {chosen[count - 1]}',
-                      'error_N': rms(fit.residual[kept]),
-                      'held_out_N': held_out_error(full, fit)})
+                      'error_N': error, 'held_out_N': float(np.sqrt(max(error ** 2 + added, 0)))})
     return steps
 
 
-def held_out_error(problem: Problem, fit: Fit, scheme: str = '') -> float:
-    """
-    Return the rms error on blocks that the refit has not seen, N (linear in the parameters).
-
-    Parameters
-    ----------
-    scheme : str
-        `isobar`, `trial`, `time`, `strain`; by default the first that the data offers.
-    """
-    schemes = blocks(problem.data)
-    if not schemes:
-        return float('nan')
-    label = schemes.get(scheme, next(iter(schemes.values())))
-    total = 0.0
-    for block in np.unique(label):
-        left = leave_out(problem, fit, label == block)
-        total += float(left @ left)
-    return float(np.sqrt(total / max(problem.samples, 1)) * problem.noise)
-
-
-def _with_intervals(fit: Fit, scale: Scale, floor: float) -> Bundle:
+def with_intervals(fit: Fit, scale: Scale) -> Bundle:
     """Return the fitted model with its error and the intervals of its effects' parameters."""
-    del floor
     found: dict[str, dict[str, tuple[float, float]]] = {}
     for estimate in estimates(fit, scale):
         owner, _, name = estimate.key.partition('.')
         found.setdefault(owner, {})[name] = estimate.si_interval
-    model = fit.model
+    effects = []
     for effect in fit.model.effects:
-        if effect.name in found:
-            fresh = effect.replace()
-            fresh.intervals = {**effect.intervals, **found[effect.name]}
-            model = model.with_effect(fresh)
-    order = [effect.name for effect in fit.model.effects]
-    ordered = sorted(model.effects, key=lambda e: order.index(e.name))
-    error = rms(fit.residual)
-    return Bundle(model.name, model.motor_units, ordered, error, model.notes)
+        known = effect.replace()
+        known.intervals = {**effect.intervals, **found.get(effect.name, {})}
+        effects.append(known)
+    model = fit.model
+    return Bundle(model.name, model.motor_units, effects, rms(fit.residual), model.notes)
 
 
 # --- words -------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Mapping, Optional, Sequence
 
+from fam_bundle_ros.discovery.grouping import blocks, reversals
 from fam_bundle_ros.discovery.measurement import Measurement
 from fam_bundle_ros.discovery.noise import autocorrelation_time, second_differences
 from fam_bundle_ros.discovery.predict import motion, predict
@@ -293,21 +294,39 @@ def spikes(data: Measurement, residual: np.ndarray, noise: float, half: int = 3,
     return np.abs(residual - np.median(near, axis=1)) > threshold * noise
 
 
-def reversals(data: Measurement) -> np.ndarray:
+def held_out_residual(problem: Problem, fit: Fit, scheme: str = '') -> np.ndarray:
     """
-    Return the rows whose direction of motion cannot be known, (T,) bool.
+    Return the residual of every row from a refit that has not seen its block, (T,), N.
 
-    Between the last sample one way and the first one back the force of friction may be anything;
-    nor is it known how a trial was entered. Rests in between are told apart from a reversal.
+    Each block is left out in turn and the whole model refitted on the rest.
+
+    Parameters
+    ----------
+    scheme : str
+        `isobar`, `trial`, `time` or `strain`; by default the first that the data offers.
     """
-    if data.is_static:
-        return np.zeros(len(data), bool)
-    turn = (data.direction[1:] * data.direction[:-1] < 0) | (data.trial[1:] != data.trial[:-1])
-    unsure = data.start.copy()
-    unsure[1:] |= turn
-    unsure[:-1] |= turn & (data.trial[1:] == data.trial[:-1])
-    still = np.zeros(len(data), bool)
-    still[1:] = unsure[:-1] & (data.trial[1:] == data.trial[:-1]) & ~data.start[:-1]
-    before = np.zeros(len(data), bool)
-    before[:-1] = unsure[1:] & (data.trial[1:] == data.trial[:-1]) & ~data.start[1:]
-    return unsure | still | before
+    schemes = blocks(problem.data)
+    schemes.pop('direction', None)
+    if not schemes:
+        return fit.residual
+    label = schemes.get(scheme, next(iter(schemes.values())))
+    start = {t.key: v for t, v in zip(fit.terms, fit.values)}
+    residual = fit.residual.copy()
+    used = problem.weight
+    try:
+        for block in np.unique(label):
+            rows = label == block
+            if not (used & ~rows).any():
+                continue
+            problem.weight = used & ~rows
+            again = problem.fit(fit.model, fit.terms, start, iterations=8, tolerance=0.5)
+            residual[rows] = again.residual[rows]
+    finally:
+        problem.weight = used
+    return residual
+
+
+def held_out_error(problem: Problem, fit: Fit, scheme: str = '') -> float:
+    """Return the rms of `held_out_residual` over the rows that count, N."""
+    residual = held_out_residual(problem, fit, scheme)[problem.weight]
+    return float(np.sqrt(np.mean(residual ** 2))) if len(residual) else float('nan')

@@ -88,3 +88,23 @@ def rms(values: np.ndarray | Sequence[float]) -> float:
     """Return the root mean square."""
     values = np.asarray(values, float)
     return float(np.sqrt(np.mean(values * values))) if len(values) else float('nan')
+
+
+def reversals(data: Measurement) -> np.ndarray:
+    """
+    Return the rows whose direction of motion cannot be known, (T,) bool.
+
+    Between the last sample one way and the first one back the force of friction may be anything;
+    nor is it known how a trial was entered. Rests in between are told apart from a reversal.
+    """
+    if data.is_static:
+        return np.zeros(len(data), bool)
+    turn = (data.direction[1:] * data.direction[:-1] < 0) | (data.trial[1:] != data.trial[:-1])
+    unsure = data.start.copy()
+    unsure[1:] |= turn
+    unsure[:-1] |= turn & (data.trial[1:] == data.trial[:-1])
+    still = np.zeros(len(data), bool)
+    still[1:] = unsure[:-1] & (data.trial[1:] == data.trial[:-1]) & ~data.start[:-1]
+    before = np.zeros(len(data), bool)
+    before[:-1] = unsure[1:] & (data.trial[1:] == data.trial[:-1]) & ~data.start[1:]
+    return unsure | still | before

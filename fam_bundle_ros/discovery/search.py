@@ -16,7 +16,12 @@ from typing import Optional
 
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.fit import base_terms, effect_terms, Fit, Problem
-from fam_bundle_ros.discovery.grouping import blocks
+from fam_bundle_ros.discovery.grouping import (
+    blocks,
+    pressure_levels,
+    strain_bins,
+    varying_unit,
+)
 from fam_bundle_ros.model import Bundle, Effect
 import numpy as np
 
@@ -25,6 +30,11 @@ GATE = 10.0
 #: The first shape of a family is kept unless another one is better by this much.
 HEAD_MARGIN = 6.0
 MOST_EFFECTS = 4
+#: A further effect must take at least this share of what the others took (a shape that is not
+#: quite right leaves a few per cent) ...
+_PATCH = 0.02
+#: ... or this, where it is odd in direction and the others are even, or the other way round.
+_PATCH_OTHER_PARITY = 0.002
 #: A candidate is refitted only if it could take away this much of chi2 by a linear look ...
 _SCREEN = 4.0
 #: ... and this share of what the best candidate could.
@@ -306,8 +316,6 @@ class Search:
         """
         Return whether an effect holds on blocks left out, and is more than a patch.
 
-        Once an effect of another shape than the truth's is in, small leftovers of that shape
-        remain; a further effect must take most of what is left to be more than a patch on it.
         """
         before, after = self.fit(held), self.fit([*held, name])
         share, ratio = held_out_votes(self.problem, before, after, scale)
@@ -316,11 +324,49 @@ class Search:
         # on noise)
         if share < 2.0 / 3.0 and not (share >= 0.5 and ratio < 0.7):
             return False
-        if held:
-            left, now = self.excess(held), self.excess([*held, name])
-            if now > 0.5 * left:
-                return False
-        return True
+        return not held or self._more_than_a_patch(held, name)
+
+    def _more_than_a_patch(self, held: list[str], name: str) -> bool:
+        """
+        Return whether a further effect is more than a patch on the shape of those held.
+
+        An effect in another shape than the truth's leaves a few per cent of what it explains, and
+        some other effect always fits a part of that. A real one takes most of what is left, and
+        what it takes is not small against what the others took - unless it is of another parity
+        (odd against even in the direction of motion), which no shape of theirs could leave.
+        """
+        first, left, now = (self.excess(names) for names in ((), held, [*held, name]))
+        if now > 0.5 * left:
+            return False
+        smallest = _PATCH
+        parity = self._odd_share(held, name)
+        if all(abs(parity - self._odd_share([*(n for n in held if n != other), name], other)) > 0.6
+               for other in held):
+            smallest = _PATCH_OTHER_PARITY
+        return left - now > smallest * (first - left)
+
+    def _odd_share(self, held: Iterable[str], name: str) -> float:
+        """Return how much of what an effect adds changes sign with the motion, 0 to 1."""
+        fit = self.fit([*held, name])
+        added = fit.residual - self.problem.residual(fit.model.without_effect(name))
+        data = self.problem.data
+        moving = (data.direction != 0) & self.problem.weight
+        if moving.sum() < 10:
+            return 0.0
+        way = data.direction[moving]
+        unit = varying_unit(data)
+        level, _ = pressure_levels(data.pressure[moving, unit], 12)
+        bins, _ = strain_bins(data.strain[moving], 12)
+        cell = level * 12 + bins
+        size = int(cell.max()) + 1
+        change = -added[moving]
+        up, down = (np.bincount(cell[way == s], change[way == s], size)
+                    / np.maximum(np.bincount(cell[way == s], minlength=size), 1) for s in (1, -1))
+        both = (np.bincount(cell[way == 1], minlength=size) > 0) & (
+            np.bincount(cell[way == -1], minlength=size) > 0)
+        odd = float(np.sum((up - down)[both] ** 2))
+        even = float(np.sum((up + down)[both] ** 2))
+        return odd / max(odd + even, 1e-300)
 
 
 def leave_out(problem: Problem, fit: Fit, rows: np.ndarray) -> np.ndarray:
