@@ -45,7 +45,7 @@ class Trajectory:
     events : tuple of (time, dict)
         Changes of the load in motion, say ``(2.0, {'mass': 8.0})``.
     prepare : float, s
-        Time before 0 in which the start of the trajectory is held, not counted.
+        Time before 0 in which the start of the trajectory is taken up gently, not logged.
     """
 
     name: str
@@ -197,14 +197,13 @@ class ClosedLoop:
         tube = self.rig_config.chamber.tube_volume
         rows, decisions = [], []
         readings = rig.readings
+        begin = rig.truth.force if trajectory.kind == 'force' else rig.truth.strain
         dt = self.ticks * self.pid_period
         for tick in range(round((trajectory.prepare + trajectory.duration) / dt)):
             t = tick * dt - trajectory.prepare
             while events and events[0][0] <= t:
                 rig.change_load(**events.pop(0)[1])
-            at = max(t, 0.0)
-            reference = Reference(trajectory.kind, trajectory.value(at),
-                                  trajectory.rate(at) if t >= 0.0 else 0.0)
+            reference = _reference(trajectory, t, begin)
             command = controller.update(dt, _measurement(readings), reference)
             if command.explanation:
                 decisions.append((t, command.explanation))
@@ -230,10 +229,9 @@ class ClosedLoop:
         """Tell the controller what a user would know of the load: its values at the start."""
         if isinstance(load, Dynamometer):
             return LoadModel()
-        middle = 0.08
-        stiffness = load.stiffness(middle, length)
-        return LoadModel(load.holding_force(middle, length) - stiffness * middle, stiffness,
-                         load.inertia(middle, length))
+        strains = np.linspace(0.0, 0.25, 11)
+        table = tuple((float(e), load.holding_force(float(e), length)) for e in strains)
+        return LoadModel(inertia=load.inertia(0.1, length), table=table)
 
     @staticmethod
     def _row(t, trajectory, command, rig, valves):
@@ -251,6 +249,17 @@ def pid_config(rig: RigConfig, period: float, noise_factor: float = 1.0) -> PidC
     left = math.sqrt(period / (2.0 * config.filter_time))
     quiet = 3.0 * left * noise_factor * rig.sensors.pressure_noise
     return replace(config, quiet_error=min(max(quiet, 200.0), 3000.0))
+
+
+def _reference(trajectory, t, begin):
+    """Return the reference at a time; before 0 the way from ``begin`` to the start."""
+    if t >= 0.0:
+        return Reference(trajectory.kind, trajectory.value(t), trajectory.rate(t))
+    span = 0.7 * trajectory.prepare
+    x = min((t + trajectory.prepare) / span, 1.0)
+    change = trajectory.value(0.0) - begin
+    return Reference(trajectory.kind, begin + change * x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x),
+                     change / span * 30.0 * x * x * (1.0 - x) ** 2)
 
 
 def _measurement(readings):

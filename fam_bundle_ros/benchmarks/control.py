@@ -169,5 +169,6 @@ def run_benchmark(controllers: Iterable[tuple[str, str]] = CONTROLLERS,
 
 def _run(case, seed, bundle):
     """Run a case in a worker; bring the log only where it is wanted, it is large."""
-    row, log = run_case(*case, seed=seed, bundle=bundle)
+    policy, scheme, trajectory, plant = case
+    row, log = run_case(policy, scheme, trajectory, plant, seed, bundle)
     return row, log if case in SHOWN else None

@@ -21,7 +21,7 @@ TRAJECTORIES = ('ramp', 'staircase', 'sine_0.1', 'sine_0.5', 'sine_1', 'crossing
 #: Strain of the force trajectories and peak of the strain sines.
 STRAIN = 0.16
 #: Time in which the start of a trajectory is taken up before it counts, s.
-_PREPARE = 1.0
+_PREPARE = 1.5
 
 
 class _Path:
@@ -125,8 +125,8 @@ def make_trajectory(name: str, bundle: Bundle, long: bool = False) -> Trajectory
     if name == 'load_step':
         path = _Path([0.0, 1.0, 6.0, 7.0, 8.0], [0.02, 0.12, 0.12, 0.02, 0.11])
         top = bundle.overlap(0.12, 1).high / 9.80665
-        events = ((2.5, {'mass': 1.3 * top}), (4.5, {'mass': 0.5 * top}))
-        return strain(path, 9.0, MassSpring(mass=0.5 * top, damping=40.0), events)
+        events = ((2.5, {'mass': 1.15 * top}), (4.5, {'mass': 0.7 * top}))
+        return strain(path, 9.0, MassSpring(mass=0.7 * top, damping=40.0), events)
     raise InputError(f"trajectory is '{name}'; expected one of {', '.join(TRAJECTORIES)}")
 
 

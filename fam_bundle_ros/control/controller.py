@@ -31,6 +31,8 @@ from fam_bundle_ros.model import Bundle
 _TOLERANCE = 0.1
 #: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
 _STEP = 2.0
+#: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
+_BRISK, _SLOW = 200.0, 12.0
 
 
 @dataclass(frozen=True)
@@ -184,8 +186,9 @@ class RecruitmentController:
         self._memory = self.bundle.start_state()
         self._crossings: dict[int, Crossing] = {}
         self._since_crossing = math.inf
-        self._heading = Heading(np.zeros(self.bundle.n + 1))
-        self._heading_at: float | None = None
+        self._wanted, self._limits = Heading(np.zeros(1)), Heading(np.zeros(self.bundle.n + 1))
+        self._last_wanted = 0.0
+        self._kind = ''
         self._lost = 0.0
         self.outer.reset()
         self._command = self._vented('')
@@ -269,17 +272,22 @@ class RecruitmentController:
 
     def _demand(self, dt, curves, target, reference):
         """Return what the state machine sees: demand, and how it moves against the limits."""
-        gap = target.feed_forward - curves.top
-        jump = self._heading_at is None or abs(
-            target.feed_forward - self._heading_at) > _STEP + abs(target.feed_forward_rate) * dt
-        self._heading_at = target.feed_forward
-        if jump:
-            self._heading.reset(gap)
+        wanted, limits = self._wanted, self._limits
+        value = np.array([target.feed_forward])
+        if self._kind != reference.kind or (
+                not target.moving and abs(value[0] - self._last_wanted) > _STEP):
+            self._kind = reference.kind
+            wanted.reset(value)
+            limits.reset(curves.top)
         else:
-            self._heading.update(gap, dt)
+            wanted.update(value, dt, _BRISK)
+            # A strain that is measured is noisy, one that is asked for is not.
+            limits.update(curves.top, dt, _BRISK if reference.kind == 'strain' else _SLOW)
+        self._last_wanted = value[0]
         state = min(self._machine.state, self.bundle.n - 1)
-        return Demand(target.force, float(self._heading.rate[state]),
-                      float(self._heading.acceleration[state]), self.outer.uncertainty)
+        return Demand(target.force, float(wanted.rate[0] - limits.rate[state]),
+                      float(wanted.acceleration[0] - limits.acceleration[state]),
+                      float(wanted.jerk[0] - limits.jerk[state]), self.outer.uncertainty)
 
     def _begin_crossing(self):
         """Send the unit that was switched on its way, unless the policy knows no way."""

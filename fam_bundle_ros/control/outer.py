@@ -13,6 +13,11 @@ import math
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
+import numpy as np
+
+
+#: Damping that the strain loop adds, of critical.
+_DAMPING_RATIO = 0.2
 
 
 @dataclass(frozen=True)
@@ -26,6 +31,8 @@ class LoadModel:
         That holds the load at zero strain.
     stiffness : float, N
         Change of it per unit of strain.
+    table : tuple of (strain, force), optional
+        Holding force over rising strain, instead of the two numbers above.
     inertia : float, N s^2
         Force per strain acceleration.
     damping : float, N s
@@ -36,6 +43,14 @@ class LoadModel:
     stiffness: float = 0.0
     inertia: float = 0.0
     damping: float = 0.0
+    table: tuple[tuple[float, float], ...] = ()
+
+    def holding_force(self, strain: float) -> float:
+        """Return the force that holds the load at a strain, N."""
+        if self.table:
+            strains, forces = zip(*self.table)
+            return float(np.interp(strain, strains, forces))
+        return self.force + self.stiffness * strain
 
 
 @dataclass(frozen=True)
@@ -58,8 +73,11 @@ class OuterConfig:
     strain_gain : float, N
         Per unit of strain error.
     strain_integral : float, N/s
-    strain_damping : float, N s
-        On the error of the strain rate.
+    strain_damping : float, N s, optional
+        On the error of the strain rate; by default what damps the known inertia on the muscles'
+        stiffness by a ratio of 0.2.
+    still : float, N
+        Corrections of a strain loop change only by more than this: no air for sensor noise.
     filter_time : float, s
         Of the force reading.
     strain_reach : float
@@ -71,12 +89,13 @@ class OuterConfig:
 
     feed_forward: bool = True
     feedback: bool = True
-    bias_time: float = 0.25
-    force_gain: float = 0.3
+    bias_time: float = 0.5
+    force_gain: float = 0.0
     force_integral: float = 12.0
-    strain_gain: float = 300.0
+    strain_gain: float = 400.0
     strain_integral: float = 2000.0
-    strain_damping: float = 15.0
+    strain_damping: float | None = None
+    still: float = 0.2
     filter_time: float = 0.02
     strain_reach: float = 0.03
     fade_time: float = 0.2
@@ -89,9 +108,10 @@ class OuterConfig:
             if not getattr(self, name) > 0.0:
                 raise InputError(f'{name} is {getattr(self, name)}; expected more than 0 s')
         for name in ('force_gain', 'force_integral', 'strain_gain', 'strain_integral',
-                     'strain_damping', 'strain_reach'):
-            if not getattr(self, name) >= 0.0:
-                raise InputError(f'{name} is {getattr(self, name)}; expected 0 or more')
+                     'strain_damping', 'strain_reach', 'still'):
+            value = getattr(self, name)
+            if value is not None and not value >= 0.0:
+                raise InputError(f'{name} is {value}; expected 0 or more')
 
 
 @dataclass(frozen=True)
@@ -103,15 +123,17 @@ class Target:
     ----------
     force : float, N
         Reference, feedback and bias together.
-    feed_forward, feed_forward_rate : float, N and N/s
-        The part that is free of noise, and how fast it moves where that is known.
+    feed_forward : float, N
+        The part that is free of noise.
+    moving : bool
+        The reference says a rate: a change of ``feed_forward`` is no step.
     strain, strain_rate : float, and 1/s
         For which the pressures are to be worked out.
     """
 
     force: float
     feed_forward: float
-    feed_forward_rate: float
+    moving: bool
     strain: float
     strain_rate: float
 
@@ -133,13 +155,16 @@ class OuterLoop:
         self.config = config
         self.load = load
         self._model_error = bundle.error
+        self._damping = config.strain_damping
+        if self._damping is None:
+            self._damping = 2.0 * _DAMPING_RATIO * math.sqrt(_stiffness(bundle) * load.inertia)
         self.reset()
 
     def reset(self) -> None:
         """Forget what was learnt."""
         #: Measured minus model force, slowly, N.
         self.bias = 0.0
-        self._integral = 0.0
+        self._integral = self._kept = 0.0
         self._filtered: float | None = None
         self._take_over: float | None = None
         self._fade = 0.0
@@ -194,8 +219,8 @@ class OuterLoop:
             self._take_over = None
         self._learn_noise(dt, correction)
         self._fade *= math.exp(-dt / config.fade_time)
-        slope = reference.rate * (1.0 if reference.kind == 'force' else self.load.stiffness)
-        return Target(known + self._fade + correction, known + self._fade, slope, strain, rate)
+        moving = reference.rate != 0.0
+        return Target(known + self._fade + correction, known + self._fade, moving, strain, rate)
 
     def _force_loop(self, dt, measurement, reference, saturated):
         config = self.config
@@ -208,7 +233,7 @@ class OuterLoop:
                 correction -= self.bias
             else:
                 self._integrate(config.force_integral * error * dt, saturated)
-                known, correction = self._integral, correction
+                known = self._integral
         return known, correction, measurement.strain, measurement.strain_rate
 
     def _strain_loop(self, dt, measurement, reference, saturated):
@@ -217,7 +242,7 @@ class OuterLoop:
         rate_error = reference.rate - measurement.strain_rate
         known, strain, rate = 0.0, measurement.strain, measurement.strain_rate
         if config.feed_forward:
-            known = (load.force + load.stiffness * reference.value + load.damping * reference.rate
+            known = (load.holding_force(reference.value) + load.damping * reference.rate
                      + load.inertia * self._acceleration(dt, reference.rate))
             reach = config.strain_reach
             strain = min(max(reference.value, strain - reach), strain + reach)
@@ -225,9 +250,10 @@ class OuterLoop:
         correction = 0.0
         if config.feedback:
             self._integrate(config.strain_integral * error * dt, saturated)
-            known += self._integral
-            correction = (config.strain_gain * error + config.strain_damping * rate_error
-                          - self.bias)
+            wanted = (self._integral + config.strain_gain * error + self._damping * rate_error
+                      - self.bias)
+            self._kept = min(max(self._kept, wanted - config.still), wanted + config.still)
+            correction = self._kept
         return known, correction, strain, rate
 
     def _acceleration(self, dt, rate):
@@ -249,3 +275,9 @@ class OuterLoop:
         difference = correction - mean
         self._correction = (mean + gain * difference,
                             (1.0 - gain) * (variance + gain * difference * difference))
+
+
+def _stiffness(bundle):
+    """Return -dF/de in N, all units at half of their largest pressure, at a middling strain."""
+    half = 0.5 * bundle.max_pressure
+    return max(float(bundle.force(0.09, half) - bundle.force(0.11, half)) / 0.02, 0.0)

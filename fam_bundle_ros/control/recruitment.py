@@ -40,6 +40,10 @@ class SwitchingConfig:
     absence_time : float, s
         A unit that moving demands have not needed for so long is released too: refilling it for
         every cycle of a fast demand would cost more air than keeping it.
+    worth : float
+        While the demand moves, a unit is released at once where the pressure that it holds at
+        least is below this share of the most since it was recruited: to fill it again from there
+        costs (nearly) nothing.
     rest_rate : float, 1/s
         Demands that change by less than this share of the bundle's range per second are at rest.
     horizon : float, s
@@ -54,9 +58,10 @@ class SwitchingConfig:
     hysteresis: float | None = None
     rest_time: float = 1.0
     absence_time: float = 10.0
+    worth: float = 0.15
     rest_rate: float = 0.03
     horizon: float = 3.0
-    crossing_rate: float = 1.5e6
+    crossing_rate: float = 2e6
 
     def __post_init__(self):
         """Refuse what cannot be meant."""
@@ -83,7 +88,7 @@ class Demand:
     force : float, N
     rate : float, N/s
         Of the demand against what the present state can give: it counts that the strain moves.
-    acceleration : float, N/s^2
+    acceleration, jerk : float, N/s^2 and N/s^3
     uncertainty : float, N
         Three standard deviations of the noise in the demand, plus the model's error.
     """
@@ -91,7 +96,28 @@ class Demand:
     force: float
     rate: float = 0.0
     acceleration: float = 0.0
+    jerk: float = 0.0
     uncertainty: float = 0.0
+
+    def rise(self, horizon: float) -> float:
+        """
+        Return how much further the demand will rise within a horizon (s), N.
+
+        A demand that slows down is followed to its turning point, one that does not along its
+        slope.
+
+        Examples
+        --------
+        >>> Demand(20.0, rate=10.0).rise(3.0)
+        30.0
+        >>> Demand(20.0, rate=10.0, acceleration=-50.0).rise(3.0)
+        1.0
+        """
+        rate, slowing, jerk = self.rate, min(self.acceleration, 0.0), min(self.jerk, 0.0)
+        # rate + slowing t + jerk t^2/2 = 0, in the form that also holds for no jerk at all.
+        root = math.sqrt(slowing * slowing - 2.0 * jerk * rate) - slowing
+        turn = min(2.0 * rate / root, horizon) if root > 0.0 else horizon
+        return turn * (rate + turn * (slowing / 2.0 + turn * jerk / 6.0))
 
 
 @dataclass(frozen=True)
@@ -143,6 +169,11 @@ class RecruitmentMachine:
         self.direction = 0
         self._calm = 0.0
         self._absent = 0.0
+        self._reserve = 0.0
+        # Since it was last below the release level: did the demand need the last unit?
+        self._needed = True
+        # A unit was recruited for a demand that then turned back: look ahead no more.
+        self._wary = False
 
     def update(self, dt: float, curves: Curves, demand: Demand) -> str:
         """
@@ -209,6 +240,12 @@ class RecruitmentMachine:
         below = self.state > 0 and demand.force < release
         span = float(curves.top[-1] - curves.top[0])
         resting = abs(demand.rate) < self.config.rest_rate * span
+        if self.state > 0:
+            last = self.state - 1
+            self._reserve = max(self._reserve, float(
+                curves.bottom_pressure[curves.order[last]]))
+            if demand.force > curves.top[last] - 0.1:
+                self._needed = True
         self._absent = self._absent + dt if below else 0.0
         self._calm = self._calm + dt if below and resting else 0.0
 
@@ -224,15 +261,13 @@ class RecruitmentMachine:
         if force > recruit:
             return (f"demand {force:.1f} N above RS{state}'s {limit:.1f} N by more than "
                     f'{recruit - limit:.1f} N')
-        if self.config.policy != 'reversal_aware' or state == 0 or demand.rate <= 0.0:
+        if (self.config.policy != 'reversal_aware' or state == 0 or demand.rate <= 0.0
+                or self._wary):
             return ''
         ahead = force + demand.rate * crossing_time(curves, curves.order[state], self.config)
-        if ahead < curves.crossing[state] - demand.uncertainty:
+        if ahead < curves.crossing[state] - 0.1 * (limit - curves.crossing[state]):
             return ''
-        peak = force + demand.rate * self.config.horizon
-        if demand.acceleration < 0.0:
-            peak = min(peak, force + demand.rate ** 2 / (-2.0 * demand.acceleration))
-        if peak <= limit:
+        if force + demand.rise(self.config.horizon) <= limit:
             return ''
         return (f"demand {force:.1f} N rising by {demand.rate:.1f} N/s towards RS{state}'s "
                 f'{limit:.1f} N; above {curves.crossing[state]:.1f} N its push-back of '
@@ -251,9 +286,18 @@ class RecruitmentMachine:
             return f'{below} and at rest for {self._calm:.1f} s'
         if self._absent >= self.config.absence_time:
             return f'{below} for {self._absent:.1f} s'
+        if demand.rate < 0.0 and not self._needed:
+            return f'{below} and turned back before it was needed'
+        held = float(curves.bottom_pressure[curves.order[state - 1]])
+        if demand.rate < 0.0 and held < self.config.worth * self._reserve:
+            return f'{below}, and only {held / 1e3:.0f} kPa to fill again from here'
         return ''
 
     def _switch(self, direction, text):
+        # What was recruited in vain is not recruited ahead of need again; need clears this.
+        self._wary = direction < 0 and not self._needed
+        self._needed = False
+        self._reserve = 0.0
         self.state += direction
         self._since = 0.0
         self._calm = self._absent = 0.0
@@ -271,7 +315,7 @@ def crossing_time(curves: Curves, unit: int, config: SwitchingConfig) -> float:
 
 
 #: Time over which a crossing gathers and loses speed, s: both units lag alike only when smooth.
-_EASE = 0.02
+_EASE = 0.01
 
 
 class Crossing:
@@ -325,16 +369,14 @@ class Crossing:
 
 class Heading:
     """
-    Rate and acceleration of signals by a critically damped third-order filter.
+    Rate, acceleration and jerk of signals by a critically damped third-order filter.
 
     Parameters
     ----------
     start : ndarray
-    bandwidth : float, rad/s
     """
 
-    def __init__(self, start: np.ndarray, bandwidth: float = 50.0):
-        self._bandwidth = bandwidth
+    def __init__(self, start: np.ndarray):
         self.reset(start)
 
     def reset(self, value: np.ndarray) -> None:
@@ -342,12 +384,13 @@ class Heading:
         self.value = np.array(value, float)
         self.rate = np.zeros_like(self.value)
         self.acceleration = np.zeros_like(self.value)
+        self.jerk = np.zeros_like(self.value)
 
-    def update(self, value: np.ndarray, dt: float) -> None:
-        """Advance by one sample."""
-        w = min(self._bandwidth, 0.4 / dt)
-        jerk = (w ** 3 * (value - self.value) - 3.0 * w ** 2 * self.rate
-                - 3.0 * w * self.acceleration)
-        self.acceleration = self.acceleration + jerk * dt
+    def update(self, value: np.ndarray, dt: float, bandwidth: float) -> None:
+        """Advance by one sample; ``bandwidth`` in rad/s."""
+        w = min(bandwidth, 0.4 / dt)
+        self.jerk = (w ** 3 * (value - self.value) - 3.0 * w ** 2 * self.rate
+                     - 3.0 * w * self.acceleration)
+        self.acceleration = self.acceleration + self.jerk * dt
         self.rate = self.rate + self.acceleration * dt
         self.value = self.value + self.rate * dt
