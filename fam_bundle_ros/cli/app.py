@@ -7,14 +7,20 @@ from typing import Annotated
 import typer
 
 import fam_bundle_ros
-from fam_bundle_ros.cli import bench_commands, data_commands, model_commands, rig_commands
+from fam_bundle_ros.cli import (
+    bench_commands,
+    data_commands,
+    improve_commands,
+    model_commands,
+    rig_commands,
+)
 
 app = typer.Typer(
     name='fam_bundle', add_completion=False, no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={'help_option_names': ['-h', '--help']})
 
-for _module in (rig_commands, model_commands, data_commands, bench_commands):
+for _module in (rig_commands, model_commands, data_commands, improve_commands, bench_commands):
     _module.register(app)
 
 

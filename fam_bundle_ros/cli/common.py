@@ -126,7 +126,7 @@ def shown(value: Any) -> str:
 
 
 @contextmanager
-def progress_bar(words: str) -> Iterator[Callable[[float, str], None]]:
+def progress_bar(words: str) -> Iterator[Callable[..., None]]:
     """
     Show how far long work is, on stderr.
 

@@ -81,6 +81,8 @@ def diagnose(
     data: DataArgument,
     model: ModelOption,
     out: PageFile = None,
+    save: Annotated[Path | None, typer.Option(metavar='FILE', help='Also write the best model.'
+                                              )] = None,
     json_file: JsonFile = None,
     rest_length: RestLength = None,
     allow_python: AllowPython = False,
@@ -118,6 +120,10 @@ def diagnose(
         from fam_bundle_ros.report.page import write_page
         write_page(out, diagnosis_page(result, _files(data, model)))
         wrote(out)
+    if save is not None:
+        from fam_bundle_ros.model import save_model
+        save_model(result.best, save)
+        wrote(save)
     save_json(json_file, result.to_dict())
 
 

@@ -1,21 +1,41 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that speak ROS 2: `run`."""
+"""Commands that speak ROS 2: `demo`, `run`, `record`, `check-rig`."""
 
 from pathlib import Path
 from typing import Annotated
 
+from rich.text import Text
 import typer
 
+from fam_bundle_ros.cli.common import (
+    AllowPython,
+    console,
+    JsonFile,
+    model_path,
+    ModelOption,
+    open_model,
+    progress_bar,
+    save_json,
+    table,
+    wrote,
+)
+from fam_bundle_ros.cli.demo import demo
 from fam_bundle_ros.errors import InputError
 
 PANEL = 'Rig and ROS 2'
 
+Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace of '
+                                        'the bundle.')]
+
 
 def register(app: typer.Typer) -> None:
     """Add the commands of this module."""
+    app.command('demo', rich_help_panel=PANEL)(demo)
     app.command('run', rich_help_panel=PANEL, context_settings={
         'allow_extra_args': True, 'ignore_unknown_options': True})(run)
+    app.command('record', rich_help_panel=PANEL)(record)
+    app.command('check-rig', rich_help_panel=PANEL)(check_rig)
 
 
 def run(
@@ -55,6 +75,46 @@ def run(
     raise typer.Exit(bundle_bringup.main(arguments))
 
 
+def record(
+    out: Annotated[Path, typer.Argument(metavar='FOLDER', help='New folder for the bag (mcap).')],
+    seconds: Annotated[float | None, typer.Option(help='How long; until Ctrl-C by default.',
+                                                  min=0.1)] = None,
+    namespace: Namespace = 'bundle',
+    json_file: JsonFile = None,
+) -> None:
+    """Record the topics of a running bundle into a bag that `diagnose` reads."""
+    from fam_bundle_ros.nodes import session
+    with progress_bar('record') as tick:
+        count = session.record(
+            out, seconds, namespace.strip('/'), progress=lambda elapsed, messages: tick(
+                elapsed / seconds if seconds else 0.0, f'{messages} messages'))
+    console.print(f'{count} messages')
+    wrote(out)
+    save_json(json_file, {'folder': out, 'messages': count})
+
+
+def check_rig(
+    namespace: Namespace = 'bundle',
+    seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
+                                           max=600.0)] = 3.0,
+    model: ModelOption = 'spie2021',
+    json_file: JsonFile = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """Check whether a rig speaks the interface: names, types, rates, units, signs, noise."""
+    from fam_bundle_ros.nodes import session
+    length = float(open_model(model, allow_python).motor_units[0].geometry.length)
+    with progress_bar('check-rig') as tick:
+        findings = session.check_rig(namespace.strip('/'), seconds, length=length,
+                                     progress=lambda elapsed: tick(elapsed / seconds))
+    table(('', 'what', 'seen'), [(Text('ok', style='green') if finding.ok
+                                  else Text('FAIL', style='bold red'), finding.what,
+                                  finding.detail) for finding in findings])
+    bad = sum(not finding.ok for finding in findings)
+    save_json(json_file, {'ok': not bad, 'findings': findings})
+    if bad:
+        raise typer.Exit(1)
+
+
 def _file(name: str) -> str:
-    from fam_bundle_ros.cli.common import model_path
     return str(model_path(name).resolve())

@@ -138,12 +138,12 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None) -> go
         looks.append((held, 'on rows held out', _MODEL.light, 'diamond'))
     for k, (values, title, colour, symbol) in enumerate(looks):
         drawing.add_trace(go.Scatter(
-            x=names, y=values, name=title, mode='lines+markers+text',
+            x=list(range(len(names))), y=values, name=title, mode='lines+markers+text',
             line={'color': colour, 'width': 1.6}, marker={'size': 9, 'symbol': symbol},
             text=_ladder_labels(values, errors if k else None),
             textposition=_ladder_places(values, held if k == 0 else errors, k == 0),
             textfont={'size': 12, 'color': colour},
-            hovertemplate='%{y:.3g} N<extra>%{x}</extra>'))
+            customdata=names, hovertemplate='%{y:.3g} N<extra>%{customdata}</extra>'))
     seen = [float(value) for value in [*errors, *held, noise] if value]
     low, high = 0.55 * min(seen), 1.9 * max(seen)
     if noise:
@@ -156,7 +156,9 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None) -> go
     ticks = [tick for tick in decades if low <= tick <= high]
     drawing.update_yaxes(type='log', range=[np.log10(low), np.log10(high)], tickvals=ticks,
                          ticktext=[f'{tick:g}' for tick in ticks])
-    drawing.update_xaxes(range=[-0.45, len(names) - 0.55], showgrid=False)
+    # by number, not by name: two steps may be called the same
+    drawing.update_xaxes(range=[-0.45, len(names) - 0.55], showgrid=False, automargin=True,
+                         tickvals=list(range(len(names))), ticktext=names)
     return drawing
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fam_bundle_ros.discovery import Comparison, Diagnosis, figures
+from fam_bundle_ros.discovery import Comparison, Diagnosis, figures, Ladder
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.report.map_page import effects_table, units_table
 from fam_bundle_ros.report.page import Headline, Page, Section, Table
@@ -115,20 +115,30 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
     return sections
 
 
-def ladder_page(steps: Sequence[Mapping[str, Any]], noise: float | None, data: str,
-                files: Files = (), text: str = '') -> Page:
+def ladder_page(result: Ladder, orders: Mapping[str, Sequence[float]],
+                files: Files = ()) -> Page:
     """Return the page of ``fam_bundle ladder``: the error after each model."""
-    first, last = steps[0], steps[-1]
+    first, last = result.steps[0], result.steps[-1]
+    items: list[Any] = [
+        ladder_picture(result.steps, result.noise.value),
+        Table(('model', 'error (N)', 'refitted (N)', 'held out (N)', 'effects'),
+              [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'],
+                ', '.join(step['effects'])) for step in result.steps],
+              'Error: the model as its file has it. Refitted: with its own parameters fitted to '
+              f'these data. {HELD_OUT}')]
+    sections = [Section('Ladder', '', items)]
+    if len(orders) > 1:
+        steps = len(next(iter(orders.values()))) - 1
+        sections.append(Section(
+            'In another order', 'What an effect seems to be worth depends on what was added '
+            'before it; the last step does not.',
+            [Table(('order', 'refitted (N)', *(f'+ {k + 1} (N)' for k in range(steps))),
+                   [(order, *errors) for order, errors in orders.items()])]))
     return Page(
-        f'Ladder on {data}',
-        f'The error falls from {first["error_N"]:.3g} N ({first["step"]}) to '
-        f'{last["error_N"]:.3g} N ({last["step"]})'
-        + (f'; the noise floor is {noise:.3g} N.' if noise else '.'),
-        [], [Section('Ladder', text, [
-            ladder_picture(steps, noise),
-            Table(('step', 'error (N)', 'held out (N)'),
-                  [(step['step'], step['error_N'], step.get('held_out_N')) for step in steps])])],
-        provenance(files))
+        f'Ladder on {result.data}',
+        f'The error goes from {first["error_N"]:.3g} N ({first["step"]}) to '
+        f'{last["error_N"]:.3g} N ({last["step"]}); the noise floor is {result.noise.value:.3g} '
+        'N.', [], sections, provenance(files))
 
 
 def ladder_picture(steps: Sequence[Mapping[str, Any]], noise: float | None) -> Picture:

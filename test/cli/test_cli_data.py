@@ -72,7 +72,7 @@ def test_data_and_model_must_have_the_same_units(fam_bundle):
 
 
 def test_convert_writes_a_csv_that_reads_back(fam_bundle, repository, tmp_path):
-    """`convert` with a model adds its force and the residual; the result is a measurement again."""
+    """`convert` with a model adds its force and residual; the result is a measurement again."""
     case = repository / 'test/data/practice/p10'
     result = fam_bundle('convert', f'{case}.csv', 'out.csv', '--model', f'{case}.model.yaml')
     assert result.returncode == 0, result.stderr
@@ -88,3 +88,52 @@ def test_convert_leaves_no_half_a_file(fam_bundle, tmp_path):
     (tmp_path / 'bad.csv').write_text('strain,pressure [kPa],force [N]\n')
     assert fam_bundle('convert', 'bad.csv', 'out.csv').returncode == 2
     assert [path.name for path in tmp_path.iterdir()] == ['bad.csv']
+
+
+def test_add_and_ladder_show_the_error_fall(fam_bundle, repository, tmp_path):
+    """`add` writes a model that explains the data; `ladder` shows both against the noise floor."""
+    case = repository / 'test/data/practice/p03'
+    added = fam_bundle('add', 'coulomb_friction', '--data', f'{case}.csv',
+                       '--model', f'{case}.model.yaml', '--out', 'better.yaml')
+    assert added.returncode == 0, added.stderr
+    shown = fam_bundle('ladder', f'{case}.csv', '--models', f'{case}.model.yaml', 'better.yaml',
+                       '--json', 'ladder.json', '--out', 'ladder.html')
+    assert shown.returncode == 0, shown.stderr
+    found = json.loads((tmp_path / 'ladder.json').read_text())
+    before, after = found['steps']
+    assert before['error_N'] > 5.0
+    assert after['error_N'] < 1.1 * found['noise_floor_N']
+    assert after['held_out_N'] < 1.1 * found['noise_floor_N']
+    assert '<figure id="ladder">' in (tmp_path / 'ladder.html').read_text()
+
+
+def test_add_takes_a_users_own_expression(fam_bundle, repository, tmp_path):
+    """An effect written as an expression in a model file is added from there and refitted."""
+    case = repository / 'test/data/practice/p03'
+    text = (repository / 'test/data/practice/p03.model.yaml').read_text()
+    (tmp_path / 'mine.yaml').write_text(
+        text + '\n  - rub: {expression: "-k * tanh(strain_rate / v)", place: loss, '
+        'parameters: {k: {value: 1 N, lower: 0 N, upper: 50 N}, '
+        'v: {value: 0.002 1/s, lower: 0.0015 1/s, upper: 0.003 1/s}}}\n')
+    result = fam_bundle('add', 'rub', '--from', 'mine.yaml', '--data', f'{case}.csv',
+                        '--model', f'{case}.model.yaml', '--out', 'better.yaml',
+                        '--json', 'added.json')
+    assert result.returncode == 0, result.stderr
+    found = json.loads((tmp_path / 'added.json').read_text())
+    assert found['error_N']['best'] < 0.5 * found['error_N']['model']
+    assert 'rub' in (tmp_path / 'better.yaml').read_text()
+
+
+@pytest.mark.parametrize(('effects', 'words'), [
+    (['coulomb_frction'], ['coulomb_frction', 'coulomb_friction']),
+    (['mesh'], ['mesh', 'already']),
+    (['rub', '--from', 'dmsp20_static_map'], ["no effect 'rub'"]),
+])
+def test_add_of_what_cannot_be_added_fails(fam_bundle, repository, tmp_path, effects, words):
+    """An unknown effect, or one that is there already: one line, and no model file."""
+    case = repository / 'test/data/practice/p03'
+    result = fam_bundle('add', *effects, '--data', f'{case}.csv',
+                        '--model', f'{case}.model.yaml', '--out', 'better.yaml')
+    assert result.returncode == 2
+    assert [word for word in words if word not in result.stderr] == []
+    assert not (tmp_path / 'better.yaml').exists()

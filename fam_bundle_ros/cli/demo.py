@@ -1,0 +1,187 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command `demo`: the whole story on simulated hardware, told by the numbers of its runs."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import shutil
+import tempfile
+import time
+from typing import Annotated, Any
+
+import typer
+
+from fam_bundle_ros.cli.common import (
+    console,
+    effect_name,
+    JsonFile,
+    notes,
+    open_model,
+    save_json,
+    table,
+    wrote,
+)
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import config_path
+
+#: What a report folder holds: nothing else is ever replaced.
+_OURS = {'index.html', 'metrics.json', 'bag'}
+MODEL = 'models/spie2021.yaml'
+DATA = 'data/dmsp20_static_map.csv'
+START = 'data/dmsp20_static_map.model.yaml'
+
+
+def demo(
+    out: Annotated[Path, typer.Option('--out', '-o', metavar='FOLDER', help='Folder of the report.'
+                                      )] = Path('report'),
+    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.", min=0)] = 0,
+    json_file: JsonFile = None,
+) -> None:
+    """
+    Run the whole story on simulated hardware and real ROS 2, and write a report.
+
+    A force and a strain trajectory that recruit the second motor unit and release it, then a
+    model of a measured muscle that gets better step by step.
+    """
+    # the nodes of the demo are nobody else's business
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    begin = time.perf_counter()
+    with _fresh_folder(out) as folder, _steps() as step:
+        bundle = open_model('spie2021')
+        runs = _run_trajectories(bundle, folder, seed, step)
+        diagnosis = _improve(step)
+        with step('writing the report', 1.0):
+            found = _write(folder, runs, diagnosis, bundle, seed, begin)
+    _summary(found)
+    wrote(out / 'index.html', out / 'metrics.json', out / 'bag')
+    save_json(json_file, found)
+
+
+Step = Callable[[str, float], Any]
+
+
+def _run_trajectories(bundle: Any, folder: Path, seed: int, step: Step) -> list[Any]:
+    from fam_bundle_ros.nodes.session import run_trajectory
+    from fam_bundle_ros.plant import Dynamometer, MassSpring
+    from fam_bundle_ros.report.demo_page import DemoRun
+    stories = (
+        ('force', 'force_ramp', Dynamometer(strain=0.12),
+         'a force that rises through the overlap of the two recruitment states and falls back, '
+         'on a dynamometer that holds the strain at 12 %.'),
+        ('strain', 'strain_steps', MassSpring(mass=5.0, damping=40.0),
+         'a mass of 5 kg that is lifted to 16 % strain, held and lowered again.'),
+    )
+    runs = []
+    for name, trajectory, load, words in stories:
+        logs = {}
+        for scheme, label in (('orderly', f'{name} trajectory on ROS 2'),
+                              ('all_on', f'{name} trajectory, all units on')):
+            with step(label, 12.0) as tick:
+                logs[scheme] = run_trajectory(
+                    bundle, trajectory, load=load, seed=seed, overrides={'scheme': scheme},
+                    bag=folder / 'bag' / name if scheme == 'orderly' else None,
+                    progress=tick, log_level='warn')
+        runs.append(DemoRun(name, words, logs['orderly'], logs['all_on']))
+    return runs
+
+
+def _improve(step: Step) -> Any:
+    from fam_bundle_ros import discovery
+    from fam_bundle_ros.model import load_model
+    with step('model of a measured muscle', 1.0) as tick:
+        return discovery.diagnose(load_model(config_path(START)),
+                                  discovery.read_measurement(config_path(DATA)), progress=tick)
+
+
+def _write(folder: Path, runs: list[Any], diagnosis: Any, bundle: Any, seed: int,
+           begin: float) -> dict[str, Any]:
+    from fam_bundle_ros.plant import RigConfig
+    from fam_bundle_ros.report.demo_page import demo_metrics, demo_page
+    from fam_bundle_ros.report.files import write_json
+    from fam_bundle_ros.report.page import write_page
+    from fam_bundle_ros.report.paper import paper_figures
+    found = demo_metrics(runs, diagnosis, bundle, RigConfig(), time.perf_counter() - begin, seed)
+    files = [('model of the bundle', config_path(MODEL)), ('measured map', config_path(DATA)),
+             ('model that it starts from', config_path(START)),
+             *((f'bag of the {run.name} trajectory', folder / 'bag' / run.name)
+               for run in runs)]
+    write_page(folder / 'index.html', demo_page(runs, diagnosis, found, bundle,
+                                                paper_figures(bundle), files))
+    write_json(folder / 'metrics.json', found)
+    return found
+
+
+def _summary(found: dict[str, Any]) -> None:
+    rows = []
+    for name, run in found['runs'].items():
+        scale, unit = (1.0, 'N') if run['kind'] == 'force' else (100.0, '%')
+        own = run['orderly']
+        saving = 100.0 * run['air_saving']
+        rows.append((name, ' → '.join(run['states']),
+                     f'{scale * own["tracking_rms"]:.3g} {unit}',
+                     f'{scale * own["largest_error"]:.3g} {unit}', own['switches'],
+                     f'{1e6 * own["air_mass"]:.0f} mg',
+                     f'{abs(saving):.1f} % {"less" if saving >= 0 else "more"}'))
+    table(('trajectory', 'states', 'rms error', 'largest', 'switches', 'air',
+           'than all on'), rows, title='Closed loop on ROS 2, simulated rig',
+          numeric=(2, 3, 4, 5))
+    model = found['model']
+    console.print()
+    table(('step', 'error (N)', 'held out (N)'),
+          [(_step_name(row['step']), row['error_N'], row.get('held_out_N'))
+           for row in model['steps']], numeric=(1, 2),
+          title=f'Model against the measured DMSP-20 ({model["verdict"].replace("_", " ")}; noise '
+                f'floor {model["noise_floor_N"]:.2g} N)')
+    console.print(f'[dim]{found["seconds"]:.0f} s[/dim]')
+
+
+def _step_name(name: str) -> Any:
+    if name.startswith('+ '):
+        text = effect_name(name[2:])
+        return type(text)('+ ') + text
+    return name
+
+
+@contextmanager
+def _steps() -> Iterator[Step]:
+    """Show one line per step with a bar; yields a context manager of words and their total."""
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    with Progress(SpinnerColumn(finished_text='✓'), TextColumn('{task.description}'),
+                  BarColumn(bar_width=24), TimeElapsedColumn(), console=notes) as bar:
+        @contextmanager
+        def step(words: str, total: float) -> Iterator[Callable[..., None]]:
+            if not notes.is_terminal:
+                notes.print(words)
+            task = bar.add_task(words, total=total, visible=notes.is_terminal)
+
+            def tick(done: float, what: str = '') -> None:
+                bar.update(task, completed=done)
+
+            yield tick
+            tick(total)
+        yield step
+
+
+@contextmanager
+def _fresh_folder(out: Path) -> Iterator[Path]:
+    """Yield a new folder that takes the place of an older report when the block ends well."""
+    if out.exists():
+        strange = sorted({p.name for p in out.iterdir()} - _OURS) if out.is_dir() else [out.name]
+        if strange:
+            raise InputError(f'{out}: holds {strange[0]}, which is not part of a report; expected '
+                             'a new folder or that of an older report')
+    try:
+        draft = Path(tempfile.mkdtemp(prefix=f'.{out.name}-', dir=out.parent))
+    except OSError as error:
+        raise InputError(f'{out}: cannot be written ({error.strerror})') from error
+    try:
+        draft.chmod(0o755)
+        (draft / 'bag').mkdir()
+        yield draft
+        if out.exists():
+            shutil.rmtree(out)
+        draft.rename(out)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)

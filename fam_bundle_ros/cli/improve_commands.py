@@ -1,0 +1,126 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that make models better: `add`, `ladder`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from rich.markup import escape
+import typer
+
+from fam_bundle_ros.cli.common import (
+    AllowPython,
+    console,
+    data_path,
+    JsonFile,
+    model_path,
+    ModelOption,
+    notes,
+    open_model,
+    save_json,
+    table,
+    wrote,
+)
+from fam_bundle_ros.cli.data_commands import DataArgument, PageFile, PANEL, read, RestLength
+from fam_bundle_ros.errors import InputError
+
+#: More effects than this have too many orders to be shown.
+_MOST_ORDERED = 3
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module."""
+    app.command('add', rich_help_panel=PANEL)(add)
+    app.command('ladder', rich_help_panel=PANEL)(ladder)
+
+
+def add(
+    data: Annotated[str, typer.Option('--data', '-d', metavar='DATA', help='Measurement to refit '
+                                      'on.')],
+    model: ModelOption,
+    out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='Model file to write.')],
+    effects: Annotated[list[str] | None, typer.Argument(
+        metavar='[EFFECT]...', help="Effects to add; none: refit the model's own parameters."
+    )] = None,
+    source: Annotated[str | None, typer.Option('--from', metavar='MODEL', help='Take the effects '
+                                               'from this model file: your own expressions.'
+                                               )] = None,
+    name: Annotated[str | None, typer.Option(help='Name of the new model.')] = None,
+    json_file: JsonFile = None,
+    rest_length: RestLength = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """Add effects to a model, refit everything on data, and write the new model file."""
+    from fam_bundle_ros.discovery import add_effect
+    from fam_bundle_ros.model import save_model
+    bundle = open_model(model, allow_python)
+    wanted: list[Any] = list(effects or [])
+    if source is not None:
+        library = open_model(source, allow_python)
+        wanted = [library.effect(effect) for effect in wanted]
+    if out.suffix not in ('.yaml', '.yml'):
+        raise InputError(f'{out}: expected the name of a model file (.yaml) to write')
+    if not wanted and name is None:
+        name = f'{bundle.name}_recalibrated'
+    with notes.status('refitting'):
+        result = add_effect(bundle, wanted, read(data, rest_length), name)
+    save_model(result.model, out)
+    what = ' and '.join(result.effects) or 'nothing; its own parameters were refitted'
+    console.print(f'added {what}: [bold]{result.error_before_N:.3g} N -> {result.error_N:.3g} N'
+                  f'[/bold], {result.held_out_N:.3g} N on data left out; noise floor '
+                  f'{result.noise.value:.3g} N', soft_wrap=True)
+    table(('parameter', 'value', 'unit', '95 % interval', 'note'),
+          [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}', e.flag)
+           for e in result.parameters], numeric=(1,))
+    wrote(out)
+    save_json(json_file, {**result.to_dict(), 'out': out})
+
+
+def ladder(
+    data: DataArgument,
+    models: Annotated[list[str], typer.Argument(metavar='MODEL...', help='Model files, in the '
+                                                'order of the steps.')],
+    word: Annotated[bool, typer.Option('--models', help='May stand before the models.')] = False,
+    out: PageFile = None,
+    json_file: JsonFile = None,
+    rest_length: RestLength = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """Show the error of one model after the other on the same data, against the noise floor."""
+    from fam_bundle_ros import discovery
+    bundles = [open_model(model, allow_python) for model in models]
+    measured = read(data, rest_length)
+    with notes.status('refitting on blocks left out'):
+        result = discovery.ladder(measured, bundles)
+        orders = _orders(bundles, measured)
+    table(('model', 'error (N)', 'refitted (N)', 'held out (N)'),
+          [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'])
+           for step in result.steps], numeric=(1, 2, 3))
+    console.print(escape(str(result.noise)), soft_wrap=True)
+    if len(orders) > 1:
+        table(('in this order', 'error after each step (N)'),
+              [(order, '  '.join(f'{error:.3g}' for error in errors))
+               for order, errors in orders.items()])
+    if out is not None:
+        from fam_bundle_ros.report.discovery_pages import ladder_page
+        from fam_bundle_ros.report.page import write_page
+        files = [('measurement', data_path(data)),
+                 *(('model file', model_path(model)) for model in models)]
+        write_page(out, ladder_page(result, orders, files))
+        wrote(out)
+    save_json(json_file, {**result.to_dict(), 'orders': orders})
+
+
+def _orders(bundles: list[Any], measured: Any) -> dict[str, list[float]]:
+    """Return the errors in every order of adding what the last model has and the first lacks."""
+    from fam_bundle_ros.discovery import orders
+    first, last = bundles[0], bundles[-1]
+    had = {effect.name for effect in first.effects}
+    added = [effect.name for effect in last.effects if effect.name not in had]
+    kept = had <= {effect.name for effect in last.effects}
+    if not kept or not 2 <= len(added) <= _MOST_ORDERED:
+        return {}
+    try:
+        return orders(first, added, measured)
+    except InputError:
+        return {}  # an effect of the user's own, which the catalogue cannot make anew
