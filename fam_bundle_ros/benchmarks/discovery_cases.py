@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from fam_bundle_ros.discovery.measurement import build, Measurement
-from fam_bundle_ros.model import Bundle, Geometry, MotorUnit
-from fam_bundle_ros.model import catalogue
 import numpy as np
+
+from fam_bundle_ros.discovery.measurement import build, Measurement
+from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 
 RADIUS, LENGTH, ANGLE, WALL = 6.35e-3, 0.127, np.radians(33.0), 1.59e-3
 C10, C01 = 118.4e3, 105.7e3
@@ -262,14 +262,14 @@ def make_hidden(name: str, form: str, rng: np.random.Generator, size: float = 1.
         return Hidden(name, form, limit=slack)
     if name == 'coulomb_friction':
         fc, cp = size * u(1.5, 5.0), size * rng.choice([0.0, u(3e-6, 1.5e-5)])
-        rise = u(0.15, 0.4)
+        rise, width = u(0.15, 0.4), u(5e-4, 3e-3)
 
         def friction(force, e, p, record):
             level = fc + cp * np.maximum(p, 0)
             if other:  # Stribeck: more at rest than in motion, rounded sign
                 level = level * (1.0 + rise * np.exp(-np.abs(record.rate) / 0.01))
                 return -level * np.tanh(record.rate / 0.004)
-            return -level * np.sign(record.rate)
+            return -level * np.tanh(record.rate / width)
         return Hidden(name, form, {'force': fc, 'per_pressure': cp}, loss=friction)
     if name == 'presliding_hysteresis':
         fc, cp, width = size * u(2.0, 6.0), size * u(0, 8e-6), u(0.006, 0.025)

@@ -18,6 +18,7 @@ from fam_bundle_ros.control.allocation import Allocation, Allocator, Curves, Ins
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig, OuterLoop
 from fam_bundle_ros.control.recruitment import (
     Crossing,
+    crossing_pace,
     Demand,
     Heading,
     Margins,
@@ -263,7 +264,7 @@ class RecruitmentController:
             demand = self._demand(dt, curves, target, reference)
             explanation = self._machine.update(dt, curves, demand)
             if explanation:
-                self._begin_crossing()
+                self._begin_crossing(curves, abs(demand.rate))
         allocation = self._spread(dt, curves, target.force)
         self._command = self._make_command(curves, allocation, target.force, explanation)
         return self._command
@@ -274,6 +275,8 @@ class RecruitmentController:
         """Return what the state machine sees: demand, and how it moves against the limits."""
         wanted, limits = self._wanted, self._limits
         value = np.array([target.feed_forward])
+        # A strain that is measured is noisy, one that is asked for is not.
+        clean = reference.kind == 'strain' and self.config.outer.feed_forward
         if self._kind != reference.kind or (
                 not target.moving and abs(value[0] - self._last_wanted) > _STEP):
             self._kind = reference.kind
@@ -281,15 +284,16 @@ class RecruitmentController:
             limits.reset(curves.top)
         else:
             wanted.update(value, dt, _BRISK)
-            # A strain that is measured is noisy, one that is asked for is not.
-            limits.update(curves.top, dt, _BRISK if reference.kind == 'strain' else _SLOW)
+            limits.update(curves.top, dt, _BRISK if clean else _SLOW)
         self._last_wanted = value[0]
         state = min(self._machine.state, self.bundle.n - 1)
-        return Demand(target.force, float(wanted.rate[0] - limits.rate[state]),
-                      float(wanted.acceleration[0] - limits.acceleration[state]),
-                      float(wanted.jerk[0] - limits.jerk[state]), self.outer.uncertainty)
+        now = [w[0] for w in wanted.now(_BRISK, dt)]
+        top = [x[state] for x in (limits.now(_BRISK, dt) if clean else
+                                  (limits.rate, limits.acceleration, np.zeros_like(limits.rate)))]
+        rate, acceleration, jerk = (float(w - x) for w, x in zip(now, top))
+        return Demand(target.force, rate, acceleration, jerk, self.outer.uncertainty)
 
-    def _begin_crossing(self):
+    def _begin_crossing(self, curves, rate):
         """Send the unit that was switched on its way, unless the policy knows no way."""
         state = self._machine.state
         up = self._machine.direction > 0
@@ -297,8 +301,8 @@ class RecruitmentController:
         if self.config.policy != 'reversal_aware' or state == (1 if up else 0):
             return
         unit = self._order[state - 1 if up else state]
-        self._crossings[unit] = Crossing(unit, up, float(self._command.pressure[unit]),
-                                         self.config.switching)
+        pace = crossing_pace(curves, unit, rate, self.config.switching)
+        self._crossings[unit] = Crossing(unit, up, float(self._command.pressure[unit]), pace)
 
     def _spread(self, dt, curves: Curves, demand: float) -> Allocation:
         """Return pressures for the demand in the present state, crossings moved on."""

@@ -11,10 +11,10 @@ no anti-windup, since a demand out of reach does not change what it sees.
 from dataclasses import dataclass
 import math
 
-from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle
 import numpy as np
 
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
 
 #: Damping that the strain loop adds, of critical.
 _DAMPING_RATIO = 0.2

@@ -56,9 +56,9 @@ class SwitchingConfig:
     dwell: float = 0.25
     margin: float | None = None
     hysteresis: float | None = None
-    rest_time: float = 1.0
+    rest_time: float = 0.75
     absence_time: float = 10.0
-    worth: float = 0.15
+    worth: float = 0.3
     rest_rate: float = 0.03
     horizon: float = 3.0
     crossing_rate: float = 2e6
@@ -264,10 +264,11 @@ class RecruitmentMachine:
         if (self.config.policy != 'reversal_aware' or state == 0 or demand.rate <= 0.0
                 or self._wary):
             return ''
-        ahead = force + demand.rate * crossing_time(curves, curves.order[state], self.config)
+        ahead = force + demand.rate * crossing_time(
+            curves, curves.order[state], demand.rate, self.config)
         if ahead < curves.crossing[state] - 0.1 * (limit - curves.crossing[state]):
             return ''
-        if force + demand.rise(self.config.horizon) <= limit:
+        if force + demand.rise(self.config.horizon) <= recruit:
             return ''
         return (f"demand {force:.1f} N rising by {demand.rate:.1f} N/s towards RS{state}'s "
                 f'{limit:.1f} N; above {curves.crossing[state]:.1f} N its push-back of '
@@ -305,15 +306,30 @@ class RecruitmentMachine:
         return text
 
 
-def crossing_time(curves: Curves, unit: int, config: SwitchingConfig) -> float:
+def crossing_pace(curves: Curves, unit: int, rate: float, config: SwitchingConfig) -> float:
+    """
+    Return the pressure rate at which to bring a unit through its falling branch, Pa/s.
+
+    Smoothly where there is time; faster where the demand (rising by ``rate``, N/s) would
+    meanwhile use up what the others can compensate.
+    """
+    dip = max(float(curves.dip[unit]), 0.1)
+    hurry = float(curves.bottom_pressure[unit]) * max(rate, 0.0) / dip
+    return min(max(config.crossing_rate, hurry), _HURRY * config.crossing_rate)
+
+
+def crossing_time(curves: Curves, unit: int, rate: float, config: SwitchingConfig) -> float:
     """Return about how long it takes to bring a unit to the bottom of its branch, s."""
     travel = float(curves.bottom_pressure[unit])
     others = [i for i in curves.order if i != unit]
     slope = max((curves.slope(i, curves.pressure[-1, i]) for i in others), default=0.0)
     compensation = float(curves.dip[unit]) / slope if slope > 0.0 else 0.0
-    return 1.4 * max(travel, compensation) / config.crossing_rate + 2.0 * _EASE
+    pace = crossing_pace(curves, unit, rate, config)
+    return 1.4 * max(travel, compensation) / pace + 2.0 * _EASE
 
 
+#: How many times faster than `SwitchingConfig.crossing_rate` a crossing may be in a hurry.
+_HURRY = 4.0
 #: Time over which a crossing gathers and loses speed, s: both units lag alike only when smooth.
 _EASE = 0.01
 
@@ -328,12 +344,13 @@ class Crossing:
     up : bool
     pressure : float, Pa (gauge)
         Where it is.
-    config : SwitchingConfig
+    pace : float, Pa/s
+        See `crossing_pace`.
     """
 
-    def __init__(self, unit: int, up: bool, pressure: float, config: SwitchingConfig):
+    def __init__(self, unit: int, up: bool, pressure: float, pace: float):
         self.unit, self.up, self.pressure = unit, up, pressure
-        self._config = config
+        self._pace = pace
         self._speed = 0.0
 
     def advance(self, dt: float, target: float, ratio: float, short: bool) -> bool:
@@ -355,11 +372,11 @@ class Crossing:
         bool
             True when it has arrived.
         """
-        limit = self._config.crossing_rate / max(1.0, ratio)
+        limit = self._pace / max(1.0, ratio)
         if short:
-            limit = 20.0 * self._config.crossing_rate
+            limit = 20.0 * self._pace
         distance = abs(target - self.pressure)
-        ease = self._config.crossing_rate / _EASE
+        ease = self._pace / _EASE
         speed = min(self._speed + ease * dt, limit, math.sqrt(2.0 * ease * distance) + ease * dt)
         self._speed = limit if short else speed
         step = min(self._speed * dt, distance)
@@ -388,9 +405,20 @@ class Heading:
 
     def update(self, value: np.ndarray, dt: float, bandwidth: float) -> None:
         """Advance by one sample; ``bandwidth`` in rad/s."""
-        w = min(bandwidth, 0.4 / dt)
+        w = self._within(bandwidth, dt)
         self.jerk = (w ** 3 * (value - self.value) - 3.0 * w ** 2 * self.rate
                      - 3.0 * w * self.acceleration)
         self.acceleration = self.acceleration + self.jerk * dt
         self.rate = self.rate + self.acceleration * dt
         self.value = self.value + self.rate * dt
+
+    def now(self, bandwidth: float, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return rate, acceleration and jerk with the filter's own delay made up for."""
+        lag = 3.0 / self._within(bandwidth, dt)
+        return (self.rate + lag * (self.acceleration + 0.5 * lag * self.jerk),
+                self.acceleration + lag * self.jerk, self.jerk)
+
+    @staticmethod
+    def _within(bandwidth, dt):
+        """Return the bandwidth that the sample time allows."""
+        return min(bandwidth, 0.4 / dt)
