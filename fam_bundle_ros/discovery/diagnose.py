@@ -135,10 +135,10 @@ def _verdict(problem: Problem, search: Search) -> _Finding:
 def _structured(problem: Problem, fit: Fit, left: Described) -> bool:
     """Return whether what a fit leaves has a shape, or comes back at each visit."""
     if left.templates and left.templates[0].gain > _SHAPE_GATE and (
-            left.templates[0].size_N > _SHAPE_SIZE * problem.noise):
+            left.templates[0].size_N > _SHAPE_SIZE * problem.row_noise):
         return True
     kept = problem.weight
-    if rms(fit.residual[kept]) < np.sqrt(1.0 + _SHAPE_SIZE ** 2) * problem.noise:
+    if rms(fit.residual[kept]) < np.hypot(problem.noise, _SHAPE_SIZE * problem.row_noise):
         return False
     # noise, however coloured, cannot be foretold from strain, pressure and direction
     return surface_share(problem, fit) > 0.25

@@ -23,6 +23,8 @@ import numpy as np
 
 #: How far a constant of the model's own effects is commonly off, relative.
 CONSTANT_TOLERANCE = 0.5
+#: Rows at rest or at a crawl are left out where at least this share of the rows is in motion.
+_MOVING = 0.5
 _STEP = 1e-3
 
 
@@ -151,10 +153,19 @@ class Problem:
         self.noise = noise or second_differences(self.data, residual) or 1e-9
         self.noise = max(self.noise, 1e-6 * max(np.abs(self.data.force).max(), 1e-9))
         self.weight = ~spikes(self.data, residual, self.noise) & ~reversals(self.data)
+        moving = self.data.direction != 0
+        # at a crawl the sign of a noisy rate is a guess, and so is the force of friction
+        if moving.mean() >= _MOVING:
+            self.weight &= moving
         if noise is None and self.weight.sum() < len(self.data):
             kept = self.data.select(self.weight)
             self.noise = second_differences(kept, residual[self.weight]) or self.noise
         self.model = model
+        #: Noise of one row of the measurement, before neighbours were averaged.
+        self.row_noise = self.noise
+        if self.block > 1:
+            whole = second_differences(data, data.force - predict(model, data))
+            self.row_noise = max(whole or 0.0, self.noise)
 
     @property
     def samples(self) -> int:

@@ -30,11 +30,11 @@ GATE = 10.0
 #: The first shape of a family is kept unless another one is better by this much.
 HEAD_MARGIN = 6.0
 MOST_EFFECTS = 4
-#: A further effect must take at least this share of what the others took (a shape that is not
-#: quite right leaves a few per cent) ...
+#: A further effect must take at least this share of what the others took: a shape that is not
+#: quite right leaves a few per cent.
 _PATCH = 0.02
-#: ... or this, where it is odd in direction and the others are even, or the other way round.
-_PATCH_OTHER_PARITY = 0.002
+#: So many first effects are tried with every second one where none passes alone.
+_AHEAD = 4
 #: A candidate is refitted only if it could take away this much of chi2 by a linear look ...
 _SCREEN = 4.0
 #: ... and this share of what the best candidate could.
@@ -229,12 +229,10 @@ class Search:
     def run(self) -> 'Search':
         """Add effects while they earn their place; swap; drop what is no longer needed."""
         self.fit(())
+        self._settle()
         while len(self.chosen) < MOST_EFFECTS:
-            best, scale = self._best_next(self.chosen)
+            best, gain = self._step() or self._look_ahead() or (None, 0.0)
             if best is None:
-                break
-            gain = self.score(self.chosen, scale) - self.score([*self.chosen, best], scale)
-            if gain < GATE or not self._earned(self.chosen, best, scale):
                 break
             self.chosen.append(best)
             self.gains.append(gain)
@@ -243,6 +241,66 @@ class Search:
         self._drop()
         self.scale = Scale.of(self.problem, self.fit(self.chosen))
         return self
+
+    def _step(self) -> Optional[tuple[str, float]]:
+        """Return the effect that earns its place next, and what it gains."""
+        best, scale = self._best_next(self.chosen)
+        if best is None:
+            return None
+        gain = self.score(self.chosen, scale) - self.score([*self.chosen, best], scale)
+        if gain < GATE or not self._earned(self.chosen, best):
+            return None
+        return best, gain
+
+    def _look_ahead(self) -> Optional[tuple[str, float]]:
+        """
+        Return the first of two effects that only together earn their place.
+
+        Where two effects are missing, what one leaves of the other is so large and so correlated
+        that alone it may not pass.
+        """
+        held = self.chosen
+        if len(held) > MOST_EFFECTS - 2 or self.excess(held) < 0.5 * self.problem.samples:
+            return None
+        ready = [n for n in self._options(held) if tuple(sorted([*held, n])) in self.fits]
+        firsts = sorted(ready, key=lambda n: self.fit([*held, n]).cost)[:_AHEAD]
+        pairs = []
+        for first in firsts:
+            second, scale = self._best_next([*held, first])
+            if second is not None:
+                pairs.append((self.fit([*held, first, second]).cost, first, second, scale))
+        if not pairs:
+            return None
+        _, first, second, scale = min(pairs, key=lambda pair: pair[0])
+        both = self.score([*held, first, second], scale)
+        gain = self.score(held, scale) - both
+        # each of the two must be needed beside the other
+        needed = min(self.score([*held, n], scale) for n in (first, second)) - both
+        if gain < 2 * GATE or needed < GATE or self.excess(
+                [*held, first, second]) > 0.3 * self.excess(held):
+            return None
+        share, ratio = held_out_votes(self.problem, self.fit(held),
+                                      self.fit([*held, first, second]))
+        return (first, gain - needed) if share >= 2.0 / 3.0 and ratio < 0.7 else None
+
+    def _settle(self) -> None:
+        """Set the widths that no fit moves (the rounding of a sign) where the data like them."""
+        for name, effect in self.effects.items():
+            for parameter in effect.parameters:
+                if parameter.fitted or parameter.lower <= 0:
+                    continue
+                low, high = effect.limits(parameter.name)
+                usual = effect.values[parameter.name]
+                tries = []
+                for factor in (1.0, 0.2, 4.0):
+                    value = float(np.clip(usual * factor, low, high))
+                    self.effects[name] = effect.replace(**{parameter.name: value})
+                    tries.append((self.screen((), name)[0], -abs(np.log(factor)), value))
+                    self._screened.pop(((), name))
+                best, plain = max(tries), tries[0]
+                # the usual one stays unless another one tells clearly more
+                value = best[2] if best[0] > 1.02 * plain[0] + GATE else plain[2]
+                self.effects[name] = effect.replace(**{parameter.name: value})
 
     def _options(self, held: Iterable[str]) -> list[str]:
         """Return the candidates beside those held: no second shape of one effect."""
@@ -312,13 +370,13 @@ class Search:
         fit = self.fit(names)
         return max(fit.chi2 - (self.problem.samples - len(fit.terms)), 0.0)
 
-    def _earned(self, held: list[str], name: str, scale: Scale) -> bool:
+    def _earned(self, held: list[str], name: str) -> bool:
         """
         Return whether an effect holds on blocks left out, and is more than a patch.
 
         """
         before, after = self.fit(held), self.fit([*held, name])
-        share, ratio = held_out_votes(self.problem, before, after, scale)
+        share, ratio = held_out_votes(self.problem, before, after)
         self.votes[name] = share
         # most blocks must gain; a few may lose where the error falls by a lot in all (never so
         # on noise)
@@ -332,18 +390,17 @@ class Search:
 
         An effect in another shape than the truth's leaves a few per cent of what it explains, and
         some other effect always fits a part of that. A real one takes most of what is left, and
-        what it takes is not small against what the others took - unless it is of another parity
-        (odd against even in the direction of motion), which no shape of theirs could leave.
+        what it takes is not small against what the others took - unless one is purely odd in the
+        direction of motion and the other purely even: neither could leave the other's shape.
         """
+        added = self._odd_share(held, name)
+        apart = [(self._odd_share([*(n for n in held if n != other), name], other), added)
+                 for other in held]
+        if all(max(a, b) > 0.9 and min(a, b) < 0.1 and not 0.03 < a < 0.97 for a, b in apart):
+            scale = Scale.of(self.problem, self.fit([*held, name]))
+            return self.score(held, scale) - self.score([*held, name], scale) > 3 * GATE
         first, left, now = (self.excess(names) for names in ((), held, [*held, name]))
-        if now > 0.5 * left:
-            return False
-        smallest = _PATCH
-        parity = self._odd_share(held, name)
-        if all(abs(parity - self._odd_share([*(n for n in held if n != other), name], other)) > 0.6
-               for other in held):
-            smallest = _PATCH_OTHER_PARITY
-        return left - now > smallest * (first - left)
+        return now < 0.5 * left and left - now > _PATCH * (first - left)
 
     def _odd_share(self, held: Iterable[str], name: str) -> float:
         """Return how much of what an effect adds changes sign with the motion, 0 to 1."""
@@ -388,8 +445,7 @@ def leave_out(problem: Problem, fit: Fit, rows: np.ndarray) -> np.ndarray:
     return r[rows] + inside @ step
 
 
-def held_out_votes(problem: Problem, before: Fit, after: Fit, scale: Scale,
-                   ) -> tuple[float, float]:
+def held_out_votes(problem: Problem, before: Fit, after: Fit) -> tuple[float, float]:
     """
     Return the share of held-out blocks that the larger model predicts better.
 
@@ -406,9 +462,8 @@ def held_out_votes(problem: Problem, before: Fit, after: Fit, scale: Scale,
             rows = label == block
             old = leave_out(problem, before, rows)
             new = leave_out(problem, after, rows)
-            apart = np.sum((old - new) ** 2) / (scale.inflation * scale.tau)
             total += np.sum(old ** 2), np.sum(new ** 2)
-            if apart >= 4.0:
+            if np.sum((old - new) ** 2) >= 4.0 + 0.005 * np.sum(old ** 2):
                 votes.append(float(np.sum(new ** 2)) < float(np.sum(old ** 2)))
     share = float(np.mean(votes)) if len(votes) >= 2 else 0.0
     return share, float(total[1] / max(total[0], 1e-300))

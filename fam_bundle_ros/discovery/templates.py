@@ -99,7 +99,7 @@ class _Shape:
     extra: int = 0  # scanned constants, which count as parameters
 
 
-def bank(problem: Problem, model: Bundle) -> list[_Shape]:
+def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
     """Return the shapes that the data can show, unscaled."""
     data = problem.data
     e, total = problem.motion.strain, problem.motion.pressure.mean(-1)
@@ -174,11 +174,11 @@ def bank(problem: Problem, model: Bundle) -> list[_Shape]:
         add(np.maximum(force - share * reach, 0), f'only above {share * reach:.0f} N of force', '',
             (), None, 'force_onset', 1)
     if not data.is_static:
-        _add_motion(add, problem, e, total, force, single)
+        _add_motion(add, problem, residual, e, total, force, single)
     return shapes
 
 
-def _add_motion(add: Any, problem: Problem, e: np.ndarray, total: np.ndarray, force: np.ndarray,
+def _add_motion(add: Any, problem: Problem, residual: np.ndarray, e: np.ndarray, total: np.ndarray, force: np.ndarray,
                 single: bool) -> None:
     """Add the shapes that need time: direction, speed, memory, drift, a single trial."""
     data = problem.data
@@ -228,11 +228,38 @@ def _add_motion(add: Any, problem: Problem, e: np.ndarray, total: np.ndarray, fo
             slow_part = _lagged(signal, data.start, steps)
             add(slow_part - signal, f'decays over {steps * usual:.2g} s after {words} changes',
                 unit, ('relaxation', 'line_lag', 'dry_friction'), None, 'decay', 1)
+    _add_hum(add, problem, residual, time if continuing else own)
     count = len(data.trial_names)
     if 4 <= count <= 60:
         for k in range(count):
             inside = (data.trial == k).astype(float)
             add(inside, f'trial {data.trial_names[k]} alone', 'N', (), None, 'one_trial', 1)
+
+
+def _add_hum(add: Any, problem: Problem, residual: np.ndarray, time: np.ndarray) -> None:
+    """Add the one wave in time that stands out of the residual's spectrum, if there is one."""
+    step = float(np.median(np.diff(time)[np.diff(problem.data.trial) == 0]))
+    count = int(np.ptp(time) / max(step, 1e-12)) // 2
+    if count < 8 or count > 20000:
+        return
+    r = np.where(problem.weight, residual, 0.0)
+    r = r - r[problem.weight].mean()
+    # trials share a clock or restart it: either way one grid of times, then one transform
+    slot = np.round((time - time.min()) / step).astype(int)
+    size = 1 << int(np.ceil(np.log2(4 * (slot.max() + 1))))
+    power = np.abs(np.fft.rfft(np.bincount(slot, r, size), size)) ** 2
+    frequency = np.arange(len(power)) / (size * step)
+    band = (frequency > 2.0 / max(np.ptp(time), step)) & (frequency < 0.3 / step)
+    if band.sum() < 16:
+        return
+    inside = np.flatnonzero(band)
+    top = int(inside[np.argmax(power[inside])])
+    near = power[np.clip(np.arange(top - 200, top + 201), inside[0], inside[-1])]
+    if power[top] < 40.0 * np.median(near):
+        return
+    wave = 2 * np.pi * frequency[top] * time
+    add(np.stack([np.sin(wave), np.cos(wave)], -1),
+        f'periodic in time, every {1.0 / frequency[top]:.3g} s', 'N', (), None, 'hum', 1)
 
 
 def _lagged(signal: np.ndarray, start: np.ndarray, steps: int) -> np.ndarray:
@@ -281,7 +308,7 @@ def describe(problem: Problem, fit: Fit, most: int = 5) -> Described:
     most : int
         How many shapes to return, one of each kind.
     """
-    shapes = bank(problem, fit.model)
+    shapes = bank(problem, fit.model, fit.residual)
     kept = problem.weight
     r = np.where(kept, fit.residual, 0.0) / problem.noise
     prior = np.diag([0.0 if t.prior is None else 1.0 for t in fit.terms])
