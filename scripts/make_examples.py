@@ -64,7 +64,7 @@ def main():
     off = {'geometry.radius': 6.40e-3, 'geometry.braid_angle': np.radians(33.1)}
 
     start = bundle('start', 1, rubber, 413.7e3)
-    truth = start.with_parameters(off).with_effect('coulomb_friction', force=6.75)
+    truth = start.with_parameters(off).with_effect('coulomb_friction', force=6.66)
     write('hidden_friction', truth, start, single, 11)
 
     write('nothing_missing', start, start, single, 12)

@@ -1,0 +1,321 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A case on the page: the answer so far, the ladder, the figures, and the panel beside them."""
+
+import asyncio
+from typing import Any, TYPE_CHECKING
+
+from nicegui import run, ui
+
+from fam_bundle_ros import palette
+from fam_bundle_ros.discovery.figures import has_isobars
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Effect
+from fam_bundle_ros.workbench import drawings, parts, worker
+from fam_bundle_ros.workbench.jobs import Cancelled, Job, WorkerError
+from fam_bundle_ros.workbench.session import short
+from fam_bundle_ros.workbench.side_view import SideView
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.page import Page
+
+__all__ = ['CaseView']
+
+_CAPTIONS = {
+    'curves': 'Points: measured (filled while shortening; grey where the motion turns, which does '
+              'not count). Lines: the model; dotted: before the last step. Grey band: noise.',
+    'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '
+            'sign with the motion.',
+    'loops': 'The error on the way in and on the way out. Two branches apart: a loss such as '
+             'friction. Grey band: noise, ±2 sd.'}
+
+
+class CaseView:
+    """The view of an open case; redraws only what a click changes."""
+
+    def __init__(self, page: 'Page'):
+        self.page, self.session = page, page.session
+        data = self.session.data
+        self.tab = 'curves'
+        self.over_time = not data.is_static and not has_isobars(data)
+        self.job: Job | None = None
+        with parts.box('div', 'case'):
+            self.answer = parts.box('section', 'answer').props('role=status aria-live=polite')
+            self.ladder = parts.box('section', 'ladder').props('aria-label="error after each step"')
+            with parts.box('section'):
+                self.head = parts.box('div', 'panel-head')
+                self.figure = parts.box('div')
+                self.caption = parts.text('p', '', 'caption')
+            self.side = SideView(self, parts.box('aside', 'side'))
+        self.draw()
+
+    # --- drawing -------------------------------------------------------------------------------
+
+    def draw(self) -> None:
+        """Draw everything anew."""
+        self.draw_answer()
+        self.draw_ladder()
+        self.draw_head()
+        self.draw_figure()
+        self.side.draw()
+
+    def draw_answer(self) -> None:
+        """Say how good the model is, and offer the one thing to do next."""
+        session = self.session
+        self.answer.clear()
+        with self.answer:
+            parts.text('span', f'{session.case.title} · {session.case.origin}', 'muted small')
+            parts.text('h1', self._said()).mark('headline')
+            with parts.box('div', 'answer-row'):
+                if self.job is not None:
+                    self._busy()
+                    return
+                self._next()
+                if len(session.steps) > 1:
+                    parts.button('Undo', self.undo, mark='undo')
+
+    def _said(self) -> str:
+        """Return the verdict of the last diagnosis where it still holds, else the state."""
+        found = self.session.diagnosis
+        if found is None or len(self.session.steps) > self.session.diagnosed_at:
+            return self.session.headline()
+        names = ', '.join(parts.words(name) for name in found.effects)
+        return {
+            'missing_effect': f'Found: {names}.',
+            'partial': f'Found in part: {names}. Its shape is not quite right.',
+            'recalibrate': 'No effect is missing; the model’s own numbers are off.',
+            'adequate': 'Nothing is missing: the model explains the data down to their noise.',
+            'unexplained': 'Something is missing that the catalogue does not have.',
+        }[found.verdict]
+
+    def _next(self) -> None:
+        session, found = self.session, self.session.diagnosis
+        missing = session.missing()
+        current = found is not None
+        if missing:
+            name = missing[0].effect
+            parts.button(f'Add {parts.words(name)}', lambda: self.add(name), 'main-action',
+                         'next-add')
+            if len(missing) > 1:
+                parts.button(f'Add all {len(missing)}', self.add_all, mark='add-all')
+        elif session.asks_recalibration:
+            parts.button('Recalibrate the model', self.recalibrate, 'main-action', 'recalibrate')
+        elif current and found.verdict == 'unexplained' and \
+                len(session.steps) == session.diagnosed_at:
+            parts.button('Write it yourself', self.side.write_own, 'main-action', 'write-own-main')
+        elif len(session.steps) > 1 or (current and found.verdict == 'adequate'):
+            parts.button('Download the model', self.side.download_model, 'main-action',
+                         'download-main')
+            if len(session.steps) > session.diagnosed_at or not current:
+                parts.button('Is anything still missing?', self.diagnose, mark='diagnose')
+        else:
+            parts.button('What is missing?', self.diagnose, 'main-action', 'diagnose')
+
+    def _busy(self) -> None:
+        job = self.job
+        assert job is not None
+        with parts.box('div', 'busy').mark('busy'):
+            with parts.box('div', 'bar').props('role=progressbar aria-label=progress'):
+                filled = parts.box('i').style('width: 2%')
+            said = parts.text('span', f'{job.words} …', 'muted small')
+            parts.button('Cancel', job.cancel, mark='cancel')
+
+        def move() -> None:
+            filled.style(f'width: {100 * max(job.share, 0.02):.0f}%')
+            said.set_text(f'{job.words} …')
+
+        ui.timer(0.2, move)
+
+    def draw_ladder(self) -> None:
+        """Draw one rung per step, the noise floor across all."""
+        session = self.session
+        most = max(step.error_N for step in session.steps)
+        shade = 'dark' if self.page.dark else 'light'
+        floor = 100.0 * min(session.noise / most, 1.0)
+        self.ladder.clear()
+        with self.ladder:
+            with parts.box('ol'):
+                for k, step in enumerate(session.steps):
+                    colour = palette.effect(step.effect) if step.effect else palette.NEUTRAL['faint']
+                    last = ' now' if k == len(session.steps) - 1 else ''
+                    with parts.box('li', f'rung{last}').mark(f'rung:{k}'):
+                        parts.text('span', 'model as it came' if k == 0
+                                   else parts.words(step.label), 'name')
+                        with parts.box('span', 'track'):
+                            parts.box('i').style(
+                                f'width: {100 * step.error_N / most:.1f}%; '
+                                f'background: {getattr(colour, shade)}')
+                            parts.box('u').style(f'left: {floor:.1f}%')
+                        parts.text('span', f'{short(step.error_N)} N', 'value')
+            parts.text('span', f'Error, rms. Dashed: noise floor {short(session.noise)} N. '
+                       f'{self._held_out()}', 'muted small')
+
+    def _held_out(self) -> str:
+        step = self.session.now
+        if len(self.session.steps) < 2 or step.held_out_N != step.held_out_N:
+            return ''
+        return f'On data the fit did not see: {short(step.held_out_N)} N.'
+
+    def draw_head(self) -> None:
+        """Draw the choice of figure and of what it shows."""
+        session = self.session
+        data = session.data
+        tabs = [('curves', 'Measured and model'), ('maps', 'Error maps')]
+        if not data.is_static:
+            tabs.append(('loops', 'Loops'))
+        self.head.clear()
+        with self.head:
+            parts.segments(tabs, self.tab, self._show_tab, 'figure')
+            if self.tab != 'curves':
+                return
+            chosen = session.selection
+            parts.pick('Pressure', session.levels, chosen.level,
+                       lambda value: self._select(level=value))
+            if not data.is_static:
+                directions = {None: None, 1: 0, -1: 1}
+                parts.pick('Direction', ['shortening', 'lengthening'],
+                           directions[chosen.direction], lambda value: self._select(
+                               direction=None if value is None else (1, -1)[value]), 'both')
+            if 1 < len(data.trial_names) <= 200:
+                parts.pick('Trial', list(data.trial_names), chosen.trial,
+                           lambda value: self._select(trial=value))
+            if not data.is_static:
+                parts.pick('Over', ['time'], 0 if self.over_time else None,
+                           lambda value: self._over(value is not None), 'strain')
+
+    def draw_figure(self) -> None:
+        """Draw the chosen figure in a fresh box."""
+        self.figure.clear()
+        self.caption.set_text(_CAPTIONS[self.tab])
+        drawn = self._drawn()
+        with self.figure:
+            if drawn is None:
+                parts.text('p', 'Nothing was measured in both directions at one pressure.')
+                return
+            self.plot = parts.plot(drawn, _CAPTIONS[self.tab].split('.')[0])
+
+    def _drawn(self) -> dict[str, Any] | None:
+        if self.tab == 'curves':
+            figure: Any = drawings.main_figure(self.session, self.over_time)
+            return drawings.for_page(figure, self.page.dark, self.page.move_ms)
+        figure = drawings.maps(self.session) if self.tab == 'maps' else \
+            drawings.loops(self.session)
+        return None if figure is None else drawings.for_page(figure, self.page.dark)
+
+    def move_figure(self) -> None:
+        """Let the figure that is there move to what is so now."""
+        drawn = self._drawn()
+        if drawn is not None:
+            self.plot.update_figure(drawn)
+
+    # --- selecting -----------------------------------------------------------------------------
+
+    def _show_tab(self, tab: str) -> None:
+        self.tab = tab
+        self.draw_head()
+        self.draw_figure()
+
+    def _over(self, time: bool) -> None:
+        self.over_time = time
+        self.draw_head()
+        self.draw_figure()
+
+    def _select(self, **choice: int | None) -> None:
+        before = self.session.selection
+        self.session.select(**choice)
+        if not self.session.rows().any():
+            self.session.selection = before
+            self.page.tell('no sample has this pressure, direction and trial together')
+            self.draw_head()
+            return
+        self.draw_figure()
+
+    def zoom(self, region: int | None) -> None:
+        """Zoom every figure to a region, or back."""
+        self.session.select(region=region, level=None, direction=None, trial=None)
+        self.draw_head()
+        self.draw_figure()
+        self.side.draw()
+
+    # --- long work -----------------------------------------------------------------------------
+
+    async def work(self, job: Job) -> Any:
+        """Run a job with progress on the page; None when it was cancelled or went wrong."""
+        if self.job is not None:
+            return None
+        self.job = job
+        self.draw_answer()
+        await asyncio.sleep(0.03)  # starting a process takes a moment: the page first
+        try:
+            return await job.run()
+        except Cancelled:
+            return None
+        except InputError as error:
+            self.page.tell(str(error))
+        except WorkerError as error:
+            self.page.tell(f'the work broke down: {error}')
+        finally:
+            self.job = None
+            if not self.answer.is_deleted:
+                self.draw_answer()
+        return None
+
+    def stop(self) -> None:
+        """Cancel what is running."""
+        if self.job is not None:
+            self.job.cancel()
+
+    async def diagnose(self) -> None:
+        """Ask what the present model is missing."""
+        step = self.session.now
+        found = await self.work(Job(worker.diagnose_job, step.model, self.session.data))
+        if found is not None and self.session.steps and self.session.now is step:
+            self.session.learn(found)
+            self.draw_answer()
+            self.side.draw()
+
+    async def add(self, name: str) -> None:
+        """Add a candidate and refit."""
+        await self.add_effect(self.session.candidate_effect(name))
+
+    async def add_all(self) -> None:
+        """Add everything that the diagnosis found, one rung after the other."""
+        for choice in self.session.missing():
+            steps = len(self.session.steps)
+            await self.add(choice.effect)
+            if len(self.session.steps) == steps:
+                return
+
+    async def add_effect(self, effect: Effect) -> None:
+        """Add an effect, the user's own or a candidate, and refit everything."""
+        added = (*(e for e in self.session.now.added if e.name != effect.name), effect)
+        await self._refit(f'+ {effect.name}', added, effect.name)
+
+    async def recalibrate(self) -> None:
+        """Move the model's own parameters."""
+        await self._refit('recalibrated', self.session.now.added, '')
+
+    async def _refit(self, label: str, added: tuple[Effect, ...], effect: str) -> None:
+        session = self.session
+        step = session.now
+        refitted = await self.work(Job(worker.refit_job, session.steps[0].model, session.data,
+                                       added))
+        if refitted is None or not session.steps or session.now is not step:
+            return
+        await run.io_bound(session.advance, label, refitted, added, effect)
+        self._moved()
+
+    def undo(self) -> None:
+        """Take the last step back."""
+        self.session.undo()
+        self._moved()
+
+    def _moved(self) -> None:
+        self.draw_answer()
+        self.draw_ladder()
+        self.draw_head()
+        if self.tab == 'curves':
+            self.move_figure()
+        else:
+            self.draw_figure()
+        self.side.draw()

@@ -1,0 +1,243 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The figures of the page: what discovery's figures show, with selection, zoom, rows and movement.
+
+`for_page` makes a figure the dict that a browser takes, in the colours of its theme. Points are thinned here, for drawing only.
+"""
+
+import copy
+import functools
+import json
+import re
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.discovery import figures
+from fam_bundle_ros.discovery.grouping import pressure_levels, varying_unit
+from fam_bundle_ros.workbench.session import Session
+from fam_bundle_ros.workbench.thinning import thin_groups
+
+__all__ = ['CONFIG', 'for_page', 'loops', 'main_figure', 'maps']
+
+#: More points than this in one figure make a page slow.
+MOST_POINTS = 3000
+#: A flat list: with the nested one of modeBarButtons Plotly.react never comes to an end.
+CONFIG = {'displaylogo': False, 'responsive': True, 'modeBarButtonsToRemove': [
+    'select2d', 'lasso2d', 'zoomIn2d', 'zoomOut2d', 'autoScale2d']}
+_BEFORE = palette.NEUTRAL['faint'].light
+_HOVER = ('%{customdata[0]}<br>strain %{customdata[1]:.4f}, %{customdata[2]:.1f} kPa<br>'
+          'measured %{customdata[3]:.2f} N, model %{customdata[4]:.2f} N<br>'
+          'error %{customdata[5]:+.2f} N<extra></extra>')
+
+
+def for_page(drawing: go.Figure | dict[str, Any], dark: bool, move_ms: int = 0) -> dict[str, Any]:
+    """
+    Return a figure as the page takes it.
+
+    Parameters
+    ----------
+    drawing : plotly Figure or dict
+        In the light colours.
+    dark : bool
+        Exchange them for those of a dark page.
+    move_ms : int
+        Curves move to their new place in this time; 0 for at once.
+    """
+    text = json.dumps(drawing) if isinstance(drawing, dict) else drawing.to_json()
+    if dark:
+        colours = palette.by_page()
+        text = re.sub('#[0-9A-Fa-f]{6}', lambda found: colours.get(found[0].upper(), found[0]),
+                      text)
+    figure = json.loads(text)
+    layout = figure['layout']
+    # a drawing fills the box that the page has for it
+    layout.pop('height', None)
+    layout.update(autosize=True, margin={'l': 56, 'r': 12, 't': layout['margin'].get('t', 30),
+                                         'b': 44})
+    if move_ms:
+        layout['transition'] = {'duration': move_ms, 'easing': 'cubic-in-out'}
+    figure['config'] = CONFIG
+    return figure
+
+
+def main_figure(session: Session, over_time: bool = False) -> dict[str, Any]:
+    """
+    Draw measured (points) against model (lines), the error below with the noise band.
+
+    The model of the step before stays as a thin dotted line. A plain dict, not a plotly object:
+    the page draws it anew at every click, and must not wait for checks of every number.
+
+    Parameters
+    ----------
+    over_time : bool
+        Against time instead of strain (logs only).
+    """
+    data, residual = session.data, session.residual()
+    level, means = pressure_levels(data.pressure[:, varying_unit(data)])
+    x = _clock(data) if over_time else data.strain
+    rows = np.flatnonzero(session.rows())
+    shown = rows[thin_groups(level[rows], residual[rows], MOST_POINTS)]
+    span = max(float(np.ptp(means)), 1.0)
+    traces: list[dict[str, Any]] = []
+    for k, mean in enumerate(means):
+        colour = palette.isobar((mean - means[0]) / span).light
+        traces += _isobar(session, x, shown[level[shown] == k], colour, over_time)
+    layout = copy.deepcopy(_base_layout(over_time))
+    noise = session.noise
+    layout['shapes'] = [
+        {'type': 'rect', 'xref': 'x2 domain', 'yref': 'y2', 'x0': 0, 'x1': 1, 'y0': -2 * noise,
+         'y1': 2 * noise, 'line': {'width': 0}, 'layer': 'below',
+         'fillcolor': palette.fade(_BEFORE, 0.25)},
+        {'type': 'line', 'xref': 'x2 domain', 'yref': 'y2', 'x0': 0, 'x1': 1, 'y0': 0, 'y1': 0,
+         'line': {'color': _BEFORE, 'width': 1}}]
+    layout['yaxis2']['range'] = _error_range(session, rows)
+    layout['annotations'] = [] if over_time else _isobar_names(session, level, means, rows)
+    _zoom(layout, session, x, rows)
+    return {'data': traces, 'layout': layout}
+
+
+@functools.lru_cache(maxsize=2)
+def _base_layout(over_time: bool) -> dict[str, Any]:
+    drawing = make_subplots(2, 1, shared_xaxes=True, row_heights=[0.7, 0.3],
+                            vertical_spacing=0.06)
+    plotting.dress(drawing, 520, showlegend=False, margin={'t': 14})
+    plotting.style_axes(drawing)
+    drawing.update_yaxes(title_text='force (N)', row=1, col=1)
+    drawing.update_yaxes(title_text='error (N)', row=2, col=1)
+    drawing.update_xaxes(title_text='time (s)' if over_time else 'strain', row=2, col=1)
+    return json.loads(drawing.to_json())['layout']
+
+
+def maps(session: Session) -> go.Figure:
+    """Draw the even and odd residual maps with the free strain curve and the chosen region."""
+    step = session.now
+    drawing = figures.residual_maps(step.comparison, step.model)
+    if session.region is not None:
+        data, rows = session.data, session.rows()
+        inside = data.pressure[rows, varying_unit(data)] / 1e3
+        strain = data.strain[rows]
+        grow = 0.02 * float(np.ptp(data.pressure[:, varying_unit(data)])) / 1e3 + 1e-9
+        panels = 2 if drawing.layout.xaxis2.domain else 1
+        for column in range(1, panels + 1):
+            drawing.add_shape(type='rect', x0=strain.min(), x1=strain.max(),
+                              y0=inside.min() - grow, y1=inside.max() + grow, row=1, col=column,
+                              line={'color': plotting.INK, 'width': 2})
+    drawing.update_layout(margin={'t': 34})
+    return drawing
+
+
+def loops(session: Session) -> go.Figure | None:
+    """Draw the error both ways for some isobars; None where nothing was measured both ways."""
+    drawing = figures.loops(session.now.comparison)
+    if drawing is not None:
+        noise = session.noise
+        drawing.add_hrect(-2.0 * noise, 2.0 * noise, line_width=0, layer='below',
+                          fillcolor=palette.fade(_BEFORE, 0.25), row='all', col='all')
+        drawing.update_layout(margin={'t': 64})
+    return drawing
+
+
+def _isobar(session: Session, x: np.ndarray, rows: np.ndarray, colour: str, over_time: bool,
+            ) -> list[dict[str, Any]]:
+    """Return one isobar: model before, model, measured, error; as many traces in every state."""
+    data, residual, prediction = session.data, session.residual(), session.now.prediction
+    before = (session.before or session.now).prediction
+    lines = [{'type': 'scatter', 'mode': 'lines', 'name': name, 'hoverinfo': 'skip',
+              'xaxis': 'x', 'yaxis': 'y', **_path(data, x, values, rows, over_time),
+              'line': {'color': shade, 'dash': dash, 'width': width}}
+             for name, values, shade, dash, width in (
+                 ('model before', before, _BEFORE, 'dot', 1.2),
+                 ('model', prediction, colour, 'solid', 2.0))]
+    many = len(data.trial_names) > 1
+    pressure = data.pressure[rows, varying_unit(data)] / 1e3
+    notes = [[f'row {row + 2}' + (f', trial {data.trial_names[data.trial[row]]}' if many else ''),
+              *numbers] for row, numbers in zip(rows, np.round(np.stack(
+                  [data.strain[rows], pressure, data.force[rows], prediction[rows], residual[rows]], axis=-1), 4).tolist())]
+    shades = np.where(session.counted[rows], colour, _BEFORE).tolist()
+    symbols = np.where(data.direction[rows] < 0, 'circle-open', 'circle').tolist()
+    points = [{'type': 'scatter', 'mode': 'markers', 'name': name, 'x': _plain(x[rows]),
+               'y': _plain(values[rows]), 'xaxis': 'x' + axis, 'yaxis': 'y' + axis,
+               'marker': {'color': shades, 'size': 4.5, 'symbol': symbols, 'opacity': 0.8},
+               'customdata': notes, 'hovertemplate': _HOVER}
+              for axis, name, values in (('', 'measured', data.force),
+                                         ('2', 'error', residual))]
+    return lines + points
+
+
+def _path(data, x, values, rows, over_time):
+    """Return x and y of a model's line, cut between trials; a static map is joined by strain."""
+    if data.is_static and not over_time:
+        rows = rows[np.argsort(x[rows], kind='stable')]
+        return {'x': _plain(x[rows]), 'y': _plain(values[rows])}
+    cuts = np.flatnonzero(np.diff(data.trial[rows]) != 0) + 1
+    return {'x': _plain(np.insert(x[rows], cuts, np.nan)),
+            'y': _plain(np.insert(values[rows], cuts, np.nan))}
+
+
+def _plain(values: np.ndarray) -> list[float | None]:
+    """Return numbers as JSON takes them, to a tenth of what a screen can show."""
+    return [None if v != v else v for v in np.round(values, 5).tolist()]
+
+
+def _clock(data):
+    """Return time with trials that each begin at zero laid end to end."""
+    clock = np.array(data.clock, float)
+    for first in np.flatnonzero(data.start)[1:]:
+        if clock[first] < clock[first - 1]:
+            clock[first:] += clock[first - 1] - clock[first] + 1.0
+    return clock
+
+
+def _error_range(session, rows):
+    """Keep the scale of the first step, so that a smaller error looks smaller."""
+    rows = rows[session.counted[rows]]
+    worst = max(float(np.quantile(np.abs(session.residual(step)[rows]), 0.995))
+                for step in session.steps) if len(rows) else 1.0
+    top = 1.15 * max(worst, 3.0 * session.noise)
+    return [-top, top]
+
+
+def _isobar_names(session, level, means, rows):
+    """Return annotations that name each isobar left of its curve, where there is room."""
+    data = session.data
+    names = session.levels
+    height = max(float(np.ptp(data.force[rows])), 1.0) if len(rows) else 1.0
+    taken: list[float] = []
+    found = []
+    for k in range(len(means))[::-1]:
+        mine = rows[level[rows] == k]
+        if not len(mine):
+            continue
+        left = mine[data.strain[mine] <= np.quantile(data.strain[mine], 0.04)]
+        y = float(np.mean(session.now.prediction[left]))
+        if any(abs(y - other) < 0.06 * height for other in taken):
+            continue
+        taken.append(y)
+        share = (means[k] - means[0]) / max(float(np.ptp(means)), 1.0)
+        found.append({
+            'x': float(data.strain[mine].min()), 'y': y, 'xref': 'x', 'yref': 'y',
+            'text': names[k], 'showarrow': False, 'xanchor': 'right', 'xshift': -7,
+            'font': {'size': 12, 'color': palette.isobar(share).light}})
+    return found
+
+
+def _zoom(layout, session, x, rows):
+    """Set the axes to what is selected, with room for the names of the isobars on the left."""
+    if not len(rows):
+        return
+    if session.region is None:
+        if layout['annotations']:
+            low, span = float(x[rows].min()), max(float(np.ptp(x[rows])), 1e-3)
+            for axis in ('xaxis', 'xaxis2'):
+                layout[axis]['range'] = [low - 0.115 * span, low + 1.03 * span]
+        return
+    both = np.r_[session.data.force[rows], session.now.prediction[rows]]
+    for values, axes in ((x[rows], ('xaxis', 'xaxis2')), (both, ('yaxis',))):
+        room = 0.06 * max(float(np.ptp(values)), 1e-3)
+        for axis in axes:
+            layout[axis]['range'] = [float(values.min()) - room, float(values.max()) + room]

@@ -1,0 +1,203 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The force-strain space of a bundle, to play with: what the paper says, in a minute.
+
+Sliders set the strain and each motor unit's pressure; the figures show where that is among the
+recruitment states, how the next unit first pushes back, and how the free strain dips.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+import json
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.model import Bundle, load_model, Overlap
+from fam_bundle_ros.report.paper import paper_figures, PaperFigures
+from fam_bundle_ros.report.paper_plots import state_regions
+from fam_bundle_ros.resources import config_path
+
+__all__ = ['Explorer', 'paper_explorer']
+
+_HERE = palette.NEUTRAL['ink'].light
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """Force over the next unit's pressure at one strain."""
+
+    pressure: np.ndarray
+    force: np.ndarray
+
+
+class Explorer:
+    """
+    A bundle at one strain and one set of pressures.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    """
+
+    def __init__(self, bundle: Bundle):
+        self.bundle = bundle
+        self.paper: PaperFigures = paper_figures(bundle, 161)
+        #: Strain, and gauge pressures in Pa, shape (n,).
+        self.strain = 0.16
+        self.pressure = np.zeros(bundle.n)
+        self.pressure[0] = bundle.max_pressure[0]
+
+    @property
+    def highest_strain(self) -> float:
+        """Where the strain slider ends."""
+        return float(self.paper.space.strain[-1])
+
+    @property
+    def state(self) -> int:
+        """Recruitment state: how many units are under pressure, in order."""
+        on = np.flatnonzero(self.pressure > 0.02 * self.bundle.max_pressure)
+        return int(on[-1]) + 1 if len(on) else 0
+
+    @property
+    def force(self) -> float:
+        """Force of the bundle here, N."""
+        return float(self.bundle.force(self.strain, self.pressure))
+
+    def overlap(self) -> Overlap | None:
+        """Return the overlap of the present state with the next, None at the last."""
+        state = max(self.state, 1)
+        lower = state - 1 if state == self.bundle.n and state > 1 else state
+        return self.bundle.overlap(self.strain, lower) if lower < self.bundle.n else None
+
+    def sentences(self) -> list[str]:
+        """Return what is to be seen here, in words."""
+        state, force = self.state, self.force
+        n = self.bundle.n
+        told = [f'RS{state}: {max(state, 0)} of {n} motor units on, {force:.1f} N at '
+                f'{100 * self.strain:.1f} % strain.']
+        overlap = self.overlap()
+        if overlap is None:
+            return told
+        unit = min(max(state, 1) + 1, n) if state < n else n
+        onset = overlap.onset_pressure
+        if overlap.dip > 0.05:
+            back = f'It is back at {onset / 1e3:.0f} kPa, its onset pressure.' \
+                if np.isfinite(onset) else 'At this strain it never makes up for that.'
+            told.append(f'While MU{unit} fills, it is compressed past its own free strain and '
+                        f'pushes back: the bundle loses up to {overlap.dip:.1f} N (at '
+                        f'{overlap.dip_pressure / 1e3:.0f} kPa). {back}')
+            told.append(f'So RS{unit - 1} and RS{unit} overlap from {overlap.low:.1f} to '
+                        f'{overlap.high:.1f} N: in there a controller can be in either state.')
+        else:
+            told.append(f'At this strain MU{unit} helps from the first pascal: no dip, no '
+                        'overlap. Move the strain to the right.')
+        return told
+
+    def free_strain_sentence(self) -> str:
+        """Return what the free strain does while the second unit fills."""
+        free = self.paper.free_strain
+        if free is None:
+            return ''
+        if free.dip < 1e-4:
+            return 'In this model the free strain does not dip: it has no resistive force.'
+        return (f'With MU1 full, filling MU2 first shortens the reach from '
+                f'{float(free.strain["included"][0]):.4f} to {free.dip_strain:.4f} at '
+                f'{free.dip_pressure / 1e3:.0f} kPa, and then it returns: the free strain '
+                'gradient reversal.')
+
+    # --- figures -------------------------------------------------------------------------------
+
+    def space_figure(self) -> dict[str, Any]:
+        """Draw the regions of the recruitment states with the present point and its strain."""
+        figure = json.loads(self._space())
+        figure['data'][-2].update(x=[self.strain, self.strain])
+        figure['data'][-1].update(x=[self.strain], y=[self.force])
+        return figure
+
+    def _space(self) -> str:
+        if not hasattr(self, '_space_text'):
+            space = self.paper.space
+            drawing = plotting.figure('strain', 'force of the bundle (N)', height=420)
+            for trace in state_regions(space, 'included'):
+                drawing.add_trace(trace)
+            top = 1.04 * float(space.high['included'].max())
+            drawing.add_trace(plotting.line([0, 0], [0, top], 'here', _HERE, 'dot', 1.2,
+                                            showlegend=False, hoverinfo='skip'))
+            drawing.add_trace(plotting.points([0], [0], 'this bundle, here', _HERE, 13,
+                                              'diamond', hovertemplate='%{y:.1f} N at %{x:.3f}'))
+            drawing.update_yaxes(range=[min(0.0, 0.0), top])
+            drawing.update_xaxes(range=[0.0, self.highest_strain])
+            self._space_text: str = drawing.to_json()
+        return self._space_text
+
+    def crossing_figure(self) -> dict[str, Any]:
+        """Draw the force at this strain while the next unit fills, with its dip and onset."""
+        state = max(self.state, 1)
+        unit = min(state + 1, self.bundle.n) if state < self.bundle.n else self.bundle.n
+        curve = self._curve(unit)
+        colour = palette.recruitment_state(unit).light
+        figure = json.loads(_empty(f'pressure of MU{unit} (kPa)', 'force at this strain (N)'))
+        x = curve.pressure / 1e3
+        figure['data'] = [
+            {'type': 'scatter', 'mode': 'lines', 'x': x.tolist(), 'y': curve.force.tolist(),
+             'line': {'color': colour, 'width': 2.4}, 'name': f'MU{unit} fills',
+             'hovertemplate': '%{y:.1f} N at %{x:.0f} kPa<extra></extra>'},
+            {'type': 'scatter', 'mode': 'lines', 'x': [0, float(x[-1])],
+             'y': [float(curve.force[0])] * 2, 'hoverinfo': 'skip',
+             'line': {'color': _HERE, 'width': 1, 'dash': 'dot'}},
+            {'type': 'scatter', 'mode': 'markers', 'x': [self.pressure[unit - 1] / 1e3],
+             'y': [float(np.interp(self.pressure[unit - 1], curve.pressure, curve.force))],
+             'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}, 'hoverinfo': 'skip'}]
+        onset = self.bundle.onset_pressure(self.strain, unit)
+        if np.isfinite(onset) and onset > 0:
+            figure['layout']['annotations'] = [
+                {'x': onset / 1e3, 'y': float(curve.force[0]), 'text': f'onset {onset/1e3:.0f} kPa',
+                 'showarrow': True, 'ax': 0, 'ay': -28, 'arrowhead': 0,
+                 'font': {'size': 12, 'color': _HERE}, 'arrowcolor': _HERE}]
+        return figure
+
+    def _curve(self, unit: int) -> _Curve:
+        pressure = np.linspace(0.0, self.bundle.max_pressure[unit - 1], 161)
+        return _Curve(pressure, self.bundle.force(
+            self.strain, self.bundle.state_pressures(unit, pressure)))
+
+    def free_strain_figure(self) -> dict[str, Any]:
+        """Draw the free strain while the second unit fills, with the present pressure."""
+        free = self.paper.free_strain
+        figure = json.loads(_empty('pressure of MU2 (kPa)', 'free strain'))
+        if free is None:
+            return figure
+        x = (free.pressure / 1e3).tolist()
+        looks = (('neglected', 'resistive force neglected', palette.effect('tendon_slack').light,
+                  'dash', 1.6),
+                 ('included', 'as the model has it', palette.effect('resistive_buckling').light,
+                  'solid', 2.8))
+        figure['data'] = [
+            {'type': 'scatter', 'mode': 'lines', 'x': x, 'name': title,
+             'y': [None if v != v else v for v in free.strain[name].tolist()],
+             'line': {'color': colour, 'dash': dash, 'width': width},
+             'hovertemplate': '%{y:.4f} at %{x:.0f} kPa<extra></extra>'}
+            for name, title, colour, dash, width in looks]
+        at = float(self.pressure[1]) / 1e3
+        figure['data'].append({
+            'type': 'scatter', 'mode': 'markers', 'x': [at], 'hoverinfo': 'skip',
+            'y': [float(np.interp(at, x, free.strain['included']))], 'showlegend': False,
+            'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}})
+        figure['layout'].update(showlegend=True)
+        figure['layout']['yaxis']['tickformat'] = '.3f'
+        return figure
+
+
+@lru_cache(maxsize=8)
+def _empty(x: str, y: str) -> str:
+    drawing = plotting.figure(x, y, height=300, showlegend=False)
+    drawing.update_layout(margin={'t': 26})
+    return drawing.to_json()
+
+
+def paper_explorer() -> Explorer:
+    """Return the explorer of the paper's bundle."""
+    return Explorer(load_model(config_path('models/spie2021.yaml')))

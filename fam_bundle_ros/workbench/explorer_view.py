@@ -1,0 +1,95 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The force-strain space on the page: sliders, three figures, and what they show in words."""
+
+from collections.abc import Callable
+from typing import Any, TYPE_CHECKING
+
+from nicegui import ui
+
+from fam_bundle_ros import palette
+from fam_bundle_ros.workbench import drawings, parts
+from fam_bundle_ros.workbench.explorer import Explorer
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.page import Page
+
+__all__ = ['ExplorerView']
+
+
+class ExplorerView:
+    """Sliders move the point; the figures follow."""
+
+    def __init__(self, page: 'Page', explorer: Explorer):
+        self.page, self.explorer = page, explorer
+        with parts.box('div', 'explorer'):
+            parts.text('h1', 'Which recruitment state can hold this force at this strain?')
+            with parts.box('div'):
+                self.space = parts.plot(self._of(explorer.space_figure()),
+                                        'force-strain space with the recruitment states')
+            with parts.box('div'):
+                with parts.box('div', 'sliders'):
+                    self._sliders()
+                self.told = parts.box('div', 'told').props('aria-live=polite')
+                self.crossing = parts.plot(self._of(explorer.crossing_figure()),
+                                           'force while the next unit fills', 'plot half')
+                self.free = None if explorer.paper.free_strain is None else parts.plot(
+                    self._of(explorer.free_strain_figure()),
+                    'free strain while the second unit fills', 'plot half')
+        self._tell()
+
+    def _sliders(self) -> None:
+        explorer = self.explorer
+        self._slider('Strain', 0.0, explorer.highest_strain, explorer.strain, 0.001,
+                     lambda v: f'{100 * v:.1f} %', self._strain, 'strain')
+        for k in range(explorer.bundle.n):
+            most = float(explorer.bundle.max_pressure[k]) / 1e3
+            self._slider(f'Pressure of MU{k + 1}', 0.0, most, explorer.pressure[k] / 1e3, most / 200,
+                         lambda v: f'{v:.0f} kPa', lambda v, k=k: self._pressure(k, v),
+                         f'mu{k + 1}', palette.recruitment_state(k + 1))
+
+    def _slider(self, label: str, low: float, high: float, value: float, step: float,
+                shown: Callable[[float], str], on_change: Callable[[float], None], mark: str,
+                colour: palette.Colour | None = None) -> None:
+        def changed(event: Any) -> None:
+            now = float(event.args)
+            if not low <= now <= high:
+                return
+            number.set_text(shown(now))
+            on_change(now)
+
+        with parts.box('label'):
+            parts.text('span', label)
+            number = parts.text('b', shown(value), 'num')
+            slider = ui.element('input').mark(f'slider:{mark}')
+            slider._props.update(type='range', min=low, max=high, step=step, value=value,
+                                 **{'data-mark': f'slider:{mark}'})
+            if colour is not None:
+                slider.style(f'accent-color: {colour.dark if self.page.dark else colour.light}')
+            slider.on('input', changed, throttle=0.08, js_handler='(e) => emit(e.target.value)')
+
+    def _strain(self, value: float) -> None:
+        self.explorer.strain = value
+        self._update()
+
+    def _pressure(self, unit: int, value: float) -> None:
+        self.explorer.pressure[unit] = 1e3 * value
+        self._update()
+
+    def _update(self) -> None:
+        self.space.update_figure(self._of(self.explorer.space_figure()))
+        self.crossing.update_figure(self._of(self.explorer.crossing_figure()))
+        if self.free is not None:
+            self.free.update_figure(self._of(self.explorer.free_strain_figure()))
+        self._tell()
+
+    def _tell(self) -> None:
+        self.told.clear()
+        with self.told:
+            for sentence in self.explorer.sentences():
+                parts.text('p', sentence)
+            if self.explorer.free_strain_sentence():
+                parts.text('p', self.explorer.free_strain_sentence(), 'muted small')
+
+    def _of(self, figure: dict[str, Any]) -> dict[str, Any]:
+        return drawings.for_page(figure, self.page.dark)

@@ -1,0 +1,100 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Long work in a process of its own, with progress, cancel, and no page that stands still."""
+
+import asyncio
+from collections.abc import Callable
+import os
+import pickle
+import sys
+from typing import Any
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.workbench.worker import LENGTH
+
+__all__ = ['Cancelled', 'Job', 'WorkerError']
+
+
+class Cancelled(Exception):
+    """The user stopped the work."""
+
+
+class WorkerError(RuntimeError):
+    """The worker failed for a reason that is not the user's input."""
+
+
+class Job:
+    """
+    One run of a function of `worker` in a process of its own.
+
+    Parameters
+    ----------
+    function : callable
+        Of `worker`; called with a progress callable and the arguments.
+    *arguments
+        Anything that pickles.
+    """
+
+    def __init__(self, function: Callable[..., Any], *arguments: Any):
+        self._work = (function, arguments)
+        self._process: asyncio.subprocess.Process | None = None
+        self._cancelled = False
+        #: How far it is, 0 to 1, and with what it is busy.
+        self.share, self.words = 0.0, 'starting'
+
+    async def run(self) -> Any:
+        """
+        Return the result.
+
+        Raises
+        ------
+        Cancelled
+            After `cancel`.
+        InputError
+            For input that the work could not use.
+        WorkerError
+            When the worker broke down.
+        """
+        # one thread: the other core is for the page
+        environment = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1',
+                       'PYTHONPATH': os.pathsep.join(p for p in sys.path if p)}
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable, '-m', 'fam_bundle_ros.workbench.worker', env=environment,
+            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, limit=1 << 30)
+        try:
+            if self._cancelled:
+                raise Cancelled
+            return await self._talk(self._process)
+        except (asyncio.IncompleteReadError, ConnectionError, BrokenPipeError):
+            if self._cancelled:
+                raise Cancelled from None
+            raise WorkerError('the worker process ended without a result') from None
+        finally:
+            self._kill()
+            await self._process.wait()
+
+    async def _talk(self, process: asyncio.subprocess.Process) -> Any:
+        assert process.stdin is not None and process.stdout is not None
+        process.stdin.write(pickle.dumps(self._work))
+        await process.stdin.drain()
+        process.stdin.close()
+        while True:
+            size, = LENGTH.unpack(await process.stdout.readexactly(LENGTH.size))
+            kind, content = pickle.loads(await process.stdout.readexactly(size))
+            if kind == 'progress':
+                self.share, self.words = content
+            elif kind == 'result':
+                return content
+            elif kind == 'input_error':
+                raise InputError(content)
+            else:
+                raise WorkerError(content)
+
+    def cancel(self) -> None:
+        """Stop at once."""
+        self._cancelled = True
+        self._kill()
+
+    def _kill(self) -> None:
+        if self._process is not None and self._process.returncode is None:
+            self._process.kill()

@@ -1,0 +1,106 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Starts the workbench.
+
+    from fam_bundle_ros.workbench.main import run
+    run('data.csv', 'model.yaml')
+"""
+
+from pathlib import Path
+import secrets
+import socket
+
+from fam_bundle_ros.discovery import read_measurement
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import load_model
+from fam_bundle_ros.workbench.cases import Case, starting_model
+from fam_bundle_ros.workbench.guard import Guard, LOCAL
+from fam_bundle_ros.workbench.intake import MAX_UPLOAD
+
+__all__ = ['first_case', 'run']
+
+_SHORTEST_TOKEN = 8
+
+
+def run(data: str | Path | None = None, model: str | Path | None = None,
+        host: str = '127.0.0.1', port: int = 8080, token: str | None = None,
+        show: bool = True) -> None:
+    """
+    Serve the page until Ctrl-C.
+
+    Parameters
+    ----------
+    data : path, optional
+        A measurement to open with.
+    model : path, optional
+        The model to start from; without it the paper's muscle is assumed.
+    host : str
+        Another address than this machine's own needs a token.
+    port : int
+    token : str, optional
+        What a browser must know; it is asked for once and kept in a cookie.
+    show : bool
+        Open a browser.
+
+    Raises
+    ------
+    InputError
+        For bad files, a busy port, another address without a token, or where the extra `web` is
+        not installed.
+    """
+    _check_address(host, port, token)
+    first = first_case(data, model)
+    try:
+        from nicegui import app, ui
+    except ImportError as error:
+        raise InputError("the workbench needs NiceGUI: pip install 'fam_bundle_ros[web,tools]'"
+                         ) from error
+    from fam_bundle_ros.workbench.page import register
+
+    register(first)
+    hosts = (*LOCAL, host) if host in LOCAL else ()
+    app.add_middleware(Guard, hosts=hosts, token=token or '', max_body=MAX_UPLOAD + (1 << 20))
+    address = f'http://{f"[{host}]" if ":" in host else host}:{port}/'
+    if host not in LOCAL:
+        print(f'workbench: open to other machines at {address} for who knows the token')
+    else:
+        print(f'workbench: {address} (this machine only; Ctrl-C ends it)')
+    ui.run(host=host, port=port, title='fam_bundle workbench', reload=False, dark=None,
+           show=f'/?token={token}' if show and token else show, tailwind=False,
+           show_welcome_message=False, storage_secret=secrets.token_hex(16), favicon=_ICON)
+
+
+def first_case(data: str | Path | None, model: str | Path | None) -> Case | None:
+    """Return what to open with, None for the start page; InputError for files that do not do."""
+    if data is None:
+        if model is not None:
+            raise InputError(f'{model}: a model needs data to be compared with; give DATA too')
+        return None
+    measured = read_measurement(data)
+    start = load_model(model) if model is not None else starting_model(measured.pressure.shape[1])
+    return Case(measured.name, f'file {Path(data).name}', measured, start)
+
+
+def _check_address(host: str, port: int, token: str | None) -> None:
+    if token is not None and (len(token) < _SHORTEST_TOKEN or not token.isascii()
+                              or not token.isalnum()):
+        raise InputError(f'the token must be at least {_SHORTEST_TOKEN} letters and digits')
+    if host not in LOCAL and token is None:
+        raise InputError(f'{host} can be reached from other machines: set a token (--token), or '
+                         'leave the address at 127.0.0.1')
+    if not 1 <= port <= 65535:
+        raise InputError(f'port {port}: expected 1 to 65535')
+    family = socket.AF_INET6 if ':' in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise InputError(f'cannot serve at {host}, port {port} ({error.strerror}); try '
+                             'another --port') from error
+
+
+_ICON = ('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
+         '<path d="M5 4v24h23" fill="none" stroke="#0072B2" stroke-width="3"/>'
+         '<path d="M9 8h6v8h6v8h6" fill="none" stroke="#B5538C" stroke-width="4"/></svg>')

@@ -1,0 +1,136 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The form for an effect of one's own: type, and see at once what it does."""
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+import numpy as np
+
+from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.workbench import drawings, own_effect, parts
+from fam_bundle_ros.workbench.own_effect import Draft, PLACES, Preview
+from fam_bundle_ros.workbench.session import short
+from fam_bundle_ros.workbench.thinning import thin
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.case_view import CaseView
+
+__all__ = ['OwnEffectDialog']
+
+
+class OwnEffectDialog:
+    """A dialog around a `Draft`."""
+
+    def __init__(self, case: 'CaseView', draft: Draft):
+        self.case, self.draft = case, draft
+        self.dialog = ui.dialog()
+        with self.dialog, parts.box('div', 'sheet').props('role=dialog aria-label="own effect"'):
+            parts.text('h2', 'Write your own effect')
+            parts.text('p', 'A formula of strain, strain_rate, pressure, force, time, stretch, '
+                       'radius, length, area and your own parameters; functions abs, sqrt, exp, '
+                       'log, tanh, sin, cos, sign, min, max. SI inside, any unit in the values.',
+                       'muted small')
+            with parts.box('div', 'form'):
+                parts.typed('Formula', draft.formula, self._formula, 'wide', 'own-formula', True,
+                            '-k * strain_rate')
+                parts.typed('Name', draft.name, self._name, mark='own-name')
+                self._places()
+            self.fields = parts.box('div')
+            self.said = parts.text('p', '', 'said').props('role=status').mark('own-said')
+            self.sketch = parts.box('div')
+            with parts.box('div', 'row'):
+                parts.button('Add and refit', self._add, 'main-action', 'own-add')
+                parts.button('Cancel', self.dialog.close, mark='own-cancel')
+        self._draw_fields()
+        self._look()
+
+    def open(self) -> None:
+        """Show the form."""
+        self.dialog.open()
+
+    def _places(self) -> None:
+        with parts.box('label', 'field'):
+            parts.text('span', 'The formula gives')
+            with parts.box('select').on('change', lambda event: self._place(str(event.args)),
+                                        js_handler='(e) => emit(e.target.value)').mark('own-place'):
+                for key, said in PLACES.items():
+                    option = parts.text('option', said).props(f'value={key}')
+                    if key == self.draft.place:
+                        option.props('selected')
+
+    def _draw_fields(self) -> None:
+        self.fields.clear()
+        with self.fields:
+            for name, item in self.draft.fields.items():
+                with parts.box('div', 'triple'):
+                    parts.text('b', name)
+                    for attribute, label, hint in (('value', 'start, with unit', '5 N*s'),
+                                                   ('lower', 'at least', 'optional'),
+                                                   ('upper', 'at most', 'optional')):
+                        def changed(value: str, item=item, attribute=attribute) -> None:
+                            setattr(item, attribute, value)
+                            self._look()
+
+                        parts.typed(label, getattr(item, attribute), changed, hint=hint,
+                                    mark=f'own:{name}:{attribute}')
+
+    # --- typing --------------------------------------------------------------------------------
+
+    def _formula(self, value: str) -> None:
+        names = list(self.draft.fields)
+        self.draft.formula = value
+        self.draft.sync()
+        if list(self.draft.fields) != names:
+            self._draw_fields()
+        self._look()
+
+    def _name(self, value: str) -> None:
+        self.draft.name = value
+        self._look()
+
+    def _place(self, value: str) -> None:
+        self.draft.place = value
+        self._look()
+
+    def _look(self) -> None:
+        """Say and draw what the effect does as it is typed."""
+        self.sketch.clear()
+        try:
+            effect = self.draft.effect()
+            seen = own_effect.preview(self.case.session, effect)
+        except InputError as error:
+            self.said.set_text(str(error))
+            return
+        now = self.case.session.now.error_N
+        better = 'less' if seen.error_N < now else 'more'
+        self.said.set_text(
+            f'At these values it changes the force by {short(seen.change_N)} N rms; the error '
+            f'would be {short(seen.error_N)} N, {better} than the {short(now)} N of now. A refit '
+            'will find better values.')
+        with self.sketch:
+            parts.plot(self._figure(seen), 'error now and with the effect')
+
+    def _figure(self, seen: Preview) -> dict:
+        session = self.case.session
+        data, residual = session.data, session.residual()
+        rows = thin(residual, 900)
+        drawing = plotting.figure('strain', 'error (N)', height=240)
+        for values, name, colour, size in (
+                (residual, 'now', palette.NEUTRAL['faint'], 3.5),
+                (data.force - seen.prediction, 'with the effect', palette.effect('my_effect'), 4)):
+            drawing.add_trace(plotting.points(np.round(data.strain[rows], 5),
+                                              np.round(values[rows], 4), name, colour, size,
+                                              hoverinfo='skip'))
+        return drawings.for_page(drawing, self.case.page.dark)
+
+    async def _add(self) -> None:
+        try:
+            effect = self.draft.effect()
+            own_effect.preview(self.case.session, effect)
+        except InputError as error:
+            self.said.set_text(str(error))
+            return
+        self.dialog.close()
+        await self.case.add_effect(effect)

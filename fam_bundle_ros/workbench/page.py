@@ -1,0 +1,190 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The page: top bar, messages, and which of its three views is shown. One per browser tab."""
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nicegui import app, run, ui
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.workbench import intake, parts
+from fam_bundle_ros.workbench.case_view import CaseView
+from fam_bundle_ros.workbench.cases import Case, load_example, starting_model
+from fam_bundle_ros.workbench.explorer import Explorer, paper_explorer
+from fam_bundle_ros.workbench.explorer_view import ExplorerView
+from fam_bundle_ros.workbench.live import record
+from fam_bundle_ros.workbench.session import Session
+from fam_bundle_ros.workbench.start_view import StartView
+
+__all__ = ['Page', 'register']
+
+_LOOK = '[matchMedia("(prefers-color-scheme: dark)").matches, ' \
+        'matchMedia("(prefers-reduced-motion: reduce)").matches]'
+
+
+def register(first: Case | None = None) -> None:
+    """Put the page at '/'; it opens with ``first`` or with the start view."""
+    @ui.page('/', title='fam_bundle workbench')
+    async def index() -> None:
+        ui.add_css(parts.style())
+        await ui.context.client.connected()
+        if not ui.context.client.has_socket_connection:
+            return  # something that fetches pages but runs none
+        # a tab keeps its work when it is loaded again; two tabs never share it
+        kept = app.storage.tab
+        fresh = 'session' not in kept
+        session = kept.setdefault('session', Session())
+        page = Page(session)
+        if fresh and first is not None:
+            session.open(first)
+        await page.look()
+        page.build()
+
+
+class Page:
+    """
+    What one tab shows.
+
+    Parameters
+    ----------
+    session : Session
+    """
+
+    def __init__(self, session: Session):
+        self.session = session
+        self.dark, self.move_ms = False, 450
+        self.mode = ui.dark_mode(None)
+        self.view = 'find'
+        self.explorer: Explorer | None = None
+        self.case_view: CaseView | None = None
+
+    async def look(self) -> None:
+        """Ask the browser whether it is dark and whether it wants things to move."""
+        try:
+            self.dark, still = await ui.run_javascript(_LOOK, timeout=3.0)
+        except (TimeoutError, TypeError, ValueError):
+            still = False
+        self.move_ms = 0 if still else 450
+
+    def build(self) -> None:
+        """Make the frame and show the first view."""
+        with parts.box('div', 'wb'):
+            parts.text('a', 'Skip to the content', 'skip').props('href=#content')
+            self.top = parts.box('header', 'top')
+            self.messages = parts.box('div').props('role=alert aria-live=assertive')
+            self.content = parts.box('main').props('id=content')
+        self.show()
+
+    def show(self, view: str | None = None) -> None:
+        """Draw a view anew: ``find`` or ``explore``; by default the present one."""
+        self.view = view or self.view
+        self._draw_top()
+        self.messages.clear()
+        self.content.clear()
+        with self.content:
+            if self.view == 'explore':
+                self.explorer = self.explorer or self._make_explorer()
+                ExplorerView(self, self.explorer)
+            elif self.session.case is None:
+                StartView(self)
+            else:
+                self.case_view = CaseView(self)
+
+    def _make_explorer(self) -> Explorer:
+        # a bundle of one's own where there is one, else the paper's
+        case = self.session.case
+        if case is not None and self.session.now.model.n > 1:
+            return Explorer(self.session.now.model)
+        return paper_explorer()
+
+    def _draw_top(self) -> None:
+        self.top.clear()
+        with self.top:
+            with parts.box('div', 'brand'):
+                parts.text('b', 'fam_bundle')
+                parts.text('span', ' workbench')
+            for key, said in (('find', 'Find what is missing'), ('explore', 'Explore a bundle')):
+                parts.button(said, lambda key=key: self._go(key), 'tab', f'tab:{key}',
+                             **({'aria-current': 'page'} if key == self.view else {}))
+            parts.box('span', 'grow')
+            if self.session.case is not None and self.view == 'find':
+                parts.button('Other data', self.start_over, mark='start-over')
+            parts.button('Light' if self.dark else 'Dark', self.change_theme, mark='theme',
+                         **{'aria-label': 'change to the other colour theme'})
+
+    def _go(self, view: str) -> None:
+        if view == 'explore' and self.session.case is not None:
+            self.explorer = None
+        self.show(view)
+
+    # --- what a user does ----------------------------------------------------------------------
+
+    def change_theme(self) -> None:
+        """Go from light to dark or back."""
+        self.dark = not self.dark
+        self.mode.set_value(self.dark)
+        self.show()
+
+    def start_over(self) -> None:
+        """Go back to the start view."""
+        if self.case_view is not None:
+            self.case_view.stop()
+        self.session.close()
+        self.explorer = None
+        self.show('find')
+
+    async def open_example(self, key: str) -> None:
+        """Open an example that ships."""
+        await self.guarded(lambda: run.io_bound(lambda: self.session.open(load_example(key))))
+
+    async def take_file(self, name: str, content: bytes) -> None:
+        """Take an uploaded file: a measurement opens a case, a model changes the one to start."""
+        async def take() -> None:
+            if intake.what_is(name) == 'model':
+                model = await run.io_bound(intake.model_from_bytes, name, content)
+                self._take_model(model)
+                return
+            data = await run.io_bound(intake.measurement_from_bytes, name, content)
+            model = self.pending_model or starting_model(data.pressure.shape[1])
+            await run.io_bound(
+                self.session.open, Case(data.name, 'your own file', data, model))
+            self.pending_model = None
+
+        await self.guarded(take)
+
+    #: A model that was dropped before its data.
+    pending_model: Any = None
+
+    def _take_model(self, model: Any) -> None:
+        case = self.session.case
+        if case is None:
+            self.pending_model = model
+        else:
+            self.session.open(Case(case.title, case.origin, case.data, model))
+
+    async def record_live(self, seconds: float, namespace: str) -> None:
+        """Take the live ROS graph for some seconds."""
+        async def listen() -> None:
+            data = await record(seconds, namespace)
+            model = self.pending_model or starting_model(data.pressure.shape[1])
+            await run.io_bound(self.session.open, Case(data.name, 'live ROS graph', data, model))
+
+        await self.guarded(listen)
+
+    async def guarded(self, work: Callable[[], Awaitable[Any]]) -> bool:
+        """Do something that may find bad input; show what was wrong on the page."""
+        try:
+            await work()
+        except InputError as error:
+            self.tell(str(error))
+            return False
+        self.show()
+        return True
+
+    def tell(self, said: str) -> None:
+        """Show a message that stays until it is closed."""
+        self.messages.clear()
+        with self.messages, parts.box('div', 'alert').mark('alert'):
+            parts.text('span', said, 'grow')
+            parts.button('Close', self.messages.clear, mark='close-alert')

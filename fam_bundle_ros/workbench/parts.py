@@ -1,0 +1,143 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Small pieces that every view of the page is made of: text, buttons, fields, plots, the style."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from nicegui import ui
+from nicegui.elements.mixins.text_element import TextElement
+
+from fam_bundle_ros import palette, plotting
+
+__all__ = ['box', 'button', 'pick', 'plot', 'segments', 'sentence', 'style', 'swatch', 'text', 'typed', 'words']
+
+_ASSETS = Path(__file__).parent / 'assets'
+
+
+@lru_cache(maxsize=1)
+def style() -> str:
+    """Return the page's style sheet in the colours of the palette."""
+    def variables(theme: str) -> str:
+        return ' '.join(f'--{name}: {getattr(colour, theme)};'
+                        for name, colour in palette.NEUTRAL.items())
+
+    accent, alarm = palette.recruitment_state(1), palette.effect('resistive_buckling')
+    sheet = Template((_ASSETS / 'workbench.css').read_text(encoding='utf-8'))
+    return sheet.substitute(light=variables('light'), dark=variables('dark'), font=plotting.FONT,
+                            accent_light=accent.light, accent_dark=accent.dark,
+                            alarm_light=alarm.light, alarm_dark=alarm.dark)
+
+
+def box(tag: str, classes: str = '') -> ui.element:
+    """Return an element to put others into."""
+    return ui.element(tag).classes(classes)
+
+
+def text(tag: str, said: str, classes: str = '') -> TextElement:
+    """Return an element with text; whatever the text holds, it is never taken as HTML."""
+    return TextElement(tag=tag, text=said).classes(classes)
+
+
+def button(said: str, on_click: Callable[..., Any], classes: str = 'plain', mark: str = '',
+           **props: str) -> TextElement:
+    """Return a button that the keyboard reaches; ``mark`` is what tests find it by."""
+    made = text('button', said, classes).props('type=button').on('click', on_click, args=[])
+    return _marked(made, mark, props)
+
+
+def segments(options: Sequence[tuple[str, str]], chosen: str, on_change: Callable[[str], Any],
+             label: str) -> ui.element:
+    """Return a row of buttons of which one is pressed; options are (key, words)."""
+    with box('div', 'seg').props(f'role=group aria-label="{label}"') as row:
+        for key, said in options:
+            button(said, lambda key=key: on_change(key), '', f'{label}:{key}',
+                   **{'aria-pressed': 'true' if key == chosen else 'false'})
+    return row
+
+
+def pick(label: str, options: Sequence[str], chosen: int | None,
+         on_change: Callable[[int | None], Any], everything: str = 'all') -> ui.element:
+    """Return a native select; the first choice means everything (None)."""
+    def changed(event: Any) -> None:
+        value = int(event.args)
+        if value < len(options):
+            on_change(None if value < 0 else value)
+
+    with box('label', 'pick') as made:
+        text('span', label)
+        with box('select').on('change', changed, js_handler='(e) => emit(e.target.value)'
+                              ).mark(f'pick:{label}'):
+            for value, said in enumerate([everything, *options], start=-1):
+                at = text('option', said).props(f'value={value}')
+                if value == (-1 if chosen is None else chosen):
+                    at.props('selected')
+    return made
+
+
+def typed(label: str, value: str, on_change: Callable[[str], Any], classes: str = '',
+          mark: str = '', code: bool = False, hint: str = '') -> ui.element:
+    """Return a text field with its label; every change is told after a short rest."""
+    with box('label', f'field {classes}') as made:
+        text('span', label)
+        field = ui.element('input').classes('code' if code else '')
+        field._props.update(type='text', value=value, placeholder=hint, autocomplete='off',
+                            spellcheck='false', maxlength='500')
+        field.on('input', lambda event: on_change(str(event.args)[:500]), throttle=0.25,
+                 leading_events=False, js_handler='(e) => emit(e.target.value)')
+        if mark:
+            field.mark(mark)
+            field._props['data-mark'] = mark
+    return made
+
+
+def words(name: str) -> str:
+    """
+    Return an effect's name as people write it.
+
+    Examples
+    --------
+    >>> words('coulomb_friction'), words('+ end_caps')
+    ('Coulomb friction', '+ end caps')
+    """
+    people = {'coulomb': 'Coulomb', 'tondu': 'Tondu', 'ogden': 'Ogden', 'prony': 'Prony'}
+    return ' '.join(people.get(word, word) for word in name.replace('_', ' ').split(' '))
+
+
+def sentence(said: str) -> str:
+    """
+    Return a phrase as a sentence, effects named as people write them.
+
+    Examples
+    --------
+    >>> sentence('coulomb_friction is missing')
+    'Coulomb friction is missing.'
+    """
+    plain = words(said).rstrip('.')
+    return f'{plain[:1].upper()}{plain[1:]}.'
+
+
+def swatch(effect: str, dark: bool) -> ui.element:
+    """Return the line in the colour and dash that stands for an effect everywhere."""
+    colour = palette.effect(effect)
+    dash = {'solid': 'solid', 'dot': 'dotted'}.get(palette.dash(effect), 'dashed')
+    return box('span', 'swatch').style(
+        f'border-top: 4px {dash} {colour.dark if dark else colour.light}').props('aria-hidden=true')
+
+
+def plot(figure: dict[str, Any], label: str, classes: str = 'plot') -> ui.plotly:
+    """Return a plot in a box of its own."""
+    with box('div', classes).props(f'role=img aria-label="{label}"'):
+        return ui.plotly(figure)
+
+
+def _marked(made: Any, mark: str, props: dict[str, str]) -> Any:
+    for key, value in props.items():
+        made._props[key] = value
+    if mark:
+        made.mark(mark)
+        made._props['data-mark'] = mark
+    return made

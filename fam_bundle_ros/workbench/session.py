@@ -1,0 +1,353 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One user's work: a case, the models on the way to a better one, what was asked, what is selected.
+
+Plain Python without a browser; the page only shows what is here and calls these methods.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.discovery import compare, Comparison, Measurement, Region
+from fam_bundle_ros.discovery.fit import Problem
+from fam_bundle_ros.discovery.grouping import pressure_levels, varying_unit
+from fam_bundle_ros.discovery.predict import predict
+from fam_bundle_ros.discovery.result import Candidate, Diagnosis
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, Effect
+from fam_bundle_ros.workbench.cases import Case
+
+__all__ = ['Choice', 'Refit', 'Selection', 'Session', 'Step']
+
+
+@dataclass(frozen=True)
+class Refit:
+    """
+    A model refitted with effects added: what a worker brings back.
+
+    Attributes
+    ----------
+    model : Bundle
+    held_out_N : float
+        Error on blocks of data that the fit had not seen, N; nan where there are none.
+    """
+
+    model: Bundle
+    held_out_N: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """
+    One rung of the ladder.
+
+    Attributes
+    ----------
+    label : str
+        What was done: ``start``, ``recalibrated``, ``+ coulomb_friction``.
+    comparison : Comparison
+        Of the model after this step, on the samples that count (see `Session.counted`).
+    prediction : ndarray, shape (T,), N
+        On every sample.
+    error_N : float
+        Error over the samples that count, N rms.
+    held_out_N : float
+        The same on data that the fit had not seen, N.
+    added : tuple of Effect
+        Every effect added so far, at its start value: what the next refit begins with.
+    effect : str
+        Name of the effect that this step added, '' for none.
+    """
+
+    label: str
+    model: Bundle
+    comparison: Comparison
+    prediction: np.ndarray
+    error_N: float
+    held_out_N: float
+    added: tuple[Effect, ...] = ()
+    effect: str = ''
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What every figure shows: one isobar, direction, trial or region, or all (None)."""
+
+    level: int | None = None
+    direction: int | None = None
+    trial: int | None = None
+    region: int | None = None
+
+
+@dataclass(frozen=True)
+class Choice:
+    """
+    A candidate as the page lists it.
+
+    Attributes
+    ----------
+    found : bool
+        The diagnosis chose it; the others were tried and not needed.
+    rivals : tuple of str
+        Effects that these data cannot tell from it.
+    added : bool
+        It is in the present model.
+    """
+
+    candidate: Candidate
+    found: bool
+    rivals: tuple[str, ...]
+    added: bool
+
+    @property
+    def effect(self) -> str:
+        """Name of the effect (of its shape, which is what is added)."""
+        return self.candidate.shape
+
+
+@dataclass
+class Session:
+    """
+    A case, its ladder of models, the last diagnosis and the selection.
+
+    Attributes
+    ----------
+    case : Case or None
+        None before anything was opened.
+    steps : list of Step
+        The first is the model as it came.
+    diagnosis : Diagnosis or None
+    diagnosed_at : int
+        How many steps there were when the diagnosis was made.
+    counted : ndarray of bool, shape (T,)
+        Samples that errors are taken over, as in every fit: not lone spikes, nor reversals, where
+        the direction of motion cannot be known.
+    """
+
+    case: Case | None = None
+    steps: list[Step] = field(default_factory=list)
+    diagnosis: Diagnosis | None = None
+    diagnosed_at: int = 0
+    selection: Selection = Selection()
+    counted: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+
+    # --- opening -------------------------------------------------------------------------------
+
+    def open(self, case: Case) -> None:
+        """Begin with a case; InputError where its data and model do not fit together."""
+        prediction = predict(case.model, case.data)
+        counted = Problem(case.data, case.model, largest=len(case.data)).weight
+        first = _compare_known(case.model, case.data, prediction, counted)
+        self.case, self.counted = case, counted
+        self.steps = [Step('start', case.model, first, prediction, first.error_N, first.error_N)]
+        self.diagnosis, self.selection = None, Selection()
+
+    def close(self) -> None:
+        """Forget the case."""
+        self.case, self.steps, self.diagnosis = None, [], None
+        self.selection = Selection()
+
+    # --- what is so ----------------------------------------------------------------------------
+
+    @property
+    def now(self) -> Step:
+        """The step that is looked at: the last one."""
+        if not self.steps:
+            raise InputError('nothing is open; choose an example or drop a file first')
+        return self.steps[-1]
+
+    @property
+    def before(self) -> Step | None:
+        """The step before, None at the first."""
+        return self.steps[-2] if len(self.steps) > 1 else None
+
+    @property
+    def data(self) -> Measurement:
+        """The measurement; InputError where nothing is open."""
+        if self.case is None:
+            raise InputError('nothing is open; choose an example or drop a file first')
+        return self.case.data
+
+    def residual(self, step: Step | None = None) -> np.ndarray:
+        """Return measured minus modelled force of a step (the present one), N, shape (T,)."""
+        return self.data.force - (step or self.now).prediction
+
+    @property
+    def noise(self) -> float:
+        """Noise floor, N: the lowest that any comparison of this case has found."""
+        return min(step.comparison.noise.value for step in self.steps)
+
+    @property
+    def levels(self) -> list[str]:
+        """Names of the isobars, lowest first."""
+        data = self.data
+        unit = varying_unit(data)
+        _, means = pressure_levels(data.pressure[:, unit])
+        prefix = '' if data.pressure.shape[1] == 1 else f'{data.motor_units[unit]} '
+        return [f'{prefix}{round(mean / 1e3) + 0:d} kPa' for mean in means]
+
+    def headline(self) -> str:
+        """Return the state of the model in one sentence."""
+        error, noise = self.now.error_N, self.noise
+        if error <= 1.1 * noise + 1e-9:
+            return 'The model is as good as these data: what is left is noise.'
+        if error < 1.5 * noise:
+            return 'The model is close to the noise of these data.'
+        return f'The model misses the measurement by {short(error / noise)} times the noise.'
+
+    def rows(self) -> np.ndarray:
+        """Return which samples are selected, (T,) bool."""
+        data, chosen = self.data, self.selection
+        keep = np.ones(len(data), bool)
+        if chosen.level is not None:
+            level, _ = pressure_levels(data.pressure[:, varying_unit(data)])
+            keep &= level == chosen.level
+        if chosen.direction is not None:
+            keep &= data.direction == chosen.direction
+        if chosen.trial is not None:
+            keep &= data.trial == chosen.trial
+        if self.region is not None:
+            inside = np.zeros(len(data), bool)
+            inside[self.counted] = self.region.rows
+            keep &= inside
+        return keep
+
+    # --- selecting -----------------------------------------------------------------------------
+
+    @property
+    def regions(self) -> tuple[Region, ...]:
+        """Where the present model fails, largest first."""
+        return self.now.comparison.located
+
+    @property
+    def region(self) -> Region | None:
+        """The region that is zoomed to."""
+        chosen = self.selection.region
+        return None if chosen is None or chosen >= len(self.regions) else self.regions[chosen]
+
+    def select(self, **choice: int | None) -> None:
+        """Change the selection: ``level``, ``direction``, ``trial``, ``region``; None for all."""
+        self.selection = replace(self.selection, **choice)
+
+    # --- learning ------------------------------------------------------------------------------
+
+    def learn(self, diagnosis: Diagnosis) -> None:
+        """Keep what a diagnosis of the present model found."""
+        self.diagnosis, self.diagnosed_at = diagnosis, len(self.steps)
+
+    def choices(self) -> list[Choice]:
+        """Return the candidates of the last diagnosis, those that it chose first."""
+        if self.diagnosis is None:
+            return []
+        ties = {name: tuple(other for other in group if other != name)
+                for group in self.diagnosis.tied for name in group}
+        inside = {effect.name for effect in self.now.model.effects}
+        chosen = set(self.diagnosis.effects)
+        rows = [Choice(c, c.effect in chosen, ties.get(c.effect, ()), c.shape in inside)
+                for c in self.diagnosis.ranking]
+        rivals = {name for group in self.diagnosis.tied for name in group}
+        return sorted(rows, key=lambda row: (not row.found, row.effect not in rivals))
+
+    def missing(self) -> list[Choice]:
+        """Return what the last diagnosis found and the present model does not have yet."""
+        held = {row.candidate.effect for row in self.choices() if row.added}
+        return [row for row in self.choices()
+                if row.found and not row.added and not held & set(row.rivals)]
+
+    @property
+    def asks_recalibration(self) -> bool:
+        """Whether the last diagnosis wants the parameters moved and nothing else."""
+        return (self.diagnosis is not None and self.diagnosis.verdict == 'recalibrate'
+                and len(self.steps) == self.diagnosed_at)
+
+    # --- adding --------------------------------------------------------------------------------
+
+    def candidate_effect(self, name: str) -> Effect:
+        """
+        Return an effect of the last diagnosis by name, at its fitted value where it has one.
+
+        Raises
+        ------
+        InputError
+            Where the diagnosis has no such candidate.
+        """
+        from fam_bundle_ros.model import catalogue
+        for row in self.choices():
+            if row.effect == name:
+                values = {e.key.partition('.')[2]: e.si for e in row.candidate.parameters}
+                effect = catalogue.get(name)()
+                return effect.replace(**{key: value for key, value in values.items()
+                                         if key in effect.values})
+        raise InputError(f"'{name}' is not among the candidates")
+
+    def advance(self, label: str, refit: Refit, added: tuple[Effect, ...],
+                effect: str = '') -> Step:
+        """Put a refitted model on the ladder and return the new step."""
+        kept = tuple(e for e in self.now.model.notes.get('added', ()) if e != effect)
+        notes = {**self.now.model.notes, 'added': [*kept, effect]} if effect \
+            else self.now.model.notes
+        model = refit.model.named(self._model_name(), notes=notes)
+        prediction = predict(model, self.data)
+        comparison = _compare_known(model, self.data, prediction, self.counted)
+        error = comparison.error_N
+        self.steps.append(Step(label, model.named(model.name, error=error), comparison,
+                               prediction, error, refit.held_out_N, added, effect))
+        self.selection = replace(self.selection, region=None)
+        return self.now
+
+    def undo(self) -> None:
+        """Take the last step back; nothing happens at the first."""
+        if len(self.steps) > 1:
+            self.steps.pop()
+            if self.diagnosis is not None and len(self.steps) < self.diagnosed_at:
+                self.diagnosis = None
+            self.selection = replace(self.selection, region=None)
+
+    def _model_name(self) -> str:
+        start = self.steps[0].model.name
+        return f'{start}_step{len(self.steps)}'
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A model whose prediction is known already: what `compare` asks of a Bundle."""
+
+    bundle: Bundle
+    prediction: np.ndarray
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.bundle, name)
+
+    def predict(self, motion: Any) -> np.ndarray:
+        """Return the prediction, whatever the motion."""
+        del motion
+        return self.prediction
+
+
+def _compare_known(model: Bundle, data: Measurement, prediction: np.ndarray,
+                   counted: np.ndarray) -> Comparison:
+    """
+    Compare on some samples a model that was simulated over all of them.
+
+    Memory needs the whole record; errors are taken over what counts.
+    """
+    known: Any = _Known(model, prediction[counted])
+    return compare(known, data.select(counted))
+
+
+def short(value: float) -> str:
+    """
+    Return a number as the page shows it: two digits that matter, three from a hundred on.
+
+    Examples
+    --------
+    >>> short(6.718), short(0.6042), short(151.3), short(11.12)
+    ('6.7', '0.60', '151', '11')
+    """
+    if not np.isfinite(value):
+        return '–'
+    digits = 0 if abs(value) >= 9.95 else 1 if abs(value) >= 0.995 else 2
+    return f'{value:.{digits}f}'

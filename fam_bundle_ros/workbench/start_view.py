@@ -1,0 +1,111 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The first thing a user sees: one example to begin with, a place to drop files, more examples."""
+
+from typing import TYPE_CHECKING
+
+from nicegui import events, ui
+
+from fam_bundle_ros import palette
+from fam_bundle_ros.workbench import intake, live, parts
+from fam_bundle_ros.workbench.cases import EXAMPLES
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.page import Page
+
+__all__ = ['StartView']
+
+
+class StartView:
+    """Examples, upload, live graph."""
+
+    def __init__(self, page: 'Page'):
+        self.page = page
+        with parts.box('div', 'start'):
+            parts.text('h1', 'Which effect is your model missing?')
+            parts.text('p', 'Lay a measurement beside a model of a fluidic muscle. The workbench '
+                       'shows where the model fails, names the effect that is missing, adds it, '
+                       'and the error falls before your eyes.', 'lead')
+            with parts.box('div', 'start-grid'):
+                self._first()
+                self._drop()
+            parts.text('h2', 'Other examples', 'others-title')
+            with parts.box('div', 'others'):
+                for example in EXAMPLES[1:]:
+                    self._example(example)
+
+    def _first(self) -> None:
+        example = EXAMPLES[0]
+        with parts.box('section', 'card first'):
+            with parts.box('div', 'words'):
+                parts.text('span', 'New here? Begin with this one, it takes a minute', 'kicker')
+                parts.text('h2', example.title)
+                parts.text('p', example.question)
+                parts.button('Open the example', lambda: self.page.open_example(example.key),
+                             'main-action', 'open-first')
+                parts.text('span', example.origin[:1].upper() + example.origin[1:] + '.', 'muted small')
+            # drawn by hand: the error falls step by step
+            ui.html(self._sketch(), sanitize=False)
+
+    def _sketch(self) -> str:
+        shade = 'dark' if self.page.dark else 'light'
+        start = getattr(palette.NEUTRAL['faint'], shade)
+        found = getattr(palette.effect('coulomb_friction'), shade)
+        ink = getattr(palette.NEUTRAL['muted'], shade)
+        return (f'<svg viewBox="0 0 184 132" aria-hidden="true" font-family="inherit" '
+                f'font-size="13" fill="{ink}"><rect x="14" y="20" width="62" height="92" rx="4" '
+                f'fill="{start}"/><rect x="96" y="104" width="62" height="8" rx="2" '
+                f'fill="{found}"/><path d="M4 102h168" stroke="{ink}" stroke-width="1.5" '
+                f'stroke-dasharray="4 4"/><path d="M80 34c26 2 40 22 44 58m-7-8 7 9 6-10" '
+                f'fill="none" stroke="{ink}" stroke-width="1.5"/>'
+                f'<text x="45" y="14" text-anchor="middle">6.7 N</text>'
+                f'<text x="127" y="128" text-anchor="middle">0.6 N</text>'
+                f'<text x="4" y="128">noise</text></svg>')
+
+    def _drop(self) -> None:
+        with parts.box('section', 'card drop'):
+            parts.text('h2', 'Use your own')
+            parts.text('p', 'A CSV with units in its header (strain, pressure [kPa], force [N]; '
+                       'time [s] for a log) or a ROS 2 bag.', 'small')
+            upload = ui.upload(label='Drop a measurement or a model file, or press +',
+                               multiple=True, auto_upload=True, max_file_size=intake.MAX_UPLOAD,
+                               on_upload=self._uploaded, on_rejected=self._rejected)
+            upload.props(f'accept="{",".join((*intake.DATA_SUFFIXES, *intake.MODEL_SUFFIXES))}" '
+                         'flat bordered hide-upload-btn').mark('upload')
+            if self.page.pending_model is not None:
+                parts.text('p', f'Model {self.page.pending_model.name} is ready: now drop the '
+                           'measurement.', 'small').mark('model-ready')
+            else:
+                parts.text('p', 'Drop the model file first if you have one; otherwise the muscle '
+                           'of the paper is assumed.', 'muted small')
+            if live.available():
+                self._live()
+
+    def _live(self) -> None:
+        async def listen() -> None:
+            button.set_text('Listening for 20 s …')
+            button.props('disabled')
+            await self.page.record_live(20.0, '/bundle')
+            if not button.is_deleted:
+                button.set_text('Take 20 s of the live ROS graph')
+                button.props(remove='disabled')
+
+        with parts.box('div', 'row'):
+            button = parts.button('Take 20 s of the live ROS graph', listen, mark='live')
+
+    def _example(self, example) -> None:
+        with parts.box('button', 'card example').props('type=button').on(
+                'click', lambda: self.page.open_example(example.key), args=[]
+        ).mark(f'example:{example.key}') as card:
+            card._props['data-mark'] = f'example:{example.key}'
+            parts.text('b', example.title)
+            parts.text('span', example.question, 'small')
+            parts.text('span', example.origin[:1].upper() + example.origin[1:], 'muted small')
+
+    async def _uploaded(self, event: events.UploadEventArguments) -> None:
+        await self.page.take_file(event.file.name, await event.file.read())
+
+    def _rejected(self) -> None:
+        self.page.tell(f'this file is not taken: expected one of '
+                       f'{", ".join((*intake.DATA_SUFFIXES, *intake.MODEL_SUFFIXES))} of at most '
+                       f'{intake.MAX_UPLOAD >> 20} MB')

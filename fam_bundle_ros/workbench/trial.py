@@ -1,0 +1,101 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+"Try it on the controller": one task, one simulated muscle, two models in the controller's head.
+
+The simulated muscle is the better model, the nearest thing to the real one that there is here; the
+controller believes once the old model, once the new one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.discovery.grouping import rms
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.plant import Dynamometer
+from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory
+
+__all__ = ['ControllerTrial', 'controller_trial', 'figure']
+
+
+@dataclass(frozen=True)
+class Track:
+    """One run: time (s), force (N), recruitment state, and its error after the first second."""
+
+    name: str
+    time: np.ndarray
+    force: np.ndarray
+    state: np.ndarray
+    error_N: float
+
+
+@dataclass(frozen=True)
+class ControllerTrial:
+    """The task (reference in N over the time of ``old``) and both tracks."""
+
+    reference: np.ndarray
+    strain: np.ndarray
+    old: Track
+    new: Track
+    words: str
+
+
+def controller_trial(old: Bundle, new: Bundle, seconds: float,
+                     progress: Callable[[float, str], None]) -> ControllerTrial:
+    """
+    Return both runs: a force to be held level while the strain goes up and down.
+
+    Parameters
+    ----------
+    old, new : Bundle
+        What the controller believes; the simulated muscle is ``new``.
+    seconds : float
+        Length of the task.
+    progress : callable
+    """
+    low, high = 0.06, 0.12
+    middle, swing = 0.5 * (low + high), 0.5 * (high - low)
+    at_most = float(new.force(high, new.max_pressure))
+    level = 0.45 * at_most
+    beat = 2.0 * math.pi * 0.5
+
+    def imposed(t: float) -> float:
+        return middle + swing * math.sin(beat * t)
+
+    task = Trajectory('level force over a moving strain', 'force', seconds,
+                      lambda t: level, lambda t: 0.0, Dynamometer(middle), imposed, prepare=1.0)
+    runs: list[Log] = []
+    for k, (model, name) in enumerate(((old, 'the old model'), (new, 'the new model'))):
+        def told(t: float, k: int = k, name: str = name) -> None:
+            share = (t + 1.0) / (seconds + 1.0)
+            progress(0.5 * (k + min(max(share, 0.0), 1.0)), f'the controller believes {name}')
+
+        told(-1.0)
+        runs.append(ClosedLoop(new, model, seed=1).run(task, told))
+    tracks = [Track(name, log.time, log.force, log.state,
+                    rms(log.error[log.time > 1.0]))
+              for log, name in zip(runs, ('old model', 'new model'))]
+    words = (f'The task: hold {level:.0f} N while the strain swings between {100 * low:.0f} and '
+             f'{100 * high:.0f} % every two seconds. The simulated muscle is the new model.')
+    return ControllerTrial(runs[0].reference, runs[0].strain, *tracks, words)
+
+
+def figure(trial: ControllerTrial, effect: str = ''):
+    """Draw both tracks and what was asked; the new one in the colour of the effect added."""
+    drawing = plotting.figure('time (s)', 'force (N)', height=340)
+    keep = slice(None, None, max(1, len(trial.old.time) // 1200))
+    drawing.add_trace(plotting.line(
+        trial.old.time[keep], trial.old.force[keep], f'old model, {trial.old.error_N:.2f} N rms',
+        palette.NEUTRAL['faint'], 'solid', 1.6, hovertemplate='%{y:.1f} N at %{x:.2f} s'))
+    drawing.add_trace(plotting.line(
+        trial.new.time[keep], trial.new.force[keep], f'new model, {trial.new.error_N:.2f} N rms',
+        palette.effect(effect or 'mesh'), 'solid', 2.2,
+        hovertemplate='%{y:.1f} N at %{x:.2f} s'))
+    drawing.add_trace(plotting.line(
+        trial.old.time[keep], trial.reference[keep], 'asked', palette.NEUTRAL['ink'], 'dot', 1.4,
+        hoverinfo='skip'))
+    return drawing

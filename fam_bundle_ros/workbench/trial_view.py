@@ -1,0 +1,70 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The dialog in which the simulated rig runs with the old and the new model."""
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.workbench import drawings, parts, trial, worker
+from fam_bundle_ros.workbench.jobs import Cancelled, Job, WorkerError
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.case_view import CaseView
+
+__all__ = ['TrialDialog']
+
+#: Length of the task, s.
+_SECONDS = 5.0
+
+
+class TrialDialog:
+    """Progress, then both tracks."""
+
+    def __init__(self, case: 'CaseView'):
+        self.case = case
+        self.dialog = ui.dialog()
+        with self.dialog, parts.box('div', 'sheet').props('role=dialog aria-label=controller'):
+            parts.text('h2', 'The controller with the old and with the new model')
+            self.body = parts.box('div')
+            with parts.box('div', 'row'):
+                parts.button('Close', self.dialog.close, mark='trial-close')
+
+    async def run(self) -> None:
+        """Show the dialog and fill it; closing it stops the work."""
+        session = self.case.session
+        job = Job(worker.trial_job, session.steps[0].model, session.now.model, _SECONDS)
+        self.dialog.on('hide', job.cancel, args=[])
+        with self.body:
+            with parts.box('div', 'busy'):
+                with parts.box('div', 'bar').props('role=progressbar aria-label=progress'):
+                    filled = parts.box('i').style('width: 2%')
+                said = parts.text('span', '', 'muted small')
+
+            def move() -> None:
+                filled.style(f'width: {100 * max(job.share, 0.02):.0f}%')
+                said.set_text(f'{job.words} …')
+
+            timer = ui.timer(0.2, move)
+        self.dialog.open()
+        try:
+            result = await job.run()
+        except Cancelled:
+            return
+        except (InputError, WorkerError) as error:
+            said.set_text(f'This model cannot be tried: {error}')
+            return
+        finally:
+            timer.deactivate()
+        if self.body.is_deleted:
+            return
+        self.body.clear()
+        with self.body:
+            old, new = result.old.error_N, result.new.error_N
+            share = f'{100 * (1 - new / old):.0f} % less' if new < old else 'no less'
+            parts.text('p', f'Tracking error {old:.2f} N with the old model, {new:.2f} N with the '
+                       f'new one: {share}.').mark('trial-result')
+            parts.plot(drawings.for_page(
+                trial.figure(result, session.now.effect), self.case.page.dark), 'force over time')
+            parts.text('p', result.words, 'muted small')

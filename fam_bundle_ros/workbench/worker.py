@@ -1,0 +1,71 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The worker process: one long job, its progress on the way, its result at the end.
+
+Started by `jobs` as ``python -m fam_bundle_ros.workbench.worker``; takes a pickled job on standard
+input and writes pickled messages, each after its length, on standard output. Both ends are this
+package's own: nothing that a browser sent is unpickled.
+"""
+
+from collections.abc import Callable
+import os
+import pickle
+import struct
+import sys
+from typing import Any, BinaryIO
+
+from fam_bundle_ros.errors import InputError
+
+__all__ = ['LENGTH', 'diagnose_job', 'refit_job', 'trial_job']
+
+#: How the length of a message is written before it.
+LENGTH = struct.Struct('>Q')
+
+Progress = Callable[[float, str], None]
+
+
+def diagnose_job(progress: Progress, model: Any, data: Any) -> Any:
+    """Return the `Diagnosis` of a model on a measurement."""
+    from fam_bundle_ros.discovery.diagnose import diagnose
+    return diagnose(model, data, progress=progress)
+
+
+def refit_job(progress: Progress, model: Any, data: Any, effects: Any) -> Any:
+    """
+    Return the `Refit` of a model with effects added, all parameters moved together.
+
+    Every row is fitted; with no effects the model's own parameters are recalibrated.
+    """
+    from fam_bundle_ros.workbench.refitting import refit
+    return refit(model, data, effects, progress)
+
+
+def trial_job(progress: Progress, old: Any, new: Any, seconds: float) -> Any:
+    """Return the `ControllerTrial` of two models on the simulated rig."""
+    from fam_bundle_ros.workbench.trial import controller_trial
+    return controller_trial(old, new, seconds, progress)
+
+
+def main() -> None:
+    """Do the one job that standard input names."""
+    # whatever a library prints must not get into the messages
+    out: BinaryIO = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+
+    def send(kind: str, content: Any) -> None:
+        message = pickle.dumps((kind, content))
+        out.write(LENGTH.pack(len(message)) + message)
+        out.flush()
+
+    try:
+        job, arguments = pickle.load(sys.stdin.buffer)
+        send('result', job(lambda share, words: send('progress', (share, words)), *arguments))
+    except InputError as error:
+        send('input_error', str(error))
+    except Exception as error:  # the page must say something, whatever went wrong
+        send('failed', f'{type(error).__name__}: {error}')
+
+
+if __name__ == '__main__':
+    main()
