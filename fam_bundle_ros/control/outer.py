@@ -17,7 +17,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
 #: Damping that the strain loop adds, of critical.
-_DAMPING_RATIO = 0.2
+_DAMPING_RATIO = 0.3
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,10 @@ class OuterConfig:
     strain_integral : float, N/s
     strain_damping : float, N s, optional
         On the error of the strain rate; by default what damps the known inertia on the muscles'
-        stiffness by a ratio of 0.2.
+        stiffness by a ratio of 0.3.
     still : float, N
-        Corrections of a strain loop change only by more than this: no air for sensor noise.
+        Corrections of a strain loop change only by more than this, or by more than the noise
+        that is found in them, up to three times this: no air for sensor noise.
     filter_time : float, s
         Of the force reading.
     strain_reach : float
@@ -169,6 +170,7 @@ class OuterLoop:
         self._take_over: float | None = None
         self._fade = 0.0
         self._correction = (0.0, 0.0)
+        self._jitter = (0.0, 0.0)
         self._reference_rate = (0.0, 0.0)
         self._kind = ''
 
@@ -252,9 +254,18 @@ class OuterLoop:
             self._integrate(config.strain_integral * error * dt, saturated)
             wanted = (self._integral + config.strain_gain * error + self._damping * rate_error
                       - self.bias)
-            self._kept = min(max(self._kept, wanted - config.still), wanted + config.still)
+            still = self._quiet_band(dt, wanted)
+            self._kept = min(max(self._kept, wanted - still), wanted + still)
             correction = self._kept
         return known, correction, strain, rate
+
+    def _quiet_band(self, dt, wanted):
+        """Return two standard deviations of what changes from tick to tick, within limits, N."""
+        change, variance = wanted - self._jitter[0], self._jitter[1]
+        variance += (1.0 - math.exp(-dt)) * (0.5 * change * change - variance)
+        self._jitter = (wanted, variance)
+        still = self.config.still
+        return min(max(2.0 * math.sqrt(variance), still), 3.0 * still)
 
     def _acceleration(self, dt, rate):
         """Return the rate's own rate, filtered: references carry none."""

@@ -15,6 +15,8 @@ import math
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, flow_for, pressure_rate, ValveFlow
 
+#: Time in which a command that was taken over on switching on fades, s.
+_CARRY_TIME = 0.01
 #: Named as control_toolbox names them.
 ANTI_WINDUP = ('none', 'back_calculation', 'conditional_integration')
 
@@ -67,8 +69,9 @@ class PidConfig:
     setpoint_bandwidth : float, 1/s
         How fast the followed setpoint closes in on the one asked for.
     flow_lag : float, s
-        From command to flow: spool, sampling and transport. The followed setpoint is delayed by
-        it before feedback compares, else feedback would fight its own feed-forward.
+        From command to flow: spool and transport (half a sample comes on top). The followed
+        setpoint is delayed by it before feedback compares, else feedback would fight its own
+        feed-forward.
     quiet_error : float, Pa
         Errors below this size are left alone: no air is spent on sensor noise, and the valve
         stays shut at rest. About three standard deviations of the filtered reading.
@@ -79,7 +82,7 @@ class PidConfig:
 
     valve: ValveFlow = field(default_factory=ValveFlow)
     anti_windup: str = 'back_calculation'
-    tracking_time: float = 0.05
+    tracking_time: float = 0.02
     volume: float = 20e-6
     supply: float = 600e3
     ambient: float = ATMOSPHERE
@@ -151,6 +154,8 @@ class PressurePid:
         """
         self._command = min(max(command, -1.0), 1.0)
         self._integral = 0.0
+        #: Pressure rate of the command that was taken over; it fades.
+        self._carried = 0.0
         self._followed = math.nan
         self._delayed = 0.0
         self._filtered = self._quiet = 0.0
@@ -195,13 +200,16 @@ class PressurePid:
 
         rate = self._follow(setpoint, dt, fastest, slowest)
         error = self._error(pressure, dt)
-        feedback = gains.p * error - gains.d * self._measured_rate + self._integral
+        feedback = (gains.p * error - gains.d * self._measured_rate + self._integral
+                    + self._carried)
+        self._carried *= math.exp(-dt / _CARRY_TIME)
         if config.feed_forward:
             feedback += gains.d * rate
         wanted = feedback + (rate if config.feed_forward else 0.0)
         # What the muscle's motion does to the pressure with the valve shut.
         drift = pressure_rate(absolute, volume, volume_rate, 0.0)
-        at_rest = error == 0.0 and abs(rate - drift) < 0.2 * gains.p * config.quiet_error
+        still = 0.2 * gains.p * config.quiet_error
+        at_rest = error == 0.0 and abs(rate - drift) + abs(self._carried) < still
         if at_rest:
             opening, possible = 0.0, 0.0
         else:
@@ -220,13 +228,13 @@ class PressurePid:
         return self._command
 
     def _start(self, pressure, absolute, volume, volume_rate, source):
-        """Begin at the pressure as it is, with the integral that continues the last command."""
+        """Begin at the pressure as it is, with the rate that continues the last command."""
         self._followed = self._delayed = self._filtered = pressure
         self._measured_rate = self._quiet = 0.0
         opening = self.config.valve.opening(self._command)
         if opening != 0.0:
             flow = self.config.valve.flow(opening, absolute, source, self.config.ambient)
-            self._integral = pressure_rate(absolute, volume, volume_rate, flow)
+            self._carried = pressure_rate(absolute, volume, volume_rate, flow)
 
     def _follow(self, setpoint, dt, fastest, slowest):
         """Move the followed setpoint within valve and rate limits; return its rate."""

@@ -1,0 +1,137 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The pressure loop on a chamber of its own (not the plant's): ISO 6358 valve, spool, noise."""
+
+from dataclasses import replace
+import math
+
+from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, pressure_rate
+import pytest
+
+CONFIG = PidConfig(flow_lag=1.5e-3)
+
+
+def choked_time(volume, supply, low, high):
+    """Return the time from low to high gauge pressure at the valve's choked flow."""
+    flow = mass_flow(3.93e-9, 0.3, supply + ATMOSPHERE, 0.0)
+    return (high - low) / pressure_rate(ATMOSPHERE, volume, 0.0, flow)
+
+
+@pytest.mark.parametrize('volume', [14e-6, 18e-6, 24e-6])
+@pytest.mark.parametrize('supply', [500e3, 600e3])
+def test_rise_is_nearly_as_fast_as_choked_flow_allows(chamber, volume, supply):
+    """0 -> 300 kPa takes at most 1.2 times the choked 10-90 % time, overshoot below 2 %."""
+    rows = chamber(volume=volume, supply=supply).run(300e3, 0.3)
+    start = next(t for t, p, _ in rows if p > 30e3)
+    end = next(t for t, p, _ in rows if p > 270e3)
+    assert end - start < 1.2 * choked_time(volume, supply, 30e3, 270e3)
+    assert max(p for _, p, _ in rows) < 1.02 * 300e3
+    assert abs(rows[-1][1] - 300e3) < 1.5e3
+
+
+@pytest.mark.parametrize('dead_band', [0.02, 0.04, 0.07])
+def test_no_limit_cycle_at_rest_whatever_the_true_dead_band(chamber, dead_band):
+    """At rest the pressure stands still, though the dead band is known only within a factor."""
+    loop = chamber(dead_band=dead_band, noise=200.0)
+    loop.run(200e3, 1.0)
+    before = loop.air
+    rest = [p for _, p, _ in loop.run(200e3, 3.0)]
+    assert max(rest) - min(rest) < 1e3
+    assert loop.air - before < 0.02 * before
+
+
+def test_valve_stays_shut_at_rest_without_noise(chamber):
+    """A reading within the quiet band asks for no flow at all."""
+    loop = chamber(pressure=150e3)
+    loop.run(150e3, 0.2)
+    assert all(command == 0.0 for _, _, command in loop.run(150e3, 0.5))
+
+
+def test_integral_makes_up_for_a_leak(chamber):
+    """With a leak the pressure is held within the quiet band and a little."""
+    loop = chamber(leak=1.0)
+    loop.run(250e3, 1.0)
+    tail = [p for _, p, _ in loop.run(250e3, 2.0)]
+    assert abs(sum(tail) / len(tail) - 250e3) < 1.5e3
+
+
+def test_moving_setpoint_is_followed_by_feed_forward(chamber):
+    """A sine of 100 kPa at 1 Hz is followed within 2 % of its size, after a delay of 5 ms."""
+    def sine(t):
+        return 200e3 + 100e3 * math.sin(2.0 * math.pi * t)
+    rows = chamber().run(sine, 3.0)
+    errors = [p - sine(t - 5e-3) for t, p, _ in rows if t > 1.0]
+    assert max(map(abs, errors)) < 2e3
+
+
+@pytest.mark.parametrize('mode', ['back_calculation', 'conditional_integration'])
+def test_anti_windup_keeps_a_saturated_loop_from_overshooting(chamber, mode):
+    """After a second at a setpoint above the supply, going down is not held up by the integral."""
+    def fall_time(mode):
+        loop = chamber(supply=250e3, config=replace(CONFIG, anti_windup=mode))
+        # The loop does not know that the supply has sunk.
+        loop.told_supply = 600e3
+        loop.run(400e3, 1.0)
+        rows = loop.run(150e3, 1.0)
+        return next((t - rows[0][0] for t, p, _ in rows if p < 155e3), math.inf)
+    assert fall_time(mode) < 0.15
+    assert fall_time('none') > 2.0 * fall_time(mode)
+
+
+def test_gains_are_scheduled_with_volume(chamber):
+    """Told the volume, the loop answers alike from 12 to 24 mL."""
+    def overshoot_and_end(volume):
+        rows = chamber(volume=volume, pressure=100e3).run(120e3, 0.1)
+        return max(p for _, p, _ in rows), rows[200][1]
+    small, large = overshoot_and_end(12e-6), overshoot_and_end(24e-6)
+    assert small[0] == pytest.approx(large[0], abs=1e3)
+    assert small[1] == pytest.approx(large[1], abs=2e3)
+
+
+def test_derivative_acts_on_the_measurement_only():
+    """A jump of the setpoint gives the same first command with and without derivative gain."""
+    commands = []
+    for d in (0.0, 0.3):
+        config = replace(CONFIG, feed_forward=False, quiet_error=0.0)
+        pid = PressurePid(PidGains(20.0, 0.0, d), config)
+        pid.update(100e3, 100e3, 1e-3)
+        commands.append(pid.update(150e3, 100e3, 1e-3))
+    assert commands[0] == pytest.approx(commands[1])
+    assert commands[0] > 0.0
+
+
+def test_switching_on_goes_on_from_the_command_that_was_there():
+    """After reset(u) the first command is u again, whatever the valve's dead band."""
+    for command in (0.3, -0.2, 0.0):
+        pid = PressurePid(config=CONFIG)
+        pid.reset(command)
+        assert pid.update(200e3, 200e3, 1e-3, supply=500e3) == pytest.approx(command, abs=0.02)
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf])
+def test_a_lost_reading_shuts_the_valve_and_leaves_no_trace(bad):
+    """NaN gives 0 and the next good reading works as at the start."""
+    pid = PressurePid(config=CONFIG)
+    pid.update(200e3, 150e3, 1e-3)
+    assert pid.update(200e3, bad, 1e-3) == 0.0
+    assert math.isfinite(pid.update(200e3, 150e3, 1e-3))
+
+
+def test_a_clock_that_jumps_back_repeats_the_command():
+    """Nothing is integrated over a time step that is not positive."""
+    pid = PressurePid(config=CONFIG)
+    command = pid.update(200e3, 150e3, 1e-3)
+    assert pid.update(200e3, 190e3, 0.0) == command
+    assert pid.update(200e3, 190e3, -1.0) == command
+
+
+def test_bad_settings_fails():
+    """What cannot be meant is refused with the value that came."""
+    with pytest.raises(InputError, match='-1'):
+        PidGains(p=-1.0)
+    with pytest.raises(InputError, match="'clamp'"):
+        PidConfig(anti_windup='clamp')
+    with pytest.raises(InputError, match='volume'):
+        PidConfig(volume=0.0)
