@@ -31,6 +31,8 @@ from fam_bundle_ros.nodes.parameters import Parameters, Spec
 COMMON = (
     Spec('lock_step', False, 'step with the simulator: answer every stamp exactly once, with '
          'readings of that stamp only'),
+    Spec('lock_step_timeout', 4.0, 'wall time after which a missing message of the loop counts '
+         'as lost, s; pressure loops wait 1.5, the simulator 2.5 times as long', 0.1, 600.0),
     Spec('ambient_pressure', 101325.0, 'ambient pressure, Pa absolute', 30e3, 200e3),
 )
 #: Parameters of the nodes that listen to a rig.

@@ -46,8 +46,6 @@ SPECS = (
     Spec('publish_clock', True, 'send /clock in lock-step; one simulator per ROS domain only'),
     Spec('command_timeout', 0.1, 'a motor unit without a fresh command is vented, s', 0.01, 10.0,
          dynamic=True),
-    Spec('lock_step_timeout', 5.0, 'wall time after which a missing command counts as lost, s',
-         0.1, 600.0),
     *LOAD, *RIG, *FAULTS,
 )
 #: s of wall time after which an unanswered sample is sent again.
@@ -144,6 +142,11 @@ class PlantSimulator(BundleNode):
         self.p.on_change(self, lambda values: faults_from(values, self.units), self._change)
         self._diagnostics = Diagnostics(self, self._report, 'simulated')
 
+    def resume(self) -> None:
+        """Go on after the script had halted time."""
+        self.halted = False
+        self._publish()
+
     # --- lock-step -----------------------------------------------------------------------------
 
     def _take_command(self, unit: int, message: JointState) -> None:
@@ -170,7 +173,7 @@ class PlantSimulator(BundleNode):
         silence = time.monotonic() - self._sent
         if silence < _RETRY or self.halted:
             return
-        if self._gate.begun and silence > self.p['lock_step_timeout']:
+        if self._gate.begun and silence > 2.5 * self.p['lock_step_timeout']:
             lost = self._gate.give_up()
             if lost:
                 self.say('lost', f"no valve commands for {', '.join(lost)}: venting", 0.0)

@@ -65,8 +65,6 @@ SPECS = (
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
     Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while the valve is open is '
          'stuck, s; 0 for never', 0.0, 60.0),
-    Spec('lock_step_timeout', 6.0, 'wall time after which a missing message counts as lost, s',
-         0.1, 600.0),
 )
 #: A gap between readings longer than this is no sample period, s.
 _GAP = 0.5
@@ -191,7 +189,7 @@ class PressurePidNode(BundleNode):
         now = time.monotonic()
         if self.lock_step:
             if (self._gate.begun and self._gate.missing
-                    and now - self._gate_since > self.p['lock_step_timeout']):
+                    and now - self._gate_since > 1.5 * self.p['lock_step_timeout']):
                 lost = self._gate.give_up()
                 self.say('lost', f"mu{self.unit}: no {', '.join(lost)} any more", 0.0)
                 self._answer_gate()

@@ -15,7 +15,7 @@ Files look like this::
 """
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Any, Protocol
 
@@ -182,4 +182,6 @@ def profile_from(content: Any, label: str) -> Points:
         except InputError as error:
             raise InputError(f'{label}: point {k + 1}: {error}') from None
     rates = tuple(0.0 for _ in times) if smooth == 'smooth' else None
-    return Points(str(content.get('name', label)), kind, tuple(times), tuple(values), rates)
+    # Under the file's name first: mistakes have to name the file.
+    profile = Points(label, kind, tuple(times), tuple(values), rates)
+    return replace(profile, name=str(content.get('name', label)))

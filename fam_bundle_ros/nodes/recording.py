@@ -56,6 +56,7 @@ class BagWriter:
         self._connections: dict[str, Any] = {}
         self._writer = Writer(self.folder, version=9, storage_plugin=StoragePlugin.MCAP)
         try:
+            self.folder.parent.mkdir(parents=True, exist_ok=True)
             self._writer.open()
         except OSError as error:
             raise InputError(f'{folder}: cannot be written ({error.strerror})') from None

@@ -49,9 +49,19 @@ _SWITCHING, _OUTER = SwitchingConfig(), OuterConfig()
 _OUTER_FIELDS = (
     ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0), ('force_integral', '1/s', 1e3),
     ('strain_gain', 'N', 1e6), ('strain_integral', 'N/s', 1e7), ('strain_damping', 'N s', 1e5),
-    ('filter_time', 's', 10.0), ('fade_time', 's', 10.0))
+    ('still', 'N', 1e3), ('filter_time', 's', 10.0), ('fade_time', 's', 10.0))
 _LOAD_FIELDS = (('force', 'N at zero strain'), ('stiffness', 'N per strain'),
                 ('inertia', 'N s^2'), ('damping', 'N s'))
+
+
+def _outer_spec(name: str, unit: str, high: float) -> Spec:
+    default = getattr(_OUTER, name)
+    if default is None:
+        return Spec(f'outer.{name}', -1.0, f'of the outer loop, {unit}; -1: worked out', -1.0,
+                    high, dynamic=True)
+    return Spec(f'outer.{name}', default, f'of the outer loop, {unit}',
+                1e-4 if name.endswith('time') else 0.0, high, dynamic=True)
+
 
 SPECS = (
     *MODEL, *LISTENER, *sensing.SPECS,
@@ -68,9 +78,7 @@ SPECS = (
          dynamic=True),
     Spec('feed_forward', True, 'use the model to meet the reference', dynamic=True),
     Spec('feedback', True, 'correct by the measured error', dynamic=True),
-    *(Spec(f'outer.{name}', getattr(_OUTER, name), f'of the outer loop, {unit}',
-           0.0 if 'time' not in name else 1e-4, high, dynamic=True)
-      for name, unit, high in _OUTER_FIELDS),
+    *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
     *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
            dynamic=True) for name, unit in _LOAD_FIELDS),
     Spec('reference_timeout', 0.0, 'switch to zero when the reference is older, s; 0 for never',
@@ -91,6 +99,8 @@ SPECS = (
 )
 #: Pa: pressures that have moved by this since a force or strain last changed must move it.
 _MOVED = 30e3
+#: Pa: below it a motor unit counts as vented.
+_VENTED = 5e3
 #: References that change by more than this share of the blocked force at once are steps.
 _STEP = 0.02
 
@@ -115,7 +125,8 @@ class RecruitmentNode(BundleNode):
         n = self.bundle.n
         self._limit = self.bundle.max_pressure.tolist()
         self._enabled: bool = p['start_enabled']
-        self._take_over = True
+        #: Whether to begin from the pressures as they are; None before the first sample.
+        self._take_over: bool | None = None
         self._stopped = False
         self._latched = ''
         self._state = 'WAITING'
@@ -201,8 +212,8 @@ class RecruitmentNode(BundleNode):
     # --- the tick ------------------------------------------------------------------------------
 
     def _on_sample(self, sample: Sample) -> None:
-        if 'reference' in sample.extra:
-            self._reference = sample.extra['reference']
+        # A reference that was lost on the way leaves the last one.
+        self._reference = sample.extra.get('reference') or self._reference
         if sample.stamp != self._answered:
             dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
             self._answered = sample.stamp
@@ -225,6 +236,9 @@ class RecruitmentNode(BundleNode):
         if dt < 0.0:
             # The clock was set: what filters and memory hold belongs to another time.
             self._take_over = True
+        if self._take_over is None:
+            # A vented bundle has nothing to be taken over.
+            self._take_over = not max(sample.pressure) < _VENTED
         if self._take_over and readable:
             self.controller.enable(measurement, reference)
             self._take_over = False
@@ -436,13 +450,17 @@ def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
     return ControllerConfig(
         policy=values['policy'], scheme=values['scheme'], hold_time=values['hold_time'],
         switching=SwitchingConfig(
-            dwell=values['dwell'],
-            margin=None if values['margin'] < 0.0 else values['margin'],
-            hysteresis=None if values['hysteresis'] < 0.0 else values['hysteresis']),
+            dwell=values['dwell'], margin=_by_hand(values['margin']),
+            hysteresis=_by_hand(values['hysteresis'])),
         outer=OuterConfig(
             feed_forward=values['feed_forward'], feedback=values['feedback'],
-            **{name: values[f'outer.{name}'] for name, _, _ in _OUTER_FIELDS}),
+            **{name: _by_hand(values[f'outer.{name}']) for name, _, _ in _OUTER_FIELDS}),
         load=LoadModel(**{name: values[f'load_model.{name}'] for name, _ in _LOAD_FIELDS}))
+
+
+def _by_hand(value: float) -> float | None:
+    """Return None for -1, which ROS parameters have in place of "work it out"."""
+    return None if value < 0.0 else value
 
 
 def main(args: list[str] | None = None) -> int:

@@ -59,14 +59,20 @@ class ReferenceGenerator(BundleNode):
         #: Stamp at which the trajectory began, ns; None while it waits for the loop.
         self.start: int | None = None
         self._stamp = 0
+        self._heard: dict[str, int] = {}
+        self._sampled_at = 0.0
         self._meter = Meter()
         self._sample_meter = Meter()
         self._force = self.publisher(interface.REFERENCE_FORCE, WrenchStamped)
         self._strain = self.publisher(interface.REFERENCE_STRAIN, JointState)
         self.subscribe(interface.TRAJECTORY, JointTrajectory, self._on_trajectory,
                        interface.RELIABLE)
-        # The rig's samples are the clock of the references, so that both carry one time.
-        self.subscribe(interface.STRAIN, JointState, self._on_sample)
+        # The rig's samples are the clock of the references, so that both carry one time; two
+        # sensors, so that one may fail.
+        self.subscribe(interface.STRAIN, JointState,
+                       lambda m: self._on_sample(interface.STRAIN, m))
+        self.subscribe(interface.FORCE, WrenchStamped,
+                       lambda m: self._on_sample(interface.FORCE, m))
         p.on_change(self, lambda values: None, lambda changes: None)
         self._diagnostics = Diagnostics(self, self._report)
         if not self.lock_step:
@@ -84,12 +90,17 @@ class ReferenceGenerator(BundleNode):
         """Whether the trajectory is over."""
         return self._profile is not None and self.run_time >= self._profile.duration
 
-    def _on_sample(self, message: JointState) -> None:
+    def _on_sample(self, channel: str, message: JointState | WrenchStamped) -> None:
+        stamp = interface.stamp_ns(message.header.stamp)
+        repeated = stamp == self._heard.get(channel)
+        self._heard[channel] = stamp
+        if stamp == self._stamp and not repeated:
+            return
         self._sample_meter.tick()
-        self._stamp = interface.stamp_ns(message.header.stamp)
+        self._stamp = stamp
         self._sampled_at = time.monotonic()
         if self.lock_step:
-            self._send(self._stamp)
+            self._send(stamp)
 
     def _tick(self) -> None:
         if self._sample_meter.last is not None:

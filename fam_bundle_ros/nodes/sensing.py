@@ -28,8 +28,6 @@ _RATE_CUTOFF = 20.0
 
 SPECS = (
     Spec('rate', 200.0, 'samples per second that the rig is expected to send', 1.0, 2000.0),
-    Spec('lock_step_timeout', 4.0, 'wall time after which a missing message counts as lost, s',
-         0.1, 600.0),
 )
 
 

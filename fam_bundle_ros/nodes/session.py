@@ -42,7 +42,8 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
                    lock_step: bool = True, overrides: Mapping[str, Any] | None = None,
                    bag: str | Path | None = None,
                    progress: Callable[[float], None] | None = None,
-                   namespace: str = interface.NAMESPACE, domain: int | None = None) -> Log:
+                   namespace: str = interface.NAMESPACE, domain: int | None = None,
+                   log_level: str = 'info') -> Log:
     """
     Run a trajectory on a simulated rig over ROS.
 
@@ -72,6 +73,8 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
     namespace : str
     domain : int, optional
         ROS domain; that of the environment by default.
+    log_level : str
+        Of all nodes: debug, info, warn, error, fatal.
 
     Returns
     -------
@@ -100,15 +103,15 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
                   'lock_step': lock_step, 'wait_for_reference': lock_step,
                   'publish_clock': lock_step, 'start_enabled': True, 'start_stopped': False,
                   'prepare': plan.prepare, **(overrides or {})}
-        return _run(values, plan, hardware, namespace, domain, bag, progress)
+        context = Context()
+        context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
+        return _run(context, values, plan, hardware, namespace, bag, progress)
 
 
-def _run(values: dict[str, Any], plan: Trajectory, hardware: Rig, namespace: str,
-         domain: int | None, bag: str | Path | None,
+def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: Rig,
+         namespace: str, bag: str | Path | None,
          progress: Callable[[float], None] | None) -> Log:
     script = _Script(plan)
-    context = Context()
-    context.init(domain_id=domain)
     writer: BagWriter | None = None
     spinner: Spinner | None = None
     try:

@@ -104,9 +104,11 @@ class SensorWatch:
         """
         config = self.config
         since = now - self._seen if self._seen is not None else 0.0
-        if value != self._value or not moving:
+        stuck = 0.0 < config.stuck_time <= self._moving
+        if value != self._value or not (moving or stuck):
             self._moving = 0.0
-        else:
+        elif moving:
+            # Once stuck it stays so while nothing moves: a shut valve proves nothing.
             self._moving += max(since, 0.0)
         self._seen, self._value = now, value
         if not math.isfinite(value):
@@ -114,7 +116,7 @@ class SensorWatch:
         elif not config.low <= value <= config.high:
             self._fault = (f'{self.name} is {value:.6g} {self.unit}, outside '
                            f'{config.low:g} to {config.high:g}'.replace('  ', ' '))
-        elif config.stuck_time > 0.0 and self._moving >= config.stuck_time:
+        elif 0.0 < config.stuck_time <= self._moving:
             self._fault = (f'{self.name} has shown exactly {value:.6g} {self.unit} for '
                            f'{self._moving:.2f} s although it must move')
         else:

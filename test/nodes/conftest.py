@@ -1,0 +1,158 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS graph in this process, with a probe that listens, speaks, calls and waits."""
+
+import time
+
+import pytest
+
+pytest.importorskip('rclpy', reason='rclpy is not installed')
+
+from fam_bundle_ros.nodes import interface  # noqa: E402
+from fam_bundle_ros.nodes.base import BundleNode  # noqa: E402
+from fam_bundle_ros.nodes.process import Spinner  # noqa: E402
+from rcl_interfaces.srv import SetParameters  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from sensor_msgs.msg import FluidPressure  # noqa: E402
+
+#: s. Nothing here takes longer on a machine that is busy with other things.
+PATIENCE = 15.0
+
+
+class Pacer:
+    """Script of a simulated rig: runs until a condition holds, then halts time; logs all."""
+
+    def __init__(self):
+        self.condition = lambda: True
+        self.time = 0.0
+        self.log = []
+        self.on_halt = lambda: None
+
+    def before(self, rig, time, period):
+        pass
+
+    def after(self, rig, time, commands):
+        self.time = time
+        self.log.append((time, rig.truth, list(commands)))
+        halt = bool(self.condition())
+        if halt:
+            self.on_halt()
+        return halt
+
+
+class Graph:
+    """Nodes in one executor and a probe among them."""
+
+    def __init__(self, context, namespace=interface.NAMESPACE):
+        self.context = context
+        self.probe = BundleNode('probe', (), context=context, namespace=namespace)
+        self.spinner = None
+        self.pacer = Pacer()
+        self._nodes = []
+
+    def add(self, *nodes):
+        """Take nodes in; they run from the first wait on."""
+        self._nodes += nodes
+        return nodes[0] if len(nodes) == 1 else nodes
+
+    def listen(self, topic, kind, qos=interface.LOCK_STEP):
+        """Return the list into which the topic's messages go."""
+        messages = []
+        self.probe.create_subscription(kind, topic, messages.append, qos)
+        return messages
+
+    def spin(self, seconds=0.02):
+        if self.spinner is None:
+            self.spinner = Spinner(self.context, [self.probe, *self._nodes])
+        self.spinner.spin(seconds)
+
+    def until(self, condition, what, seconds=PATIENCE):
+        """Spin until something is so; fail when it takes too long."""
+        end = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > end:
+                pytest.fail(f'waited {seconds:g} s for: {what}')
+            self.spin()
+
+    def advance(self, rig, until, what='the condition', limit=10.0):
+        """
+        Let a simulator in lock-step (with our pacer) run until a condition, and halt it.
+
+        The condition is looked at after every step; a number is the time to run on. ``limit`` is
+        in simulated seconds.
+        """
+        pacer = self.pacer
+        end = pacer.time + (until if isinstance(until, float) else limit)
+        condition = (lambda: False) if isinstance(until, float) else until
+        pacer.condition = lambda: condition() or pacer.time >= end - 1e-9
+        self.spin(0.0)
+        pacer.on_halt = self.spinner.interrupt
+        rig.resume()
+        self.until(lambda: rig.halted, what, 40.0)
+        # What is still on its way belongs to the step.
+        self.spin(0.02)
+        if not isinstance(until, float) and not condition():
+            pytest.fail(f'{limit:g} s of simulated time without: {what}')
+
+    def call(self, kind, name, request=None):
+        """Call a service and return the answer."""
+        client = self.probe.create_client(kind, name)
+        self.until(client.service_is_ready, f'the service {name}')
+        future = client.call_async(request or kind.Request())
+        self.until(future.done, f'the answer of {name}')
+        self.probe.destroy_client(client)
+        return future.result()
+
+    def set(self, node, **values):
+        """Set parameters of a node by service; return the results."""
+        parameters = [Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+                      for name, value in values.items()]
+        return self.call(SetParameters, f'{node}/set_parameters',
+                         SetParameters.Request(parameters=parameters)).results
+
+    def answer_pressures(self, units, setpoint):
+        """In lock-step: answer every pressure with a setpoint (a function of unit and s)."""
+        for unit in range(1, units + 1):
+            publisher = self.probe.create_publisher(
+                FluidPressure, interface.setpoint_topic(unit), interface.PUBLISH)
+
+            def answer(message, unit=unit, publisher=publisher):
+                stamp = interface.stamp_ns(message.header.stamp)
+                value = setpoint(unit, stamp * 1e-9)
+                if value is not None:
+                    publisher.publish(interface.pressure_message(stamp, value, 101325.0))
+            self.probe.create_subscription(
+                FluidPressure, interface.pressure_topic(unit), answer, interface.LOCK_STEP)
+
+    def close(self):
+        if self.spinner is None:
+            self.spin(0.0)
+        self.spinner.close()
+
+
+@pytest.fixture
+def graph(ros_context):
+    """Yield a graph in the namespace /bundle."""
+    result = Graph(ros_context)
+    yield result
+    result.close()
+
+
+@pytest.fixture
+def make_graph(ros_context):
+    """Return a function that makes graphs in other namespaces of the same domain."""
+    graphs = []
+
+    def make(namespace):
+        graphs.append(Graph(ros_context, namespace))
+        return graphs[-1]
+    yield make
+    for each in graphs:
+        each.close()
+
+
+@pytest.fixture
+def quiet():
+    """Return parameters of a rig without noise, running from the start."""
+    return {'start_stopped': False, 'sensors.force_noise': 0.0, 'sensors.pressure_noise': 0.0,
+            'sensors.strain_noise': 0.0, 'load.kind': 'dynamometer', 'load.strain': 0.1}

@@ -1,0 +1,158 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The pressure PID node with the simulated rig."""
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+import pytest
+from sensor_msgs.msg import FluidPressure, JointState
+from std_srvs.srv import Trigger
+
+
+@pytest.fixture
+def pair(graph, quiet):
+    """Return a function: simulator and both PIDs in lock-step, given more parameters."""
+    def start(**overrides):
+        values = {**quiet, 'lock_step': True, 'lock_step_timeout': 0.5,
+                  **{name.replace('__', '.'): value for name, value in overrides.items()}}
+        rig = PlantSimulator(context=graph.context, script=graph.pacer, overrides=values)
+        pids = [PressurePidNode(unit, context=graph.context, overrides=values)
+                for unit in (1, 2)]
+        graph.add(*pids, rig)
+        return rig, pids
+    return start
+
+
+def test_pressure_reaches_the_setpoint(graph, pair):
+    """Both motor units settle near the setpoint, with noise, after steps up and down."""
+    rig, _ = pair(sensors__pressure_noise=350.0)
+    graph.answer_pressures(2, lambda unit, t: (200e3 if t < 0.5 else 100e3) / unit)
+    graph.advance(rig, 0.45)
+    assert rig.rig.truth.pressure == pytest.approx([200e3, 100e3], abs=2.5e3)
+    graph.advance(rig, 0.5)
+    assert rig.rig.truth.pressure == pytest.approx([100e3, 50e3], abs=2.5e3)
+    highest = max(truth.pressure[0] for _, truth, _ in graph.pacer.log)
+    assert highest < 1.02 * 200e3
+
+
+def test_commands_carry_the_stamp_of_the_reading(graph, pair):
+    """A rig can tell which reading a command answers."""
+    rig, _ = pair()
+    commands = graph.listen('mu1/valve_command', JointState)
+    graph.answer_pressures(2, lambda unit, t: 50e3)
+    graph.advance(rig, 0.2)
+    stamps = [interface.stamp_ns(m.header.stamp) for m in commands]
+    assert len(stamps) >= 40
+    assert stamps == sorted(stamps)
+    assert {stamp % 5_000_000 for stamp in stamps} == {0}
+    assert list(commands[-1].name) == ['mu1_valve']
+
+
+def test_vents_when_the_setpoint_stays_away(graph, pair):
+    """A recruitment controller that died leaves no pressure behind."""
+    rig, _ = pair()
+    graph.answer_pressures(2, lambda unit, t: 100e3 if t < 0.3 else None)
+    graph.advance(rig, 0.28)
+    assert rig.rig.truth.pressure.min() > 90e3
+    graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
+
+
+def test_nan_shuts_the_valve_then_vents(graph, pair):
+    """A pressure that is no number: closed at once, exhaust after hold_time, and back."""
+    rig, _ = pair()
+    graph.answer_pressures(2, lambda unit, t: 100e3)
+    graph.advance(rig, 0.3)
+    graph.set('plant_simulator', faults__nan='mu1/pressure')
+    count = len(graph.pacer.log)
+    graph.advance(rig, 0.4)
+    sent = [commands[0] for _, _, commands in graph.pacer.log[count + 1:]]
+    # 0.2 s are 40 commands.
+    assert set(sent[:39]) == {0.0}
+    assert set(sent[42:]) == {-1.0}
+    assert rig.rig.truth.pressure[0] < 5e3
+    assert rig.rig.truth.pressure[1] > 90e3
+    graph.set('plant_simulator', faults__nan='')
+    graph.advance(rig, 0.4)
+    assert rig.rig.truth.pressure[0] > 95e3
+
+
+def test_frozen_sensor_is_found_and_vented(graph, pair):
+    """A reading that stands still while the valve is open is not believed."""
+    rig, pids = pair(sensors__pressure_noise=350.0, trip_pressure=1e6)
+    graph.answer_pressures(2, lambda unit, t: 100e3 if t < 0.4 else 90e3)
+    graph.advance(rig, 0.35)
+    graph.set('plant_simulator', faults__frozen='mu1/pressure')
+    graph.advance(rig, lambda: pids[0]._state == 'SENSOR', 'the watch')
+    graph.advance(rig, lambda: rig.rig.truth.pressure[0] < 5e3, 'vented')
+    assert 'has shown exactly' in pids[0]._watch.reason
+
+
+def test_over_pressure_is_latched(graph, pair):
+    """Above the limit it vents, and stays so while the old setpoint lasts."""
+    rig, pids = pair(trip_pressure=1e6)
+    wanted = [100e3]
+    graph.answer_pressures(2, lambda unit, t: wanted[0])
+    graph.advance(rig, 0.2)
+    graph.set('plant_simulator', faults__stuck_valve='mu1=0.5')
+    graph.advance(rig, lambda: pids[0]._state == 'OVER_PRESSURE', 'the latch')
+    graph.set('plant_simulator', faults__stuck_valve='')
+    graph.advance(rig, lambda: rig.rig.truth.pressure[0] < 5e3, 'vented')
+    graph.advance(rig, 0.3)
+    assert pids[0]._state == 'OVER_PRESSURE'
+    wanted[0] = 0.0
+    graph.advance(rig, 0.05)
+    wanted[0] = 100e3
+    graph.advance(rig, 0.3)
+    assert pids[0]._state == 'ACTIVE'
+    assert rig.rig.truth.pressure[0] > 90e3
+
+
+def test_e_stop_vents(graph, pair):
+    """While the emergency stop is on, every command is to exhaust."""
+    rig, pids = pair()
+    graph.answer_pressures(2, lambda unit, t: 100e3)
+    graph.advance(rig, 0.2)
+    graph.call(Trigger, 'e_stop_trigger')
+    graph.until(lambda: pids[0]._stopped and pids[1]._stopped, 'the message')
+    graph.advance(rig, 0.05)
+    assert graph.pacer.log[-1][2] == [-1.0, -1.0]
+    assert {pid._state for pid in pids} == {'E_STOP'}
+
+
+def test_gains_are_checked_as_a_set_and_change_while_it_runs(graph, pair):
+    """A refused change leaves the old gains; an accepted one acts at once."""
+    _, pids = pair()
+    node = 'pressure_pid_mu1'
+    refused = graph.set(node, anti_windup='clamp')[0]
+    assert not refused.successful
+    assert 'back_calculation' in refused.reason
+    assert not graph.set(node, gains__p=-1.0)[0].successful
+    assert not graph.set(node, gains__p=float('nan'))[0].successful
+    assert graph.set(node, gains__p=50.0, anti_windup='none')[1].successful
+    assert (pids[0].pid.gains.p, pids[0].pid.config.anti_windup) == (50.0, 'none')
+
+
+def test_silent_rig_is_vented_in_wall_time(graph, quiet):
+    """No pressure for a while: the valve is shut, then exhausts, without any reading."""
+    graph.add(PressurePidNode(1, context=graph.context))
+    commands = graph.listen('mu1/valve_command', JointState)
+    pressure = graph.probe.create_publisher(FluidPressure, 'mu1/pressure', 10)
+    setpoint = graph.probe.create_publisher(FluidPressure, 'mu1/pressure_setpoint', 10)
+
+    def feed():
+        stamp = graph.probe.now_ns()
+        pressure.publish(interface.pressure_message(stamp, 100e3 + stamp % 7, 101325.0))
+        setpoint.publish(interface.pressure_message(stamp, 100e3, 101325.0))
+        return len(commands) > 20
+    graph.until(feed, 'commands')
+    count = len(commands)
+    graph.until(lambda: commands[-1].effort[0] == -1.0, 'exhaust', 3.0)
+    assert 0.0 in {m.effort[0] for m in commands[count:]}
+
+
+def test_motor_unit_that_is_not_there_fails(ros_context):
+    """One line names what the model has."""
+    with pytest.raises(InputError, match='motor_unit is 3; spie2021 has 2'):
+        PressurePidNode(3, context=ros_context)

@@ -1,0 +1,111 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Real processes: clean ends, bad input, lost nodes, launch files."""
+
+import ast
+import signal
+import subprocess
+import sys
+import time
+
+from fam_bundle_ros.nodes import interface
+import pytest
+from sensor_msgs.msg import FluidPressure, JointState
+
+
+def start(node, *arguments):
+    """Start an executable as its console script does."""
+    return subprocess.Popen(
+        [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{node} import main; '
+         f'sys.argv[0] = "{node}"; sys.exit(main())', *arguments],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_vents_and_exits_0(graph, number):
+    """The last command of a PID that is asked to end is to exhaust, and its status is 0."""
+    process = start('pressure_pid', '--ros-args', '-p', 'motor_unit:=1')
+    commands = graph.listen('mu1/valve_command', JointState)
+    pressure = graph.probe.create_publisher(FluidPressure, 'mu1/pressure', 10)
+    setpoint = graph.probe.create_publisher(FluidPressure, 'mu1/pressure_setpoint', 10)
+
+    def feed():
+        stamp = graph.probe.now_ns()
+        pressure.publish(interface.pressure_message(stamp, 100e3 + stamp % 97, 101325.0))
+        setpoint.publish(interface.pressure_message(stamp, 150e3, 101325.0))
+        return commands and commands[-1].effort[0] > 0.0
+    graph.until(feed, 'filling')
+    process.send_signal(number)
+    # Ctrl-C under launch arrives twice.
+    process.send_signal(number)
+    begin = time.monotonic()
+    graph.until(lambda: (feed(), process.poll() is not None)[1], 'the end', 5.0)
+    assert time.monotonic() - begin < 2.0
+    graph.until(lambda: commands[-1].effort[0] == -1.0, 'the vent', 2.0)
+    _, errors = process.communicate()
+    assert (process.returncode, errors) == (0, '')
+
+
+def test_killed_controller_leaves_no_pressure(graph):
+    """SIGKILL of the whole controller: the simulator times out on its own."""
+    from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
+    rig = graph.add(PlantSimulator(context=graph.context, overrides={
+        'start_stopped': False, 'load.kind': 'dynamometer'}))
+    process = start('bundle_bringup', '--ros-args', '-p', 'simulate:=false')
+    graph.until(lambda: rig.rig.truth.pressure[0] > 50e3, 'pressure', 20.0)
+    process.kill()
+    process.wait()
+    graph.until(lambda: rig.rig.truth.pressure.max() < 5e3, 'vented', 3.0)
+
+
+@pytest.mark.parametrize(('node', 'argument', 'text'), [
+    ('plant_simulator', 'rate:=1.0e9', 'parameter rate is 1000000000.0; expected a number'),
+    ('pressure_pid', 'gains.p:=3', 'parameter gains.p is 3; expected a number with a decimal '
+     'point (3.0, not 3)'),
+    ('recruitment_controller', 'policy:=guess', "policy is 'guess'; expected one of neglect"),
+    ('model_monitor', 'model:=nowhere.yaml', 'nowhere.yaml: no such file ships'),
+    ('reference_generator', 'trajectory:=nowhere', 'no such file ships'),
+    ('bundle_bringup', 'load.kind:=crane', "load.kind is 'crane'; expected one of dynamometer"),
+])
+def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text):
+    """What was given, what is expected, nothing else; for every executable."""
+    process = start(node, '--ros-args', '-p', argument)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 2
+    assert len(errors.strip().splitlines()) == 1
+    assert errors.startswith(f'{node}: ')
+    assert text in errors
+
+
+def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path):
+    """A file that is not there, or no YAML."""
+    process = start('pressure_pid', '--ros-args', '--params-file', str(tmp_path / 'none.yaml'))
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 2
+    assert 'none.yaml' in errors
+    assert 'Traceback' not in errors
+
+
+def test_unknown_argument_is_refused(domain_id):
+    """A parameter without --ros-args would be ignored in silence."""
+    process = start('pressure_pid', 'motor_unit:=2')
+    _, errors = process.communicate(timeout=20)
+    assert (process.returncode, 'given as --ros-args' in errors) == (2, True)
+
+
+def test_help_lists_the_parameters(domain_id):
+    """--help says what the node is for, and every parameter with its range."""
+    process = start('pressure_pid', '--help')
+    text, _ = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert 'gains.p = 90.0 [0..1000] (changes while running)' in text
+
+
+@pytest.mark.parametrize('name', ['bundle.launch.py', 'controller.launch.py'])
+def test_launch_file_declares_what_users_expect(repository, name):
+    """Launch files compile and take namespace, params_file, use_sim_time, log_level, model."""
+    source = (repository / 'launch' / name).read_text()
+    tree = ast.parse(compile(source, name, 'exec', ast.PyCF_ONLY_AST) and source)
+    declared = {node.args[0].value for node in ast.walk(tree) if isinstance(node, ast.Call)
+                and getattr(node.func, 'id', '') == 'DeclareLaunchArgument'}
+    assert declared == {'namespace', 'params_file', 'use_sim_time', 'log_level', 'model'}

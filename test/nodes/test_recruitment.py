@@ -1,0 +1,207 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The recruitment node, with PIDs, reference generator and simulated rig."""
+
+from diagnostic_msgs.msg import DiagnosticArray
+from fam_bundle_ros.model import load_model, save_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.profile import Points
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.resources import config_path
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import UInt8
+from std_srvs.srv import SetBool, Trigger
+
+
+@pytest.fixture
+def bundle(graph, quiet):
+    """Return a function: a whole bundle in lock-step on a profile, with our pacer."""
+    def start(profile=None, **overrides):
+        values = {**quiet, 'sensors.force_noise': 0.9, 'sensors.pressure_noise': 350.0,
+                  'sensors.strain_noise': 5e-5, 'lock_step': True, 'wait_for_reference': True,
+                  'start_enabled': True, 'monitor': False, 'lock_step_timeout': 0.5,
+                  **{name.replace('__', '.'): value for name, value in overrides.items()}}
+        nodes = make_nodes(graph.context, overrides=values,
+                           simulator={'script': graph.pacer},
+                           generator={'profile': profile or hold(40.0)})
+        graph.add(*nodes)
+        return nodes[-1], next(n for n in nodes if isinstance(n, RecruitmentNode))
+    return start
+
+
+def hold(force):
+    """Return a constant force."""
+    return Points('hold', 'force', (0.0,), (force,))
+
+
+def test_ramp_goes_up_and_down_the_states_without_chatter(graph, bundle):
+    """RS1 -> RS2 -> RS1 on a ramp through the overlap: each switch once, force on the ramp."""
+    ramp = Points('ramp', 'force', (0.0, 0.3, 1.5, 1.8, 3.0), (40.0, 40.0, 120.0, 120.0, 30.0))
+    rig, _ = bundle(ramp)
+    states = graph.listen('recruitment_state', UInt8, interface.LATCHED)
+    graph.advance(rig, lambda: states and states[-1].data == 2, 'RS2')
+    graph.advance(rig, lambda: states[-1].data == 1 and graph.pacer.time > 3.0, 'RS1')
+    assert [m.data for m in states if m.data] == [1, 2, 1]
+    error = [truth.force - ramp.value(time) for time, truth, _ in graph.pacer.log
+             if time > 0.3]
+    assert np.sqrt(np.mean(np.square(error))) < 1.0
+
+
+def test_dwell_inside_the_overlap_does_not_chatter(graph, bundle):
+    """A demand that both states can give, with noise, is held in one of them."""
+    rig, _ = bundle(hold(79.0))
+    states = graph.listen('recruitment_state', UInt8, interface.LATCHED)
+    graph.advance(rig, 3.0)
+    assert len([m for m in states if m.data]) <= 2
+
+
+def test_strain_reference_moves_the_mass(graph, bundle):
+    """The kind of the last reference is the control mode: here strain, with a load model."""
+    rig, _ = bundle(Points('lift', 'strain', (0.0, 0.2, 1.2), (0.02, 0.02, 0.1)),
+                    load__kind='mass_spring', load_model__force=49.0,
+                    load_model__inertia=0.635)
+    graph.advance(rig, 2.0)
+    assert rig.rig.truth.strain == pytest.approx(0.1, abs=0.004)
+
+
+@pytest.mark.parametrize(('fault', 'reason'), [
+    ({'faults__nan': 'force'}, 'force is nan'),
+    ({'faults__nan': 'strain'}, 'strain is nan'),
+    ({'faults__silent': 'strain'}, 'strain'),
+])
+def test_lost_sensor_holds_then_vents_then_recovers(graph, bundle, fault, reason):
+    """Pressures are held for hold_time, vented, and come back when the sensor does."""
+    rig, node = bundle(hold(60.0))
+    graph.advance(rig, 1.0)
+    before = list(node.setpoints)
+    graph.set('plant_simulator', **fault)
+    graph.advance(rig, 0.1)
+    assert node._state == 'HOLD'
+    assert node.setpoints == pytest.approx(before, abs=5e3)
+    graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
+    assert any(reason in watch.reason for watch in node._watches)
+    graph.set('plant_simulator', **dict.fromkeys(fault, ''))
+    graph.advance(rig, 1.0)
+    assert node._state == 'ACTIVE'
+    assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
+def test_frozen_force_is_not_believed(graph, bundle):
+    """A force that repeats exactly while pressures move is stuck."""
+    rig, node = bundle(Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0)))
+    graph.advance(rig, 0.5)
+    graph.set('plant_simulator', faults__frozen='force')
+    graph.advance(rig, lambda: node._state in ('HOLD', 'SENSOR'), 'the watch')
+    assert 'has shown exactly' in node._watches[0].reason
+
+
+def test_switching_on_and_off_makes_no_jump(graph, bundle):
+    """Off: pressures ramp down; on again: from the pressures as they are."""
+    rig, node = bundle(hold(60.0))
+    graph.advance(rig, 1.0)
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=False)).success
+    graph.advance(rig, 0.1)
+    assert 100e3 < rig.rig.truth.pressure[0] < 250e3
+    at = rig.rig.truth.pressure[0]
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.advance(rig, 0.005)
+    graph.advance(rig, 0.005)
+    assert node.setpoints[0] == pytest.approx(at, abs=25e3)
+    graph.advance(rig, 1.0)
+    assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
+def test_waits_for_enable_and_for_a_reference(graph, bundle):
+    """Not enabled, nothing moves; state 0 is published from the start."""
+    rig, node = bundle(hold(60.0), start_enabled=False)
+    states = graph.listen('recruitment_state', UInt8, interface.LATCHED)
+    graph.advance(rig, 0.3)
+    assert node._state == 'OFF'
+    assert states[0].data == 0
+    assert rig.rig.truth.pressure.max() < 1e3
+    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    graph.advance(rig, 1.2)
+    assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
+def test_emergency_stop_needs_enable_to_go_on(graph, bundle):
+    """After e_stop_reset nothing moves by itself."""
+    rig, node = bundle(hold(60.0))
+    graph.advance(rig, 0.5)
+    graph.call(Trigger, 'e_stop_trigger')
+    graph.until(lambda: node._stopped, 'the stop')
+    assert not graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.advance(rig, 0.3)
+    graph.call(Trigger, 'e_stop_reset')
+    graph.until(lambda: not node._stopped, 'the reset')
+    graph.advance(rig, 0.3)
+    assert rig.rig.truth.pressure.max() < 5e3
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.advance(rig, 1.2)
+    assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
+def test_policy_and_model_change_while_it_runs(graph, bundle, tmp_path):
+    """A better model file is taken over without a stop; a bad one is refused in words."""
+    rig, node = bundle(hold(60.0))
+    graph.advance(rig, 0.5)
+    better = tmp_path / 'better.yaml'
+    save_model(load_model(config_path('models/spie2021.yaml')).named('better'), better)
+    assert graph.set('recruitment_controller', model=str(better))[0].successful
+    assert node.bundle.name == 'better'
+    refused = graph.set('recruitment_controller', model='/nowhere.yaml')[0]
+    assert not refused.successful
+    assert '/nowhere.yaml: no such file' in refused.reason
+    assert not graph.set('recruitment_controller', policy='guess')[0].successful
+    assert graph.set('recruitment_controller', policy='hysteresis', scheme='batch')[0].successful
+    graph.advance(rig, 1.0)
+    assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
+def test_setpoints_are_absolute_and_carry_the_sample_s_stamp(graph, bundle):
+    """What goes to the PIDs is what FluidPressure is defined to be."""
+    rig, node = bundle(hold(60.0))
+    setpoints = graph.listen('mu1/pressure_setpoint', FluidPressure)
+    shares = graph.listen('recruitment', JointState)
+    graph.advance(rig, 0.5)
+    assert setpoints[-1].fluid_pressure == pytest.approx(node.setpoints[0] + 101325.0)
+    stamps = [interface.stamp_ns(m.header.stamp) for m in setpoints]
+    assert {b - a for a, b in zip(stamps, stamps[1:])} == {5_000_000}
+    on, share = interface.read_recruitment(shares[-1])
+    assert on == [True, False]
+    assert sum(share) == pytest.approx(1.0)
+
+
+def test_reference_that_is_no_number_is_refused(graph, quiet):
+    """nan on reference/force leaves the old reference."""
+    node = graph.add(RecruitmentNode(context=graph.context))
+    publisher = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+
+    def send(value):
+        publisher.publish(interface.force_message(1, value))
+        return node._reference is not None
+    graph.until(lambda: send(30.0), 'the reference')
+    for _ in range(5):
+        send(float('nan'))
+        graph.spin()
+    assert node._reference.value == 30.0
+
+
+def test_diagnostics_explain_the_decision(graph, bundle):
+    """State, margins, policy and rates are there for rqt."""
+    rig, _ = bundle(hold(60.0))
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+    graph.advance(rig, 0.5)
+
+    def mine():
+        return [m.status[0] for m in seen
+                if m.status[0].name == 'bundle/recruitment_controller']
+    graph.until(mine, 'diagnostics')
+    values = {v.key: v.value for v in mine()[-1].values}
+    assert values['recruitment'] == 'RS1'
+    assert float(values['recruit above, N']) == pytest.approx(80.0, abs=5.0)
+    assert values['policy'] == 'reversal_aware'

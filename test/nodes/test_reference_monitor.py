@@ -1,0 +1,113 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Reference generator and model monitor."""
+
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from fam_bundle_ros.model import load_model, save_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.model_monitor import ModelMonitor, noise_floor
+from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
+from fam_bundle_ros.nodes.profile import Points
+from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
+from fam_bundle_ros.resources import config_path
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+
+def test_trajectory_topic_is_sampled_with_its_rate(graph, quiet):
+    """A trajectory of strain on the topic becomes strain references with velocity."""
+    graph.add(ReferenceGenerator(context=graph.context),
+              PlantSimulator(context=graph.context, overrides=quiet))
+    seen = graph.listen('reference/strain', JointState)
+    publisher = graph.probe.create_publisher(JointTrajectory, 'reference/trajectory', 10)
+    graph.until(lambda: publisher.get_subscription_count() > 0, 'the generator')
+    publisher.publish(JointTrajectory(joint_names=['strain'], points=[
+        JointTrajectoryPoint(positions=[0.0]),
+        JointTrajectoryPoint(positions=[0.1], time_from_start=Duration(sec=1))]))
+    graph.until(lambda: seen and seen[-1].position[0] > 0.02, 'the ramp')
+    moving = seen[-1]
+    assert moving.velocity[0] == pytest.approx(0.1)
+    graph.until(lambda: seen[-1].position[0] == 0.1, 'the end')
+
+
+def test_bad_trajectory_leaves_the_old_one(graph, quiet):
+    """Points that go back in time are refused."""
+    node = graph.add(ReferenceGenerator(context=graph.context,
+                                        profile=Points('p', 'force', (0.0,), (5.0,))),
+                     PlantSimulator(context=graph.context, overrides=quiet))[0]
+    publisher = graph.probe.create_publisher(JointTrajectory, 'reference/trajectory', 10)
+    graph.until(lambda: publisher.get_subscription_count() > 0, 'the generator')
+    publisher.publish(JointTrajectory(joint_names=['force'], points=[
+        JointTrajectoryPoint(positions=[1.0], time_from_start=Duration(sec=2)),
+        JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1))]))
+    graph.spin(0.2)
+    assert node._profile.name == 'p'
+
+
+def test_trajectory_starts_when_somebody_takes_it(graph, quiet):
+    """In wall time the file's trajectory waits for rig and controller."""
+    node = graph.add(ReferenceGenerator(context=graph.context,
+                                        profile=Points('p', 'force', (0.0, 1.0), (5.0, 9.0))),
+                     PlantSimulator(context=graph.context, overrides=quiet))[0]
+    graph.spin(0.4)
+    assert node.start is None
+    seen = graph.listen('reference/force', WrenchStamped)
+    graph.until(lambda: seen, 'the reference')
+    assert seen[0].wrench.force.x < 5.5
+
+
+def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
+    """With the true model the residual is noise; with hidden friction it is well above."""
+    hidden = tmp_path / 'hidden.yaml'
+    save_model(load_model(config_path('models/spie2021.yaml')).with_effect(
+        'coulomb_friction', force=6.0).named('hidden'), hidden)
+    profile = Points('p', 'force', (0.0, 0.5, 1.5, 2.5), (30.0, 30.0, 70.0, 30.0))
+    nodes = make_nodes(graph.context, overrides={
+        **quiet, 'sensors.force_noise': 0.5, 'lock_step': True, 'wait_for_reference': True,
+        'start_enabled': True, 'plant_model': str(hidden), 'window': 2.0,
+        'load.kind': 'mass_spring', 'load.stiffness_against': 2000.0, 'load.mass': 1.0},
+        simulator={'script': graph.pacer}, generator={'profile': profile})
+    graph.add(*nodes)
+    rig = nodes[-1]
+    residuals = graph.listen('model/residual', WrenchStamped)
+    diagnostics = graph.listen('/diagnostics', DiagnosticArray)
+    graph.advance(rig, 2.5)
+    values = np.array([m.wrench.force.x for m in residuals[100:]])
+    floor = noise_floor(values)
+    assert floor == pytest.approx(0.5, rel=0.3)
+    assert np.sqrt(np.mean(values ** 2)) > 4 * floor
+
+    def text():
+        return [m.status[0].message for m in diagnostics
+                if m.status[0].name.endswith('model_monitor')]
+    graph.until(lambda: text() and 'model error' in text()[-1], 'the warning')
+    monitor = next(n for n in nodes if isinstance(n, ModelMonitor))
+    assert graph.set('model_monitor', model=str(hidden))[0].successful
+    count = len(residuals)
+    graph.advance(rig, 0.5)
+    values = np.array([m.wrench.force.x for m in residuals[count + 20:]])
+    assert np.sqrt(np.mean(values ** 2)) < 3 * floor
+    assert monitor._live.bundle.name == 'hidden'
+
+
+def test_model_force_plus_residual_is_the_measured_force(graph, quiet):
+    """Both topics carry the stamp of the reading they belong to."""
+    graph.add(ModelMonitor(context=graph.context),
+              PlantSimulator(context=graph.context, overrides=quiet))
+    force = graph.listen('force', WrenchStamped)
+    model = graph.listen('model/force', WrenchStamped)
+    residual = graph.listen('model/residual', WrenchStamped)
+    graph.until(lambda: len(residual) > 20, 'residuals')
+
+    def by_stamp(messages):
+        return {interface.stamp_ns(m.header.stamp): m.wrench.force.x for m in messages}
+    measured, predicted, error = map(by_stamp, (force, model, residual))
+    common = set(measured) & set(predicted) & set(error)
+    assert len(common) > 10
+    for stamp in common:
+        assert measured[stamp] == pytest.approx(predicted[stamp] + error[stamp])

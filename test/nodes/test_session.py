@@ -1,0 +1,239 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Whole runs: the same twice, one process or six, side by side, recorded, checked."""
+
+import hashlib
+import subprocess
+import sys
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import load_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.process import Spinner
+from fam_bundle_ros.nodes.profile import Points
+from fam_bundle_ros.nodes.session import check_rig, record, run_trajectory
+from fam_bundle_ros.plant import Dynamometer, SensorConfig
+from fam_bundle_ros.plant.rig import RigConfig
+from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.simulation import ClosedLoop, Trajectory
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from rclpy.context import Context
+from sensor_msgs.msg import FluidPressure, JointState
+
+RAMP = Points('ramp', 'force', (0.0, 0.3, 1.3), (40.0, 40.0, 100.0))
+
+
+def digest(log):
+    """Return a hash over everything that happened."""
+    data = (log.time, log.force, log.strain, log.pressure, log.setpoint, log.command, log.state)
+    return hashlib.sha256(b''.join(np.ascontiguousarray(x).tobytes() for x in data)).hexdigest()
+
+
+def test_same_hash_twice_in_lock_step(domain_id):
+    """A run in lock-step over real DDS is the same to the last bit, with noise."""
+    first, second = (run_trajectory('spie2021', RAMP, domain=domain_id) for _ in range(2))
+    assert len(first.time) == 260
+    assert digest(first) == digest(second)
+    assert digest(run_trajectory('spie2021', RAMP, domain=domain_id, seed=1)) != digest(first)
+
+
+def test_ros_agrees_with_the_loop_without_ros(domain_id):
+    """The nodes do what the library does: the same tracking to well below the noise."""
+    bundle = load_model(config_path('models/spie2021.yaml'))
+    plan = Trajectory('ramp', 'force', RAMP.duration, RAMP.value, RAMP.rate, Dynamometer(0.1))
+    ros = run_trajectory(bundle, plan, domain=domain_id, rig=RigConfig(
+        sensors=SensorConfig.ideal()), overrides={'stuck_time': 0.0})
+    library = ClosedLoop(bundle, rig=RigConfig(sensors=SensorConfig.ideal()), period=5e-3,
+                         pid_period=5e-3).run(plan)
+    assert ros.time == pytest.approx(library.time)
+    settled = ros.time > 0.3
+    assert np.sqrt(np.mean((ros.force - library.force)[settled] ** 2)) < 0.5
+    assert abs(len(ros.switches) - len(library.switches)) <= 1
+
+
+def test_bag_holds_every_sample(domain_id, tmp_path):
+    """Each topic of the interface is in the bag, byte for byte, stamped in simulated time."""
+    rosbags = pytest.importorskip('rosbags.highlevel')
+    run_trajectory('spie2021', RAMP, domain=domain_id, bag=tmp_path / 'deep' / 'bag')
+    from rosbags.typesys import get_typestore, Stores
+    with rosbags.AnyReader([tmp_path / 'deep' / 'bag'],
+                           default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        count = {c.topic: c.msgcount for c in reader.connections}
+        for topic in ('force', 'strain', 'supply/pressure', 'mu1/pressure', 'mu2/valve_command',
+                      'mu1/pressure_setpoint', 'reference/force', 'model/residual'):
+            assert count[f'/bundle/{topic}'] >= 260
+        assert count['/bundle/recruitment_state'] >= 2
+        connection = next(c for c in reader.connections if c.topic == '/bundle/force')
+        _, stamp, raw = next(reader.messages([connection]))
+        message = reader.deserialize(raw, connection.msgtype)
+        assert (stamp, message.header.frame_id) == (5_000_000, 'load_cell')
+
+
+def test_bag_that_is_there_is_not_overwritten(domain_id, tmp_path):
+    """An old recording is never lost."""
+    pytest.importorskip('rosbags')
+    with pytest.raises(InputError, match='is there already'):
+        run_trajectory('spie2021', RAMP, domain=domain_id, bag=tmp_path)
+
+
+def test_wall_time_tracks_too(domain_id):
+    """Without lock-step: the same nodes at their rate, force on the reference."""
+    log = run_trajectory('spie2021', RAMP, domain=domain_id, lock_step=False)
+    end = log.time > 0.5
+    assert np.sqrt(np.mean(log.error[end] ** 2)) < 3.0
+    assert log.state.max() == 2
+
+
+def test_two_bundles_side_by_side(ros_context):
+    """Two namespaces in one process do not hear each other."""
+    values = {'start_stopped': False, 'start_enabled': True, 'monitor': False, 'rate': 100.0,
+              'load.kind': 'dynamometer'}
+    rigs, nodes = [], []
+    for name, force in (('left', 30.0), ('right', 70.0)):
+        mine = make_nodes(ros_context, name, overrides=values,
+                          generator={'profile': Points(name, 'force', (0.0,), (force,))})
+        rigs.append(mine[-1])
+        nodes += mine
+    spinner = Spinner(ros_context, nodes)
+    spinner.spin(3.0)
+    forces = [rig.rig.truth.force for rig in rigs]
+    spinner.close()
+    assert forces == pytest.approx([30.0, 70.0], abs=4.0)
+
+
+class Hasher(BundleNode):
+    """Hashes what a rig sends up to a stamp."""
+
+    def __init__(self, context, end):
+        super().__init__('hasher', (), context=context)
+        self.rows = {}
+        self.end = end
+        for topic, kind, read in (
+                ('force', WrenchStamped, interface.read_force),
+                ('mu1/valve_command', JointState, lambda m: m.effort[0]),
+                ('mu2/pressure', FluidPressure, lambda m: m.fluid_pressure)):
+            def take(message, topic=topic, read=read):
+                stamp = interface.stamp_ns(message.header.stamp)
+                if stamp <= end:
+                    self.rows[topic, stamp] = read(message)
+            self.create_subscription(kind, topic, take, interface.LOCK_STEP)
+
+    def done(self):
+        return all((topic, self.end) in self.rows for topic in (
+            'force', 'mu1/valve_command', 'mu2/pressure'))
+
+
+def test_one_process_gives_what_six_give(domain_id, tmp_path):
+    """Lock-step is deterministic whatever order messages arrive in."""
+    trajectory = tmp_path / 'ramp.yaml'
+    trajectory.write_text('format: fam-bundle-trajectory/1\nquantity: force\n'
+                          'points: [[0 s, 40 N], [0.2 s, 40 N], [0.8 s, 80 N]]\n')
+    parameters = {'lock_step': True, 'wait_for_reference': True, 'start_enabled': True,
+                  'start_stopped': False, 'load.kind': 'dynamometer', 'monitor': False,
+                  'trajectory': str(trajectory), 'lock_step_timeout': 30.0}
+    hashes = []
+    for processes in (1, 6):
+        context = Context()
+        context.init(domain_id=domain_id)
+        hasher = Hasher(context, 200 * 5_000_000)
+        nodes, running = [hasher], []
+        if processes == 1:
+            nodes += make_nodes(context, overrides=parameters)
+        else:
+            given = [f'-p{name}:={str(value).lower() if isinstance(value, bool) else value}'
+                     .replace('-p', '-p ', 1).split(' ', 1)
+                     for name, value in parameters.items()]
+            flags = [part for pair in given for part in pair]
+            for node, more in (('plant_simulator', []), ('recruitment_controller', []),
+                               ('reference_generator', []), ('model_monitor', []),
+                               ('pressure_pid', ['-p', 'motor_unit:=1', '-r', '__node:=pid1']),
+                               ('pressure_pid', ['-p', 'motor_unit:=2', '-r', '__node:=pid2'])):
+                running.append(subprocess.Popen(
+                    [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{node} '
+                     f'import main; sys.exit(main())', '--ros-args', *flags, *more]))
+        spinner = Spinner(context, nodes)
+        for _ in range(300):
+            spinner.spin(0.1)
+            if hasher.done():
+                break
+        for process in running:
+            process.terminate()
+        statuses = [process.wait(10) for process in running]
+        spinner.close()
+        context.try_shutdown()
+        assert hasher.done()
+        assert not any(statuses)
+        hashes.append(hashlib.sha256(repr(sorted(hasher.rows.items())).encode()).hexdigest())
+    assert hashes[0] == hashes[1]
+
+
+@pytest.fixture
+def running_bundle(domain_id, repository):
+    """Yield a bundle in a process of its own, in wall time."""
+    process = subprocess.Popen([
+        sys.executable, '-c', 'import sys; from fam_bundle_ros.nodes.bundle_bringup import main; '
+        'sys.exit(main())'])
+    yield process
+    process.terminate()
+    assert process.wait(10) == 0
+
+
+def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id, tmp_path):
+    """The simulator passes the check that a rig has to pass; its topics are recorded."""
+    pytest.importorskip('rosbags')
+    findings = check_rig(seconds=1.0, domain=domain_id, patience=15.0)
+    assert [str(f) for f in findings if not f.ok] == []
+    text = '\n'.join(map(str, findings))
+    assert 'mu2/pressure unit: 1' in text
+    assert 'force unit and sign' in text
+    assert record(tmp_path / 'bag', 1.5, domain=domain_id) > 500
+    assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
+
+
+def test_check_rig_says_what_is_wrong(domain_id):
+    """Gauge pressure, strain in %, no stamps, nobody at the valves: each is one finding."""
+    source = '''
+import sys, time
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.process import run
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import FluidPressure, JointState
+class Bad(BundleNode):
+    def __init__(self, context):
+        super().__init__('bad', (), context=context)
+        self.a = self.publisher('force', WrenchStamped)
+        self.b = self.publisher('strain', JointState)
+        self.c = self.publisher('mu1/pressure', FluidPressure)
+        self.every(0.01, self.tick)
+    def tick(self):
+        self.a.publish(interface.force_message(0, -80.0))
+        self.b.publish(interface.strain_message(self.now_ns(), 12.0, 0.0, 0.127))
+        self.c.publish(interface.pressure_message(self.now_ns(), 20e3, 0.0))
+sys.exit(run(lambda context: [Bad(context)], ''))
+'''
+    process = subprocess.Popen([sys.executable, '-c', source])
+    try:
+        findings = check_rig(seconds=0.5, domain=domain_id, patience=15.0)
+    finally:
+        process.terminate()
+        process.wait(10)
+    wrong = {f.what: f.detail for f in findings if not f.ok}
+    assert 'zero or go backwards' in wrong['force stamps']
+    assert 'tension positive' in wrong['force unit and sign']
+    assert 'not % or mm' in wrong['strain unit and sign']
+    assert 'pressure_is_gauge' in wrong['mu1/pressure unit']
+    assert 'nobody listens' in wrong['mu1/valve_command']
+    assert 'e_stop' in wrong
+
+
+def test_record_without_a_bundle_fails(domain_id, tmp_path, monkeypatch):
+    """Nothing there: one sentence, and no waiting forever."""
+    pytest.importorskip('rosbags')
+    monkeypatch.setattr('fam_bundle_ros.nodes.recording._PATIENCE', 0.5)
+    with pytest.raises(InputError, match='no topics of a bundle under /bundle'):
+        record(tmp_path / 'bag', 5.0, domain=domain_id)
