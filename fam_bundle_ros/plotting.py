@@ -78,7 +78,8 @@ def line(x: Iterable[Any], y: Iterable[Any], name: str, colour: palette.Colour |
     """Return a line trace."""
     colour = colour if isinstance(colour, str) else colour.light
     return go.Scatter(x=x, y=y, name=name, mode='lines',
-                      line={'color': colour, 'dash': dash, 'width': width}, **more)
+                      line={'color': colour, 'dash': dash, 'width': width,
+                            'simplify': False}, **more)
 
 
 def points(x: Iterable[Any], y: Iterable[Any], name: str, colour: palette.Colour | str,

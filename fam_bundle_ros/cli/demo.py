@@ -63,24 +63,29 @@ Step = Callable[[str, float], Any]
 
 
 def _run_trajectories(bundle: Any, folder: Path, seed: int, step: Step) -> list[Any]:
+    from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, STRAIN
+    from fam_bundle_ros.nodes.profile import load_profile
     from fam_bundle_ros.nodes.session import run_trajectory
-    from fam_bundle_ros.plant import Dynamometer, MassSpring
+    from fam_bundle_ros.plant import MassSpring
     from fam_bundle_ros.report.demo_page import DemoRun
+    from fam_bundle_ros.simulation import Trajectory
+    lift = load_profile('strain_steps')
     stories = (
-        ('force', 'force_ramp', Dynamometer(strain=0.12),
+        ('force', make_trajectory('ramp', bundle),
          'a force that rises through the overlap of the two recruitment states and falls back, '
-         'on a dynamometer that holds the strain at 12 %.'),
-        ('strain', 'strain_steps', MassSpring(mass=5.0, damping=40.0),
+         f'on a dynamometer that holds the strain at {100 * STRAIN:.0f} %.'),
+        ('strain', Trajectory(lift.name, lift.kind, lift.duration, lift.value, lift.rate,
+                              MassSpring(mass=5.0, damping=40.0), prepare=2.0),
          'a mass of 5 kg that is lifted to 16 % strain, held and lowered again.'),
     )
     runs = []
-    for name, trajectory, load, words in stories:
+    for name, trajectory, words in stories:
         logs = {}
         for scheme, label in (('orderly', f'{name} trajectory on ROS 2'),
                               ('all_on', f'{name} trajectory, all units on')):
             with step(label, 12.0) as tick:
                 logs[scheme] = run_trajectory(
-                    bundle, trajectory, load=load, seed=seed, overrides={'scheme': scheme},
+                    bundle, trajectory, seed=seed, overrides={'scheme': scheme},
                     bag=folder / 'bag' / name if scheme == 'orderly' else None,
                     progress=tick, log_level='warn')
         runs.append(DemoRun(name, words, logs['orderly'], logs['all_on']))

@@ -113,7 +113,8 @@ def _headline(found: Mapping[str, Any]) -> list[Headline]:
         saving = 100.0 * run['air_saving']
         cards.append(Headline(
             f'Air, {name}', f'{abs(saving):.1f} % {"less" if saving >= 0 else "more"}',
-            f'than with all units on; tracking {run["tracking_ratio_all_on"]:.2f} times'))
+            f'than with all units on, at {run["tracking_ratio_all_on"]:.2f} times the '
+            'tracking error'))
     steps = found['model']['steps']
     cards.append(Headline('Model error, measured muscle',
                           f'{steps[0]["error_N"]:.3g} → {steps[-1]["error_N"]:.3g} N',
@@ -133,8 +134,7 @@ def _what(runs: Sequence[DemoRun], found: Mapping[str, Any]) -> Section:
                          row['shortest_dwell'], row['chatter'], 1e6 * row['air_mass'],
                          row['efficiency'] or None))
     return Section(
-        'What was done', '\n\n'.join(f'{run.name[:1].upper()}{run.name[1:]}: {run.words}'
-                                     for run in runs),
+        'What was done', '\n\n'.join(f'{_capital(run.name)}: {run.words}' for run in runs),
         [Table(('trajectory', 'scheme', 'rms error', 'largest', 'of', 'switches',
                 'shortest dwell (s)', 'chatter', 'air (mg)', 'efficiency'), rows,
                'Efficiency: work done on the load over the energy of the air drawn; a '
@@ -143,9 +143,8 @@ def _what(runs: Sequence[DemoRun], found: Mapping[str, Any]) -> Section:
 
 def _run_section(run: DemoRun, numbers: Mapping[str, Any], bundle: Bundle) -> Section:
     return Section(
-        f'{run.name[:1].upper()}{run.name[1:]} on ROS 2', run.words,
-        [*run_pictures(run.log, bundle, run.name.replace(' ', '-'),
-                       f'{run.name[:1].upper()}{run.name[1:]}'),
+        f'{_capital(run.name)} on ROS 2', _capital(run.words),
+        [*run_pictures(run.log, bundle, run.name.replace(' ', '-'), _capital(run.name)),
          Table(('time (s)', 'decision'), run.log.decisions, 'What the recruitment controller '
                'said when it switched.')])
 
@@ -168,3 +167,7 @@ def _measured(diagnosis: Diagnosis) -> list[Section]:
 def _held(step: Mapping[str, Any]) -> str:
     value = step.get('held_out_N')
     return 'not worked out' if value is None else f'{value:.3g} N'
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -10,13 +10,13 @@ from fam_bundle_ros.cli import main
 
 
 @pytest.fixture
-def fam_bundle(tmp_path, monkeypatch, capsys):
+def fam_bundle(tmp_path, monkeypatch, capfd):
     """Return a function that runs ``fam_bundle`` and gives status, stdout and stderr."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments):
-        capsys.readouterr()
+        capfd.readouterr()
         status = main([str(argument) for argument in arguments])
-        shown = capsys.readouterr()
+        shown = capfd.readouterr()
         return SimpleNamespace(returncode=status, stdout=shown.out, stderr=shown.err)
     return run

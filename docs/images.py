@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Draws the pictures of docs/images from commands: python docs/images.py [--chromium PROGRAM].
+
+Each picture comes twice, for light and dark pages. Needs Chromium, which draws the same plotly
+figures that the commands put on their pages; nothing is fetched.
+"""
+
+import argparse
+from pathlib import Path
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+from fam_bundle_ros.cli import main as fam_bundle
+
+HERE = Path(__file__).resolve().parent
+PRACTICE = HERE.parent / 'test' / 'data' / 'practice'
+
+#: Command (its page goes to PAGE) -> figures of the page: key, file name, width in pixels.
+PICTURES = (
+    (('map', 'spie2021', '--out', 'PAGE'),
+     (('isobars', 'isobars', 860), ('space', 'force_strain_space', 980),
+      ('free_strain', 'free_strain', 860))),
+    (('diagnose', str(PRACTICE / 'p03.csv'), '--model', str(PRACTICE / 'p03.model.yaml'),
+      '--out', 'PAGE'),
+     (('maps', 'residual_maps', 980), ('loops', 'loops', 980), ('ladder', 'ladder', 860),
+      ('candidates', 'candidates', 860))),
+    (('diagnose', 'dmsp20_static_map', '--model', 'dmsp20_static_map', '--out', 'PAGE'),
+     (('ladder', 'dmsp20_ladder', 900),)),
+)
+
+
+def main() -> int:
+    """Run every command and draw its figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--chromium', default=shutil.which('chromium') or 'chromium')
+    chromium = parser.parse_args().chromium
+    images = HERE / 'images'
+    images.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        page = Path(scratch, 'page.html')
+        for command, figures in PICTURES:
+            status = fam_bundle([str(page) if word == 'PAGE' else word for word in command])
+            if status:
+                return status
+            text = page.read_text(encoding='utf-8')
+            for key, name, width in figures:
+                for theme in ('light', 'dark'):
+                    alone = Path(scratch, f'{name}.html')
+                    alone.write_text(only(text, key), encoding='utf-8')
+                    target = images / f'{name}_{theme}.png'
+                    draw(chromium, alone, theme, width, height(text, key), target, scratch)
+                    print(target.relative_to(HERE.parent))
+    return 0
+
+
+def only(page: str, key: str) -> str:
+    """Return a page with nothing but the drawing of one figure."""
+    body = re.search(rf'<figure id="{key}">.*?(<div class="drawing".*?</script>)', page, re.S)
+    if body is None:
+        raise SystemExit(f'the page has no figure {key}')
+    start, end = page.index('<header>'), page.index('</footer>') + len('</footer>')
+    frame = '<button id="theme" hidden></button><style>body{padding:8px 12px}' \
+            '#theme,.modebar{display:none!important}</style>'
+    return f'{page[:start]}{frame}{body[1]}{page[end:]}'
+
+
+def height(page: str, key: str) -> int:
+    """Return the height of a figure, pixels."""
+    found = re.search(rf'<figure id="{key}">.*?style="height:(\d+)px"', page, re.S)
+    assert found is not None
+    return int(found[1])
+
+
+def draw(chromium: str, page: Path, theme: str, width: int, tall: int, target: Path,
+         scratch: str) -> None:
+    """Take a picture of a page."""
+    subprocess.run(
+        [chromium, '--headless', '--no-sandbox', '--disable-gpu', '--hide-scrollbars',
+         '--no-first-run', '--disable-background-networking', '--disable-component-update',
+         '--disable-sync', '--disable-quic', f'--user-data-dir={scratch}/profile',
+         f'--window-size={width},{tall + 16}', '--force-device-scale-factor=1.5',
+         '--virtual-time-budget=6000', f'--screenshot={target}', f'{page.as_uri()}#{theme}'],
+        check=True, capture_output=True, timeout=120)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,95 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that speak ROS 2, over real rclpy."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+
+@pytest.fixture
+def running_bundle(repository, domain_id, tmp_path):
+    """Yield ``fam_bundle run`` as a process that simulates and moves."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'fam_bundle_ros.cli', 'run', '--model', 'spie2021'],
+        cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, 'PYTHONPATH': str(repository), 'ROS_DOMAIN_ID': str(domain_id)})
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundle, tmp_path):
+    """`run` speaks the interface; `record` makes a bag that `convert` reads; Ctrl-C ends well."""
+    checked = fam_bundle('check-rig', '--seconds', '2', '--json', 'check.json')
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    assert json.loads((tmp_path / 'check.json').read_text())['ok']
+    recorded = fam_bundle('record', 'bag', '--seconds', '4', '--json', 'record.json')
+    assert recorded.returncode == 0, recorded.stderr
+    assert json.loads((tmp_path / 'record.json').read_text())['messages'] > 1000
+    converted = fam_bundle('convert', 'bag', 'log.csv')
+    assert converted.returncode == 0, converted.stderr
+    rows = (tmp_path / 'log.csv').read_text().splitlines()
+    assert rows[0].startswith('time [s],trial,strain,pressure.mu1 [kPa],pressure.mu2 [kPa]')
+    assert len(rows) > 300
+    again = fam_bundle('record', 'bag', '--seconds', '1')
+    assert again.returncode == 2
+    assert 'bag' in again.stderr
+    running_bundle.send_signal(signal.SIGINT)
+    _, stderr = running_bundle.communicate(timeout=10)
+    assert running_bundle.returncode == 0, stderr
+
+
+def test_run_refuses_what_it_does_not_know(fam_bundle, domain_id):
+    """A model or a parameter that is not there: one line, status 2, nothing started."""
+    for arguments, word in ((['--model', 'absent'], 'absent'),
+                            (['--params-file', 'absent.yaml'], 'absent.yaml'),
+                            (['--ros-args', '-p', 'rate:=-3.0'], 'rate'),
+                            (['--policy', 'brave'], 'brave')):
+        result = fam_bundle('run', *arguments)
+        assert result.returncode == 2, arguments
+        assert word in result.stderr
+        assert len(result.stderr.splitlines()) == 1, result.stderr
+
+
+def test_check_rig_fails_where_there_is_no_rig(fam_bundle, domain_id):
+    """Without a rig in the domain `check-rig` says what it misses and exits with 1."""
+    result = fam_bundle('check-rig', '--seconds', '0.5', '--namespace', '/nobody')
+    assert result.returncode == 1
+    assert 'FAIL' in result.stdout
+
+
+def test_demo_tells_the_whole_story(fam_bundle, domain_id, tmp_path):
+    """`demo`: RS1 to RS2 to RS1 twice over ROS, the model's error by step, report/ whole."""
+    result = fam_bundle('demo')
+    assert result.returncode == 0, result.stderr
+    assert sorted(p.name for p in (tmp_path / 'report').iterdir()) == [
+        'bag', 'index.html', 'metrics.json']
+    found = json.loads((tmp_path / 'report' / 'metrics.json').read_text())
+    for kind, rms, largest in (('force', 0.5, 3.0), ('strain', 0.004, 0.02)):
+        run = found['runs'][kind]
+        assert run['states'] == ['RS1', 'RS2', 'RS1']
+        assert run['orderly']['tracking_rms'] < rms
+        assert run['orderly']['largest_error'] < largest
+        assert not run['orderly']['chatter']
+    errors = [step['error_N'] for step in found['model']['steps']]
+    assert 140.0 < errors[0] < 160.0
+    assert errors == sorted(errors, reverse=True)
+    assert found['model']['steps'][-1]['held_out_N'] < 8.0
+    page = (tmp_path / 'report' / 'index.html').read_text()
+    for figure in ('force-run', 'force-track', 'strain-run', 'strain-track', 'before', 'after',
+                   'ladder', 'candidates', 'isobars', 'space', 'free_strain'):
+        assert f'<figure id="{figure}">' in page
+    bag = fam_bundle('convert', 'report/bag/force', 'force.csv')
+    assert bag.returncode == 0, bag.stderr
+    # a second run takes the place of the report, but never of anything else
+    (tmp_path / 'report' / 'thesis.tex').write_text('years of work')
+    refused = fam_bundle('demo')
+    assert refused.returncode == 2
+    assert 'thesis.tex' in refused.stderr
