@@ -73,6 +73,7 @@ class BundleNode(Node):
             name, context=context, namespace=namespace,
             parameter_overrides=[Parameter(k, value=v) for k, v in (overrides or {}).items()])
         self._said: dict[str, float] = {}
+        self._streams: list[Publisher] = []
         try:
             self.p = Parameters(self, (*COMMON, *specs))
         except InputError:
@@ -87,17 +88,21 @@ class BundleNode(Node):
     def stop(self) -> None:
         """Publish the safe state; called once, before the node is destroyed."""
 
-    def flush(self, seconds: float) -> None:
-        """Wait until what was published has arrived, at most this long for each publisher."""
-        for publisher in self.publishers:
-            publisher.wait_for_all_acked(Duration(nanoseconds=int(seconds * 1e9)))
+    def flush(self, deadline: float) -> None:
+        """Wait until what was published has arrived, until a steady time (s) at most."""
+        for publisher in self._streams:
+            left = max(deadline - time.monotonic(), 0.0)
+            publisher.wait_for_all_acked(Duration(nanoseconds=int(left * 1e9)))
 
     def publisher(self, topic: str, kind: Any, qos: QoSProfile = interface.PUBLISH) -> Publisher:
         """Return a publisher whose QoS the user may override and whose misfits are logged."""
-        return self.create_publisher(
+        publisher = self.create_publisher(
             kind, topic, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             event_callbacks=PublisherEventCallbacks(
                 incompatible_qos=lambda event: self._misfit(topic, event)))
+        if topic != interface.DIAGNOSTICS:
+            self._streams.append(publisher)
+        return publisher
 
     def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], None],
                   qos: QoSProfile | None = None) -> Subscription:

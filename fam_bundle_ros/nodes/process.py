@@ -29,7 +29,7 @@ from fam_bundle_ros.nodes.base import BundleNode
 
 #: s. Bounds how late a signal is noticed: with an infinite wait EventsExecutor ignores signals.
 SLICE = 0.1
-#: s that the last messages get to reach everyone.
+#: s that all last messages together get to reach everyone (who may be gone already).
 FAREWELL = 0.3
 #: s after a first signal in which a second one counts as the same.
 PATIENCE = 2.0
@@ -60,6 +60,11 @@ class Spinner:
         # lock-step is never.
         self.nodes[0].every(0.5 * SLICE, self._check)
 
+    def add(self, node: BundleNode) -> None:
+        """Take in one more node, to be stopped last."""
+        self.nodes.append(node)
+        self.executor.add_node(node)
+
     def spin(self, seconds: float = SLICE) -> None:
         """Work off events for some time, or until `interrupt`."""
         self._slice = Future(executor=self.executor)
@@ -75,8 +80,9 @@ class Spinner:
         """Let every node publish its safe state, then destroy them; the context stays."""
         for node in self.nodes:
             node.stop()
+        deadline = time.monotonic() + FAREWELL
         for node in self.nodes:
-            node.flush(FAREWELL)
+            node.flush(deadline)
         self.executor.shutdown()
         for node in self.nodes:
             node.destroy_node()

@@ -13,6 +13,7 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.profile import Points
+from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.session import check_rig, record, run_trajectory
 from fam_bundle_ros.plant import Dynamometer, SensorConfig
 from fam_bundle_ros.plant.rig import RigConfig
@@ -106,7 +107,9 @@ def test_two_bundles_side_by_side(ros_context):
 
 
 class Hasher(BundleNode):
-    """Hashes what a rig sends up to a stamp."""
+    """Collects what goes round in the loop up to a stamp."""
+
+    TOPICS = ('force', 'mu1/valve_command', 'mu2/pressure')
 
     def __init__(self, context, end):
         super().__init__('hasher', (), context=context)
@@ -123,39 +126,41 @@ class Hasher(BundleNode):
             self.create_subscription(kind, topic, take, interface.LOCK_STEP)
 
     def done(self):
-        return all((topic, self.end) in self.rows for topic in (
-            'force', 'mu1/valve_command', 'mu2/pressure'))
+        return all((topic, self.end) in self.rows for topic in self.TOPICS)
 
 
-def test_one_process_gives_what_six_give(domain_id, tmp_path):
+def test_one_process_gives_what_six_give(domain_id):
     """Lock-step is deterministic whatever order messages arrive in."""
-    trajectory = tmp_path / 'ramp.yaml'
-    trajectory.write_text('format: fam-bundle-trajectory/1\nquantity: force\n'
-                          'points: [[0 s, 40 N], [0.2 s, 40 N], [0.8 s, 80 N]]\n')
+    profile = Points('ramp', 'force', (0.0, 0.2, 0.8), (40.0, 40.0, 80.0))
     parameters = {'lock_step': True, 'wait_for_reference': True, 'start_enabled': True,
-                  'start_stopped': False, 'load.kind': 'dynamometer', 'monitor': False,
-                  'trajectory': str(trajectory), 'lock_step_timeout': 30.0}
+                  'start_stopped': False, 'load.kind': 'dynamometer', 'generate': False,
+                  'lock_step_timeout': 30.0}
+    flags = [part for name, value in parameters.items()
+             for part in ('-p', f'{name}:={str(value).lower()}')]
     hashes = []
     for processes in (1, 6):
         context = Context()
         context.init(domain_id=domain_id)
         hasher = Hasher(context, 200 * 5_000_000)
-        nodes, running = [hasher], []
+        nodes = [hasher]
+        running = []
         if processes == 1:
             nodes += make_nodes(context, overrides=parameters)
         else:
-            given = [f'-p{name}:={str(value).lower() if isinstance(value, bool) else value}'
-                     .replace('-p', '-p ', 1).split(' ', 1)
-                     for name, value in parameters.items()]
-            flags = [part for pair in given for part in pair]
             for node, more in (('plant_simulator', []), ('recruitment_controller', []),
-                               ('reference_generator', []), ('model_monitor', []),
+                               ('model_monitor', []),
                                ('pressure_pid', ['-p', 'motor_unit:=1', '-r', '__node:=pid1']),
                                ('pressure_pid', ['-p', 'motor_unit:=2', '-r', '__node:=pid2'])):
                 running.append(subprocess.Popen(
                     [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{node} '
-                     f'import main; sys.exit(main())', '--ros-args', *flags, *more]))
+                     'import main; sys.exit(main())', '--ros-args', *flags, *more]))
         spinner = Spinner(context, nodes)
+        for _ in range(300):
+            spinner.spin(0.1)
+            if all(hasher.count_publishers(topic) for topic in Hasher.TOPICS):
+                break
+        # Nothing moves without a reference: this begins the run.
+        spinner.add(ReferenceGenerator(context=context, profile=profile, overrides=parameters))
         for _ in range(300):
             spinner.spin(0.1)
             if hasher.done():
