@@ -16,6 +16,7 @@ from fam_bundle_ros.model.effects import (
     buckling,
     end_caps,
     friction,
+    friction_dahl,
     lag,
     mesh,
     mismatch,
@@ -37,7 +38,7 @@ ENTRY_POINT_GROUP = 'fam_bundle_ros.effects'
 BUILT_IN: tuple[type[Effect], ...] = (
     mesh.Mesh, bladder.BladderElasticity, bladder.BladderPolynomial, bladder.BladderOgden,
     surface.MeasuredSurface, buckling.ResistiveBuckling, buckling.ResistivePlateau,
-    slack.TendonSlack, friction.CoulombFriction, friction.PreslidingHysteresis,
+    slack.TendonSlack, friction.CoulombFriction, friction.PreslidingHysteresis, friction_dahl.PreslidingDahl,
     viscous.ViscousDamping, viscous.ViscousPower, relaxation.ViscoelasticRelaxation,
     relaxation.RelaxationProny, relaxation_rubber.RelaxationRubber, end_caps.EndCaps,
     end_caps.TonduFactor, braid.BraidElasticity,
