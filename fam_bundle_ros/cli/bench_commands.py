@@ -13,6 +13,7 @@ from fam_bundle_ros.cli.common import (
     console,
     JsonFile,
     model_path,
+    notes,
     open_model,
     progress_bar,
     save_json,
@@ -39,11 +40,12 @@ def benchmark_control(
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 1,
     workers: Annotated[int | None, typer.Option(help='Processes; all cores by default.',
                                                 min=1)] = None,
+    ros: Annotated[bool, typer.Option(help='Also run one row over ROS in lock-step.')] = True,
     out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
                                              'page (HTML).')] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Run every policy and scheme on the same trajectories and plants, without ROS."""
+    """Run every policy and scheme on the same trajectories and plants."""
     from fam_bundle_ros.benchmarks import control
     from fam_bundle_ros.report.control_pages import benchmark_page, verdicts
     chosen = _pick(trajectories, control.TRAJECTORIES, '--trajectories')
@@ -67,13 +69,18 @@ def benchmark_control(
               title='against all on', numeric=(1, 2, 3, 4))
     console.print(f'{len(result.rows)} runs; chatter in '
                   f'{sum(row["chatter"] for row in result.rows)}')
+    over_ros = _over_ros(seed, result.rows) if ros else []
+    if over_ros:
+        table(('ramp, reversal_aware, orderly', 'rms (N)', 'largest (N)', 'switches', 'air (mg)'),
+              [(row['through'], row['tracking_rms'], row['largest_error'], row['switches'],
+                1e6 * row['air_mass']) for row in over_ros], numeric=(1, 2, 3, 4))
     if out is not None:
         from fam_bundle_ros.report.page import write_page
         shipped = control.MODEL.rpartition('/')[2].removesuffix('.yaml')
-        write_page(out, benchmark_page(result, open_model(shipped), seed,
+        write_page(out, benchmark_page(result, open_model(shipped), seed, over_ros,
                                        [('model file', model_path(shipped))]))
         wrote(out)
-    save_json(json_file, result.to_json())
+    save_json(json_file, {**result.to_json(), 'over_ros': over_ros})
 
 
 def benchmark_discovery(
@@ -118,6 +125,30 @@ def bench(json_file: JsonFile = None) -> None:
     table(('what', 'median', 'unit', 'of'), rows, numeric=(1,))
     save_json(json_file, {name: {'value': value, 'unit': unit, 'note': note}
                           for name, value, unit, note in rows})
+
+
+def _over_ros(seed: int, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one row of the benchmark as it was run, and the same over ROS in lock-step."""
+    from fam_bundle_ros.benchmarks.control_metrics import metrics
+    from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
+    from fam_bundle_ros.plant import RigConfig
+    chosen = {'policy': 'reversal_aware', 'scheme': 'orderly', 'trajectory': 'ramp',
+              'plant': 'nominal'}
+    own = [row for row in rows if chosen.items() <= row.items()]
+    if not own:
+        return []
+    try:
+        from fam_bundle_ros.nodes.session import run_trajectory
+    except ModuleNotFoundError as error:
+        notes.print(f'no row over ROS: {error.name} is not there')
+        return []
+    bundle = open_model('spie2021')
+    with notes.status('one row over ROS, lock-step'):
+        # the rate of the pressure loops in the benchmark, so that the two can be laid side by side
+        log = run_trajectory(bundle, make_trajectory('ramp', bundle), rate=500.0, seed=seed,
+                             log_level='warn')
+    row = {**chosen, **metrics(log, bundle, RigConfig(), search=False)}
+    return [{**own[0], 'through': 'Python calls'}, {**row, 'through': 'ROS 2 topics'}]
 
 
 def _speeds() -> dict[str, tuple[float, str, str]]:

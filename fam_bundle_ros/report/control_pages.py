@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pages of control: one closed-loop run, and the benchmark of policies and schemes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fam_bundle_ros.benchmarks.control import ControlBenchmark
@@ -39,8 +39,13 @@ def run_pictures(log: Log, model: Bundle, key: str, title: str, words: str = '')
 
 
 def benchmark_page(result: ControlBenchmark, model: Bundle, seed: int,
+                   over_ros: Sequence[Mapping[str, Any]] = (),
                    files: Sequence[tuple[str, Any]] = ()) -> Page:
-    """Return the page of ``fam_bundle benchmark-control``."""
+    """
+    Return the page of ``fam_bundle benchmark-control``.
+
+    ``over_ros`` has one row of the benchmark and the same run over ROS, named by ``through``.
+    """
     rows = verdicts(result.summary)
     reached = sum(row[-1] == 'reached' for row in rows)
     headline = [Headline(f'{words[:1].upper()}{words[1:]}', _shown(value),
@@ -50,6 +55,7 @@ def benchmark_page(result: ControlBenchmark, model: Bundle, seed: int,
         Section('Against the targets', 'Policy reversal_aware, worst trajectory each, on the '
                 'nominal plant (chatter: on every plant).',
                 [Table(('figure', 'value', 'to reach', ''), rows), _by_trajectory(result)]),
+        *_over_ros(over_ros),
         *_shown_runs(result, model),
         Section('Every run', 'Errors in N for a force, in strain for a strain. The least air is '
                 'an exhaustive search that knows the future and has ideal valves.',
@@ -93,6 +99,19 @@ def _by_trajectory(result: ControlBenchmark) -> Table:
         [(name, *(entry.get(key) for key in keys)) for name, entry in table.items()],
         'A gas is drawn in proportion to pressure and volume, a liquid to volume alone: that is '
         'why the saving differs by so much.')
+
+
+def _over_ros(rows: Sequence[Mapping[str, Any]]) -> list[Section]:
+    if not rows:
+        return []
+    return [Section(
+        'Over ROS', 'The same trajectory, controller and rig through the nodes and topics of '
+        'ROS 2 in lock-step, to show that the runs without ROS stand for it.',
+        [Table(('through', 'rms error (N)', 'largest (N)', 'rms at switches (N)', 'switches',
+                'air (mg)'),
+               [(row['through'], row['tracking_rms'], row['largest_error'],
+                 row['transition_rms'], row['switches'], 1e6 * row['air_mass'])
+                for row in rows])])]
 
 
 def _shown_runs(result: ControlBenchmark, model: Bundle) -> list[Section]:
