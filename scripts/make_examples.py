@@ -12,12 +12,13 @@ little off too. Seeds are fixed; the files ship, so that nobody needs to run thi
 
 from pathlib import Path
 
+import numpy as np
+
 from fam_bundle_ros.discovery.measurement import build, write_csv
 from fam_bundle_ros.model import Bundle, Geometry, Motion, MotorUnit, save_model
 from fam_bundle_ros.model.effects import catalogue
 from fam_bundle_ros.model.effects.base import Parameter
 from fam_bundle_ros.model.effects.expression import expression_class
-import numpy as np
 
 FOLDER = Path(__file__).resolve().parent.parent / 'config' / 'data' / 'examples'
 NOISE = {'force': 0.6, 'pressure': 0.3e3, 'strain': 1e-4}

@@ -5,7 +5,7 @@
 import asyncio
 from typing import Any, TYPE_CHECKING
 
-from nicegui import run, ui
+from nicegui import ui
 
 from fam_bundle_ros import palette
 from fam_bundle_ros.discovery.figures import has_isobars
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 __all__ = ['CaseView']
 
 _CAPTIONS = {
-    'curves': 'Points: measured (filled while shortening; grey where the motion turns, which does '
-              'not count). Lines: the model; dotted: before the last step. Grey band: noise.',
+    'curves': 'Points: measured (filled: shortening; grey: where the motion turns, not counted). '
+              'Lines: model. Band: noise.',
     'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '
             'sign with the motion.',
     'loops': 'The error on the way in and on the way out. Two branches apart: a loss such as '
@@ -41,7 +41,8 @@ class CaseView:
         self.job: Job | None = None
         with parts.box('div', 'case'):
             self.answer = parts.box('section', 'answer').props('role=status aria-live=polite')
-            self.ladder = parts.box('section', 'ladder').props('aria-label="error after each step"')
+            self.ladder = parts.box('section', 'ladder').props(
+                'aria-label="error after each step"')
             with parts.box('section'):
                 self.head = parts.box('div', 'panel-head')
                 self.figure = parts.box('div')
@@ -64,7 +65,8 @@ class CaseView:
         session = self.session
         self.answer.clear()
         with self.answer:
-            parts.text('span', f'{session.case.title} · {session.case.origin}', 'muted small')
+            if session.case is not None:
+                parts.text('span', f'{session.case.title} · {session.case.origin}', 'muted small')
             parts.text('h1', self._said()).mark('headline')
             with parts.box('div', 'answer-row'):
                 if self.job is not None:
@@ -91,7 +93,6 @@ class CaseView:
     def _next(self) -> None:
         session, found = self.session, self.session.diagnosis
         missing = session.missing()
-        current = found is not None
         if missing:
             name = missing[0].effect
             parts.button(f'Add {parts.words(name)}', lambda: self.add(name), 'main-action',
@@ -100,13 +101,13 @@ class CaseView:
                 parts.button(f'Add all {len(missing)}', self.add_all, mark='add-all')
         elif session.asks_recalibration:
             parts.button('Recalibrate the model', self.recalibrate, 'main-action', 'recalibrate')
-        elif current and found.verdict == 'unexplained' and \
+        elif found is not None and found.verdict == 'unexplained' and \
                 len(session.steps) == session.diagnosed_at:
             parts.button('Write it yourself', self.side.write_own, 'main-action', 'write-own-main')
-        elif len(session.steps) > 1 or (current and found.verdict == 'adequate'):
+        elif len(session.steps) > 1 or (found is not None and found.verdict == 'adequate'):
             parts.button('Download the model', self.side.download_model, 'main-action',
                          'download-main')
-            if len(session.steps) > session.diagnosed_at or not current:
+            if len(session.steps) > session.diagnosed_at or found is None:
                 parts.button('Is anything still missing?', self.diagnose, mark='diagnose')
         else:
             parts.button('What is missing?', self.diagnose, 'main-action', 'diagnose')
@@ -117,12 +118,12 @@ class CaseView:
         with parts.box('div', 'busy').mark('busy'):
             with parts.box('div', 'bar').props('role=progressbar aria-label=progress'):
                 filled = parts.box('i').style('width: 2%')
-            said = parts.text('span', f'{job.words} …', 'muted small')
+            said = parts.text('span', f'{parts.words(job.words)} …', 'muted small')
             parts.button('Cancel', job.cancel, mark='cancel')
 
         def move() -> None:
             filled.style(f'width: {100 * max(job.share, 0.02):.0f}%')
-            said.set_text(f'{job.words} …')
+            said.set_text(f'{parts.words(job.words)} …')
 
         ui.timer(0.2, move)
 
@@ -136,7 +137,8 @@ class CaseView:
         with self.ladder:
             with parts.box('ol'):
                 for k, step in enumerate(session.steps):
-                    colour = palette.effect(step.effect) if step.effect else palette.NEUTRAL['faint']
+                    colour = palette.effect(step.effect) if step.effect else (
+                        palette.NEUTRAL['faint'])
                     last = ' now' if k == len(session.steps) - 1 else ''
                     with parts.box('li', f'rung{last}').mark(f'rung:{k}'):
                         parts.text('span', 'model as it came' if k == 0
@@ -160,7 +162,7 @@ class CaseView:
         """Draw the choice of figure and of what it shows."""
         session = self.session
         data = session.data
-        tabs = [('curves', 'Measured and model'), ('maps', 'Error maps')]
+        tabs = [('curves', 'Curves'), ('maps', 'Error maps')]
         if not data.is_static:
             tabs.append(('loops', 'Loops'))
         self.head.clear()
@@ -196,7 +198,8 @@ class CaseView:
 
     def _drawn(self) -> dict[str, Any] | None:
         if self.tab == 'curves':
-            figure: Any = drawings.main_figure(self.session, self.over_time)
+            figure: Any = drawings.main_figure(self.session, self.over_time,
+                                                   self.page.narrow)
             return drawings.for_page(figure, self.page.dark, self.page.move_ms)
         figure = drawings.maps(self.session) if self.tab == 'maps' else \
             drawings.loops(self.session)
@@ -302,7 +305,7 @@ class CaseView:
                                        added))
         if refitted is None or not session.steps or session.now is not step:
             return
-        await run.io_bound(session.advance, label, refitted, added, effect)
+        await asyncio.to_thread(session.advance, label, refitted, added, effect)
         self._moved()
 
     def undo(self) -> None:

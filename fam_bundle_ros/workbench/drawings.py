@@ -3,7 +3,8 @@
 """
 The figures of the page: what discovery's figures show, with selection, zoom, rows and movement.
 
-`for_page` makes a figure the dict that a browser takes, in the colours of its theme. Points are thinned here, for drawing only.
+`for_page` makes a figure the dict that a browser takes, in the colours of its theme. Points are
+thinned here, for drawing only.
 """
 
 import copy
@@ -65,7 +66,8 @@ def for_page(drawing: go.Figure | dict[str, Any], dark: bool, move_ms: int = 0) 
     return figure
 
 
-def main_figure(session: Session, over_time: bool = False) -> dict[str, Any]:
+def main_figure(session: Session, over_time: bool = False, narrow: bool = False,
+                ) -> dict[str, Any]:
     """
     Draw measured (points) against model (lines), the error below with the noise band.
 
@@ -76,6 +78,8 @@ def main_figure(session: Session, over_time: bool = False) -> dict[str, Any]:
     ----------
     over_time : bool
         Against time instead of strain (logs only).
+    narrow : bool
+        For a phone: the names of the isobars take more of the width.
     """
     data, residual = session.data, session.residual()
     level, means = pressure_levels(data.pressure[:, varying_unit(data)])
@@ -97,7 +101,7 @@ def main_figure(session: Session, over_time: bool = False) -> dict[str, Any]:
          'line': {'color': _BEFORE, 'width': 1}}]
     layout['yaxis2']['range'] = _error_range(session, rows)
     layout['annotations'] = [] if over_time else _isobar_names(session, level, means, rows)
-    _zoom(layout, session, x, rows)
+    _zoom(layout, session, x, rows, narrow)
     return {'data': traces, 'layout': layout}
 
 
@@ -138,6 +142,7 @@ def loops(session: Session) -> go.Figure | None:
         noise = session.noise
         drawing.add_hrect(-2.0 * noise, 2.0 * noise, line_width=0, layer='below',
                           fillcolor=palette.fade(_BEFORE, 0.25), row='all', col='all')
+        drawing.update_yaxes(range=_error_range(session, np.arange(len(session.data))))
         drawing.update_layout(margin={'t': 64})
     return drawing
 
@@ -157,7 +162,8 @@ def _isobar(session: Session, x: np.ndarray, rows: np.ndarray, colour: str, over
     pressure = data.pressure[rows, varying_unit(data)] / 1e3
     notes = [[f'row {row + 2}' + (f', trial {data.trial_names[data.trial[row]]}' if many else ''),
               *numbers] for row, numbers in zip(rows, np.round(np.stack(
-                  [data.strain[rows], pressure, data.force[rows], prediction[rows], residual[rows]], axis=-1), 4).tolist())]
+                  [data.strain[rows], pressure, data.force[rows], prediction[rows],
+                   residual[rows]], axis=-1), 4).tolist())]
     shades = np.where(session.counted[rows], colour, _BEFORE).tolist()
     symbols = np.where(data.direction[rows] < 0, 'circle-open', 'circle').tolist()
     points = [{'type': 'scatter', 'mode': 'markers', 'name': name, 'x': _plain(x[rows]),
@@ -226,15 +232,16 @@ def _isobar_names(session, level, means, rows):
     return found
 
 
-def _zoom(layout, session, x, rows):
+def _zoom(layout, session, x, rows, narrow):
     """Set the axes to what is selected, with room for the names of the isobars on the left."""
     if not len(rows):
         return
     if session.region is None:
         if layout['annotations']:
             low, span = float(x[rows].min()), max(float(np.ptp(x[rows])), 1e-3)
+            room = max(map(len, session.levels)) * (0.042 if narrow else 0.0145) * span
             for axis in ('xaxis', 'xaxis2'):
-                layout[axis]['range'] = [low - 0.115 * span, low + 1.03 * span]
+                layout[axis]['range'] = [low - room - 0.012 * span, low + 1.03 * span]
         return
     both = np.r_[session.data.force[rows], session.now.prediction[rows]]
     for values, axes in ((x[rows], ('xaxis', 'xaxis2')), (both, ('yaxis',))):

@@ -154,8 +154,8 @@ class Explorer:
         onset = self.bundle.onset_pressure(self.strain, unit)
         if np.isfinite(onset) and onset > 0:
             figure['layout']['annotations'] = [
-                {'x': onset / 1e3, 'y': float(curve.force[0]), 'text': f'onset {onset/1e3:.0f} kPa',
-                 'showarrow': True, 'ax': 0, 'ay': -28, 'arrowhead': 0,
+                {'x': onset / 1e3, 'y': float(curve.force[0]),
+                 'text': f'onset {onset / 1e3:.0f} kPa', 'showarrow': True, 'ax': 0, 'ay': -28, 'arrowhead': 0,
                  'font': {'size': 12, 'color': _HERE}, 'arrowcolor': _HERE}]
         return figure
 
@@ -187,7 +187,7 @@ class Explorer:
             'y': [float(np.interp(at, x, free.strain['included']))], 'showlegend': False,
             'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}})
         figure['layout'].update(showlegend=True)
-        figure['layout']['yaxis']['tickformat'] = '.3f'
+        figure['layout']['yaxis'].update(tickformat='.3f', automargin=True)
         return figure
 
 

@@ -41,26 +41,29 @@ class ExplorerView:
     def _sliders(self) -> None:
         explorer = self.explorer
         self._slider('Strain', 0.0, explorer.highest_strain, explorer.strain, 0.001,
-                     lambda v: f'{100 * v:.1f} %', self._strain, 'strain')
+                     '{:.1%}', self._strain, 'strain')
         for k in range(explorer.bundle.n):
             most = float(explorer.bundle.max_pressure[k]) / 1e3
-            self._slider(f'Pressure of MU{k + 1}', 0.0, most, explorer.pressure[k] / 1e3, most / 200,
-                         lambda v: f'{v:.0f} kPa', lambda v, k=k: self._pressure(k, v),
-                         f'mu{k + 1}', palette.recruitment_state(k + 1))
+            def changed(value: float, k: int = k) -> None:
+                self._pressure(k, value)
+
+            self._slider(f'Pressure of MU{k + 1}', 0.0, most, explorer.pressure[k] / 1e3,
+                         most / 200, '{:.0f} kPa', changed, f'mu{k + 1}',
+                         palette.recruitment_state(k + 1))
 
     def _slider(self, label: str, low: float, high: float, value: float, step: float,
-                shown: Callable[[float], str], on_change: Callable[[float], None], mark: str,
+                shown: str, on_change: Callable[[float], None], mark: str,
                 colour: palette.Colour | None = None) -> None:
         def changed(event: Any) -> None:
             now = float(event.args)
             if not low <= now <= high:
                 return
-            number.set_text(shown(now))
+            number.set_text(shown.format(now))
             on_change(now)
 
         with parts.box('label'):
             parts.text('span', label)
-            number = parts.text('b', shown(value), 'num')
+            number = parts.text('b', shown.format(value), 'num')
             slider = ui.element('input').mark(f'slider:{mark}')
             slider._props.update(type='range', min=low, max=high, step=step, value=value,
                                  **{'data-mark': f'slider:{mark}'})

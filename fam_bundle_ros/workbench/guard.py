@@ -26,11 +26,12 @@ _POLICY = ("default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' 
            "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
            "font-src 'self' data:; connect-src 'self' data: blob:; worker-src 'self' blob:; "
            "object-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'")
-_HEADERS = [(b'content-security-policy', _POLICY.encode()), (b'x-content-type-options', b'nosniff'),
-            (b'referrer-policy', b'no-referrer'), (b'x-frame-options', b'DENY')]
+_HEADERS = [(b'content-security-policy', _POLICY.encode()),
+            (b'x-content-type-options', b'nosniff'), (b'referrer-policy', b'no-referrer'),
+            (b'x-frame-options', b'DENY')]
 _ASK = b"""<!doctype html><html lang="en"><meta name="viewport" content="width=device-width">
-<title>fam_bundle workbench</title><style>body{font:16px system-ui;margin:15vh auto;max-width:24rem;
-padding:0 1rem}input,button{font:inherit;padding:.4rem .6rem}</style><h1>Token needed</h1>
+<title>fam_bundle workbench</title>
+<style>body{font:16px system-ui;margin:15vh auto;max-width:24rem;padding:0 1rem}input,button{font:inherit;padding:.4rem .6rem}</style><h1>Token needed</h1>
 <p>This workbench was started for other machines too. Enter the token that it was started with.</p>
 <form method="get" action="/"><label>Token <input name="token" type="password" autofocus></label>
 <button>Open</button></form></html>"""

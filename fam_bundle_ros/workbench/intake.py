@@ -12,10 +12,11 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import re
 import tempfile
 
+import yaml
+
 from fam_bundle_ros.discovery import Measurement, read_measurement
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, loads_model
-import yaml
 
 __all__ = ['DATA_SUFFIXES', 'MAX_UPLOAD', 'MODEL_SUFFIXES', 'label', 'measurement_from_bytes',
            'model_from_bytes', 'what_is']
@@ -28,12 +29,12 @@ MODEL_SUFFIXES = ('.yaml', '.yml')
 
 
 def label(name: str) -> str:
-    """
+    r"""
     Return a file's name as a harmless label.
 
     Examples
     --------
-    >>> label('../../etc/passwd'), label('C:\\\\logs\\\\run 1.csv'), label('')
+    >>> label('../../etc/passwd'), label('C:\\logs\\run 1.csv'), label('')
     ('passwd', 'run 1.csv', 'upload')
     """
     last = PureWindowsPath(PurePosixPath(name.replace('\0', '')).name).name

@@ -74,7 +74,8 @@ class Job:
             await self._process.wait()
 
     async def _talk(self, process: asyncio.subprocess.Process) -> Any:
-        assert process.stdin is not None and process.stdout is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
         process.stdin.write(pickle.dumps(self._work))
         await process.stdin.drain()
         process.stdin.close()

@@ -53,8 +53,10 @@ class OwnEffectDialog:
     def _places(self) -> None:
         with parts.box('label', 'field'):
             parts.text('span', 'The formula gives')
-            with parts.box('select').on('change', lambda event: self._place(str(event.args)),
-                                        js_handler='(e) => emit(e.target.value)').mark('own-place'):
+            select = parts.box('select').mark('own-place')
+            select.on('change', lambda event: self._place(str(event.args)),
+                      js_handler='(e) => emit(e.target.value)')
+            with select:
                 for key, said in PLACES.items():
                     option = parts.text('option', said).props(f'value={key}')
                     if key == self.draft.place:

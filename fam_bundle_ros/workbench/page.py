@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page: top bar, messages, and which of its three views is shown. One per browser tab."""
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from nicegui import app, run, ui
+from nicegui import app, ui
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench import intake, parts
@@ -20,7 +21,7 @@ from fam_bundle_ros.workbench.start_view import StartView
 __all__ = ['Page', 'register']
 
 _LOOK = '[matchMedia("(prefers-color-scheme: dark)").matches, ' \
-        'matchMedia("(prefers-reduced-motion: reduce)").matches]'
+        'matchMedia("(prefers-reduced-motion: reduce)").matches, innerWidth < 600]'
 
 
 def register(first: Case | None = None) -> None:
@@ -53,16 +54,16 @@ class Page:
 
     def __init__(self, session: Session):
         self.session = session
-        self.dark, self.move_ms = False, 450
+        self.dark, self.narrow, self.move_ms = False, False, 450
         self.mode = ui.dark_mode(None)
         self.view = 'find'
         self.explorer: Explorer | None = None
         self.case_view: CaseView | None = None
 
     async def look(self) -> None:
-        """Ask the browser whether it is dark and whether it wants things to move."""
+        """Ask the browser whether it is dark, narrow, and wants things to move."""
         try:
-            self.dark, still = await ui.run_javascript(_LOOK, timeout=3.0)
+            self.dark, still, self.narrow = await ui.run_javascript(_LOOK, timeout=3.0)
         except (TimeoutError, TypeError, ValueError):
             still = False
         self.move_ms = 0 if still else 450
@@ -74,6 +75,9 @@ class Page:
             self.top = parts.box('header', 'top')
             self.messages = parts.box('div').props('role=alert aria-live=assertive')
             self.content = parts.box('main').props('id=content')
+            # fetches the drawing library while the user still reads
+            with parts.box('div').style('display: none'):
+                ui.plotly({'data': [], 'layout': {}})
         self.show()
 
     def show(self, view: str | None = None) -> None:
@@ -136,18 +140,18 @@ class Page:
 
     async def open_example(self, key: str) -> None:
         """Open an example that ships."""
-        await self.guarded(lambda: run.io_bound(lambda: self.session.open(load_example(key))))
+        await self.guarded(lambda: asyncio.to_thread(lambda: self.session.open(load_example(key))))
 
     async def take_file(self, name: str, content: bytes) -> None:
         """Take an uploaded file: a measurement opens a case, a model changes the one to start."""
         async def take() -> None:
             if intake.what_is(name) == 'model':
-                model = await run.io_bound(intake.model_from_bytes, name, content)
+                model = await asyncio.to_thread(intake.model_from_bytes, name, content)
                 self._take_model(model)
                 return
-            data = await run.io_bound(intake.measurement_from_bytes, name, content)
+            data = await asyncio.to_thread(intake.measurement_from_bytes, name, content)
             model = self.pending_model or starting_model(data.pressure.shape[1])
-            await run.io_bound(
+            await asyncio.to_thread(
                 self.session.open, Case(data.name, 'your own file', data, model))
             self.pending_model = None
 
@@ -168,12 +172,17 @@ class Page:
         async def listen() -> None:
             data = await record(seconds, namespace)
             model = self.pending_model or starting_model(data.pressure.shape[1])
-            await run.io_bound(self.session.open, Case(data.name, 'live ROS graph', data, model))
+            case = Case(data.name, 'live ROS graph', data, model)
+            await asyncio.to_thread(self.session.open, case)
 
         await self.guarded(listen)
 
     async def guarded(self, work: Callable[[], Awaitable[Any]]) -> bool:
         """Do something that may find bad input; show what was wrong on the page."""
+        self.messages.clear()
+        with self.messages:
+            parts.box('div', 'loading').props('role=progressbar aria-label="reading the data"')
+        await asyncio.sleep(0.03)  # let it be seen before the work begins
         try:
             await work()
         except InputError as error:

@@ -13,7 +13,8 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from fam_bundle_ros import palette, plotting
 
-__all__ = ['box', 'button', 'pick', 'plot', 'segments', 'sentence', 'style', 'swatch', 'text', 'typed', 'words']
+__all__ = ['box', 'button', 'pick', 'plot', 'segments', 'sentence', 'style', 'swatch', 'text',
+           'typed', 'words']
 
 _ASSETS = Path(__file__).parent / 'assets'
 
@@ -124,8 +125,9 @@ def swatch(effect: str, dark: bool) -> ui.element:
     """Return the line in the colour and dash that stands for an effect everywhere."""
     colour = palette.effect(effect)
     dash = {'solid': 'solid', 'dot': 'dotted'}.get(palette.dash(effect), 'dashed')
-    return box('span', 'swatch').style(
-        f'border-top: 4px {dash} {colour.dark if dark else colour.light}').props('aria-hidden=true')
+    shade = colour.dark if dark else colour.light
+    return box('span', 'swatch').style(f'border-top: 4px {dash} {shade}').props(
+        'aria-hidden=true')
 
 
 def plot(figure: dict[str, Any], label: str, classes: str = 'plot') -> ui.plotly:

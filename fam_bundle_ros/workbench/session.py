@@ -196,7 +196,7 @@ class Session:
             return 'The model is as good as these data: what is left is noise.'
         if error < 1.5 * noise:
             return 'The model is close to the noise of these data.'
-        return f'The model misses the measurement by {short(error / noise)} times the noise.'
+        return f'The error of the model is {short(error / noise)} times the noise of these data.'
 
     def rows(self) -> np.ndarray:
         """Return which samples are selected, (T,) bool."""
@@ -249,7 +249,9 @@ class Session:
         rows = [Choice(c, c.effect in chosen, ties.get(c.effect, ()), c.shape in inside)
                 for c in self.diagnosis.ranking]
         rivals = {name for group in self.diagnosis.tied for name in group}
-        return sorted(rows, key=lambda row: (not row.found, row.effect not in rivals))
+        # those found in the order found, then what ties with them, then the rest
+        return sorted(rows, key=lambda row: 0 if row.found else
+                      1 if row.candidate.effect in rivals else 2)
 
     def missing(self) -> list[Choice]:
         """Return what the last diagnosis found and the present model does not have yet."""
@@ -286,10 +288,7 @@ class Session:
     def advance(self, label: str, refit: Refit, added: tuple[Effect, ...],
                 effect: str = '') -> Step:
         """Put a refitted model on the ladder and return the new step."""
-        kept = tuple(e for e in self.now.model.notes.get('added', ()) if e != effect)
-        notes = {**self.now.model.notes, 'added': [*kept, effect]} if effect \
-            else self.now.model.notes
-        model = refit.model.named(self._model_name(), notes=notes)
+        model = refit.model
         prediction = predict(model, self.data)
         comparison = _compare_known(model, self.data, prediction, self.counted)
         error = comparison.error_N
@@ -305,10 +304,6 @@ class Session:
             if self.diagnosis is not None and len(self.steps) < self.diagnosed_at:
                 self.diagnosis = None
             self.selection = replace(self.selection, region=None)
-
-    def _model_name(self) -> str:
-        start = self.steps[0].model.name
-        return f'{start}_step{len(self.steps)}'
 
 
 @dataclass(frozen=True)

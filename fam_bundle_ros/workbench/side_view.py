@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The panel beside the figures: where the model fails, what is missing, what to take home."""
 
+import asyncio
 from typing import TYPE_CHECKING
 
-from nicegui import run, ui
+from nicegui import ui
 
 from fam_bundle_ros import palette
 from fam_bundle_ros.workbench import parts, takeaway
@@ -68,13 +69,19 @@ class SideView:
                               'recalibrate': 'What to correct', 'adequate': 'What is missing',
                               'unexplained': 'What the error looks like'}[found.verdict])
             parts.text('p', parts.sentence(found.summary), 'small')
-            named = [choice for choice in choices if choice.found]
-            for choice in named:
-                self._choice(choice)
+            if len(session.steps) > session.diagnosed_at:
+                parts.text('p', 'This was found before the last step.', 'muted small')
+            tied = [choice for choice in choices if not choice.found and choice.rivals]
+            for choice in choices:
+                if choice.found:
+                    self._choice(choice)
+                    for rival in tied:
+                        if choice.candidate.effect in rival.rivals:
+                            self._choice(rival)
             if found.verdict in ('unexplained', 'partial'):
                 self._shapes()
             parts.text('p', parts.sentence(f'to be surer: {found.next_experiment}'), 'muted small')
-            others = [choice for choice in choices if not choice.found]
+            others = [choice for choice in choices if not choice.found and not choice.rivals]
             if others:
                 with parts.box('details'):
                     parts.text('summary', f'{len(others)} others were tried')
@@ -111,9 +118,9 @@ class SideView:
                 for e in c.parameters[:3]:
                     self._fact(parts.words(e.key.partition('.')[2]), f'{e.value:.3g} {e.unit}')
             parts.text('p', parts.sentence(c.reason), 'small')
-            if choice.rivals and choice.found:
-                parts.text('p', 'A tie: these data cannot tell it from '
-                           + ', '.join(parts.words(name) for name in choice.rivals) + '.', 'small')
+            if choice.rivals:
+                parts.text('p', '= A tie: these data cannot tell it from '
+                           + ', '.join(parts.words(name) for name in choice.rivals) + '.', 'tie')
 
     @staticmethod
     def _fact(name: str, value: str) -> None:
@@ -170,7 +177,7 @@ class SideView:
         self._give(takeaway.csv_text(self.session), '_prediction.csv', 'text/csv')
 
     async def _download_report(self) -> None:
-        page = await run.io_bound(takeaway.report_text, self.session)
+        page = await asyncio.to_thread(takeaway.report_text, self.session)
         with self.place:
             self._give(page, '_report.html', 'text/html')
 

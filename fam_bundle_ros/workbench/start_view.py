@@ -43,7 +43,7 @@ class StartView:
                 parts.text('p', example.question)
                 parts.button('Open the example', lambda: self.page.open_example(example.key),
                              'main-action', 'open-first')
-                parts.text('span', example.origin[:1].upper() + example.origin[1:] + '.', 'muted small')
+                parts.text('span', parts.sentence(example.origin), 'muted small')
             # drawn by hand: the error falls step by step
             ui.html(self._sketch(), sanitize=False)
 

@@ -81,7 +81,7 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
               for log, name in zip(runs, ('old model', 'new model'))]
     words = (f'The task: hold {level:.0f} N while the strain swings between {100 * low:.0f} and '
              f'{100 * high:.0f} % every two seconds. The simulated muscle is the new model.')
-    return ControllerTrial(runs[0].reference, runs[0].strain, *tracks, words)
+    return ControllerTrial(runs[0].reference, runs[0].strain, tracks[0], tracks[1], words)
 
 
 def figure(trial: ControllerTrial, effect: str = ''):

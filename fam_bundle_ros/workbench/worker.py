@@ -37,8 +37,12 @@ def refit_job(progress: Progress, model: Any, data: Any, effects: Any) -> Any:
 
     Every row is fitted; with no effects the model's own parameters are recalibrated.
     """
-    from fam_bundle_ros.workbench.refitting import refit
-    return refit(model, data, effects, progress)
+    from fam_bundle_ros.discovery.add import add_effect
+    from fam_bundle_ros.workbench.session import Refit
+    names = ', '.join(effect.name for effect in effects)
+    progress(0.3, f'refitting with {names}' if names else 'moving the numbers of the model')
+    added = add_effect(model, list(effects), data)
+    return Refit(added.model, added.held_out_N)
 
 
 def trial_job(progress: Progress, old: Any, new: Any, seconds: float) -> Any:
