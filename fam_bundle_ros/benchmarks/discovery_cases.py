@@ -104,14 +104,14 @@ def static_record(rng: np.random.Generator, shuffled: bool = False) -> Record:
 def dynamic_record(rng: np.random.Generator, rate: float = 40.0, seconds: float = 40.0) -> Record:
     """Return three logs of moves, pressure steps, holds and sines: 4800 rows at 40 Hz."""
     parts = []
-    for k in range(3):
+    for number in range(3):
         t = np.arange(0, seconds, 1.0 / rate)
         pressure = _steps(rng, t, np.array([69, 138, 207, 276, 345, 413.7]) * 1e3, 1.5, 0.12)
         slow = 0.1 + 0.035 * np.sin(2 * np.pi * (0.05 * t + 0.006 * t ** 2 + rng.uniform()))
         steps = _steps(rng, t, np.array([0.05, 0.08, 0.11, 0.14]), 2.5, 0.25)
         chosen = (t // (seconds / 4)).astype(int) % 2 == 0
         strain = _lag(np.where(chosen, slow, steps), 0.08 * rate)
-        parts.append((t, np.full(len(t), k), strain, pressure,
+        parts.append((t, np.full(len(t), number), strain, pressure,
                       np.gradient(strain, 1.0 / rate)))
     t, k, e, p, v = (np.concatenate(part) for part in zip(*parts))
     return Record(t, k, e, p[:, None], v)
@@ -440,7 +440,7 @@ def make_outsider(name: str, rng: np.random.Generator) -> Hidden:
 # --- noise and the case ------------------------------------------------------------------------
 
 def noise_of(kind: str, sd: float, record: Record, rng: np.random.Generator) -> np.ndarray:
-    """Return noise: 'white', 'ar' (0.8 from sample to sample) or 'outliers' (3 % of 5 to 15 sd)."""
+    """Return noise: 'white', 'ar' (0.8 from one to the next) or 'outliers' (3 %, 5 to 15 sd)."""
     white = sd * rng.standard_normal(len(record.time))
     if kind == 'ar':
         result, state = np.empty(len(white)), 0.0

@@ -10,18 +10,19 @@ the stamps of the force by linear interpolation, within the time that all topics
 
 from pathlib import Path
 import re
-from typing import Any, Optional
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.discovery.measurement import build, MAX_ROWS, Measurement
 from fam_bundle_ros.errors import InputError
-import numpy as np
 
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
 _GAP_PERIODS = 20.0
 
 
-def read_bag(path: Path, *, rest_length: Optional[float] = None,
-             ambient_pressure: float = 101325.0, name: Optional[str] = None,
+def read_bag(path: Path, *, rest_length: float | None = None,
+             ambient_pressure: float = 101325.0, name: str | None = None,
              allow_constant_pressure: bool = False) -> Measurement:
     """
     Return the measurement that a bag holds.
@@ -112,7 +113,7 @@ def _collect(label: str, reader: Any, topics: dict[str, str]) -> dict[str, np.nd
     return series
 
 
-def _resample(label: str, series: dict[str, np.ndarray], rest_length: Optional[float],
+def _resample(label: str, series: dict[str, np.ndarray], rest_length: float | None,
               ambient_pressure: float, allow_constant_pressure: bool) -> Measurement:
     begin = max(table[0, 0] for table in series.values())
     end = min(table[-1, 0] for table in series.values())

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import numpy as np
+
 from fam_bundle_ros.discovery.fit import effect_terms
 from fam_bundle_ros.discovery.measurement import Measurement
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
-import numpy as np
 
 
 @lru_cache(maxsize=1)
@@ -39,13 +40,15 @@ def candidates(model: Bundle, data: Measurement) -> dict[str, Effect]:
     """
     Return the effects that the data could show and the model does not have, by name.
 
-    Left out: what the model has already, the air supply (it changes no force), a user's table,
-    memory and rate where there is no time, and mismatch where there is one motor unit.
+    Left out: what the model has already (in whatever shape), the air supply (it changes no
+    force), a user's table, memory and rate where there is no time, and mismatch where there is
+    one motor unit.
     """
     found = {}
     have = {effect.name for effect in model.effects}
+    heads = {head(name) for name in have}
     for name, kind in catalogue.available().items():
-        if name in have or kind.place is Place.PNEUMATICS or name == 'mesh':
+        if head(name) in heads or kind.place is Place.PNEUMATICS or name == 'mesh':
             continue
         try:
             effect = kind()
@@ -73,6 +76,13 @@ def _silent(model: Bundle, effect: Effect, data: Measurement) -> bool:
     with_it = model.with_effect(lively).predict(motion)
     return bool(np.allclose(with_it, model.predict(motion), atol=1e-9)) and (
         effect.place is Place.LOSS)
+
+
+def other_shapes(model: Bundle) -> list[tuple[str, Effect]]:
+    """Return the other shapes of the effects that a model has: (name of its effect, shape)."""
+    have = {effect.name for effect in model.effects}
+    return [(name, kind()) for name in have for other, kind in catalogue.available().items()
+            if other != name and other not in have and head(other) == head(name)]
 
 
 def starts(effect: Effect, units: int) -> list[dict[str, float]]:

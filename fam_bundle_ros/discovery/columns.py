@@ -3,12 +3,12 @@
 """From named columns with units (`pressure.mu1 [kPa]`) to a `Measurement` in SI units."""
 
 import re
-from typing import Optional
+
+import numpy as np
 
 from fam_bundle_ros.discovery.measurement import build, Measurement
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.units import si_factor
-import numpy as np
 
 _HEADER = re.compile(r'^\s*(?P<name>[^\[\(]+?)\s*(?:[\[\(]\s*(?P<unit>[^\]\)]*?)\s*[\]\)])?\s*$')
 #: quantity: (unit it must be like, unit when the header gives none)
@@ -21,7 +21,7 @@ _SYNONYMS = {'t': 'time', 'epsilon': 'strain', 'contraction ratio': 'strain', 'l
 
 
 def from_columns(values: dict[str, np.ndarray], name: str, *,
-                 rest_length: Optional[float] = None, ambient_pressure: float = 101325.0,
+                 rest_length: float | None = None, ambient_pressure: float = 101325.0,
                  first_row: int = 1, allow_constant_pressure: bool = False) -> Measurement:
     """
     Return a measurement from columns whose names carry the quantity and its unit.
@@ -85,7 +85,7 @@ def _split(header: str) -> tuple[str, str]:
 
 
 def _assemble(name: str, columns: dict[str, np.ndarray], units: dict[str, str],
-              trial: Optional[np.ndarray], rest_length: Optional[float], first_row: int,
+              trial: np.ndarray | None, rest_length: float | None, first_row: int,
               allow_constant_pressure: bool) -> Measurement:
     if 'strain' not in columns and 'contraction' in columns:
         if rest_length is None:

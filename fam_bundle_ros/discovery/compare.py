@@ -11,7 +11,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import json
-from typing import Any, Optional, Union
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.discovery.grouping import (
     pressure_levels,
@@ -25,7 +27,6 @@ from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, visit_cells
 from fam_bundle_ros.discovery.predict import free_mask, predict
 from fam_bundle_ros.model import Bundle
-import numpy as np
 
 
 @dataclass(frozen=True)
@@ -127,8 +128,8 @@ class Comparison:
         return figures.comparison(self)
 
 
-def compare(model: Bundle, measurement: Union[Measurement, Any], *,
-            noise: Optional[NoiseFloor] = None) -> Comparison:
+def compare(model: Bundle, measurement: Measurement | Any, *,
+            noise: NoiseFloor | None = None) -> Comparison:
     """
     Compare a model with a measurement.
 

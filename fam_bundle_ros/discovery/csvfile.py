@@ -5,9 +5,10 @@
 import io
 from pathlib import Path
 
+import numpy as np
+
 from fam_bundle_ros.discovery.measurement import MAX_ROWS
 from fam_bundle_ros.errors import InputError
-import numpy as np
 
 #: Larger files are refused unread.
 MAX_BYTES = 1 << 30

@@ -14,7 +14,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import time
-from typing import Any, Optional
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
@@ -25,11 +27,9 @@ from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Scale, Search
-from fam_bundle_ros.discovery.templates import (describe, Described, nominal_fit,
-                                                surface_share)
+from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit, surface_share
 from fam_bundle_ros.discovery.uncertainty import confounding, estimates
 from fam_bundle_ros.model import Bundle, catalogue
-import numpy as np
 
 #: Rows that the search works on; longer logs are averaged down to about this many.
 SEARCH_ROWS = 4000
@@ -93,7 +93,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         parameters=tuple(estimates(final, scale)), moved=final.moved(),
         best=model if keep_nominal else with_intervals(final, scale),
         recalibrated=base.model, shapes_left=tuple(finding.left.templates),
-        notes=data.notes + _notes(data, floor, base, final),
+        notes=(data.notes + _notes(data, floor, base, final)
+               + _reshaped(problem, search, finding)),
         rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
         ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
 
@@ -153,7 +154,7 @@ def _moved(problem: Problem, search: Search) -> bool:
     return bool(gain > 10.0 + 2.0 * len(base.terms))
 
 
-def _outsider(problem: Problem, search: Search, final: Fit) -> Optional[Described]:
+def _outsider(problem: Problem, search: Search, final: Fit) -> Described | None:
     """
     Return a plain shape that beats the chosen effects and that their families cannot make.
 
@@ -344,7 +345,29 @@ def _next(problem: Problem, search: Search, finding: _Finding,
     return 'none needed within this range; widen it (past free strain, another speed) to go on'
 
 
-def _runner_up(search: Search) -> Optional[tuple[str, ...]]:
+def _reshaped(problem: Problem, search: Search, finding: _Finding) -> tuple[str, ...]:
+    """Return a note where another shape of an effect that the model has would do better."""
+    if finding.verdict not in ('unexplained', 'partial'):
+        return ()
+    notes = []
+    names = search.chosen if finding.named else []
+    before = search.fit(names)
+    for old, shape in cand.other_shapes(search.model):
+        try:
+            model = search.model.without_effect(old).with_effect(shape)
+            trial = Search(problem, model, search.effects)
+            after = trial.fit(names)
+        except ValueError:
+            continue
+        if search.excess(names) > 0 and trial.excess(names) < 0.3 * search.excess(names):
+            kept = problem.weight
+            notes.append(f'{shape.name} instead of {old} would leave '
+                         f'{rms(after.residual[kept]):.3g} N instead of '
+                         f'{rms(before.residual[kept]):.3g} N')
+    return tuple(notes)
+
+
+def _runner_up(search: Search) -> tuple[str, ...] | None:
     if not search.chosen:
         return None
     rest = set(search.chosen[:-1])

@@ -10,12 +10,12 @@ could make up by moving its parameters within what the present data leave open.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional
+
+import numpy as np
 
 from fam_bundle_ros.discovery.fit import Fit, Problem
 from fam_bundle_ros.discovery.search import Scale
 from fam_bundle_ros.model import Bundle, Motion
-import numpy as np
 
 #: Below this many noise standard deviations (summed squares) an experiment tells nothing.
 _USELESS = 9.0
@@ -63,7 +63,7 @@ def menu(problem: Problem, model: Bundle) -> list[tuple[str, Motion]]:
 
 
 def best_experiment(problem: Problem, first: Fit, second: Fit, scale: Scale,
-                    ) -> tuple[Optional[Experiment], list[Experiment]]:
+                    ) -> tuple[Experiment | None, list[Experiment]]:
     """
     Return the experiment that separates two fitted models most, and all of them, best first.
 

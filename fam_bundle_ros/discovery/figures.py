@@ -176,7 +176,8 @@ def candidates(result: Diagnosis, most: int = 8) -> go.Figure | None:
         textposition='outside', cliponaxis=False, textfont={'size': 12},
         hovertext=[entry.reason for entry in shown], hoverinfo='text'))
     drawing.update_xaxes(range=[0.0, 1.28], tickvals=[0.0, 0.25, 0.5, 0.75, 1.0])
-    drawing.update_yaxes(showgrid=False, ticks='', showline=False, automargin=True)
+    drawing.update_yaxes(showgrid=False, ticks='', showline=False, automargin=True,
+                         ticklabelstandoff=6)
     return drawing
 
 

@@ -10,8 +10,10 @@ Levenberg-Marquardt with bounds, written for many fits of few parameters on the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Mapping, Optional, Sequence
+
+import numpy as np
 
 from fam_bundle_ros.discovery.grouping import blocks, reversals
 from fam_bundle_ros.discovery.measurement import Measurement
@@ -19,7 +21,6 @@ from fam_bundle_ros.discovery.noise import autocorrelation_time, second_differen
 from fam_bundle_ros.discovery.predict import motion, predict
 from fam_bundle_ros.model import Bundle, Effect
 from fam_bundle_ros.model.geometry import BRAID_ANGLE_TOLERANCE, RADIUS_TOLERANCE
-import numpy as np
 
 #: How far a constant of the model's own effects is commonly off, relative.
 CONSTANT_TOLERANCE = 0.5
@@ -41,7 +42,7 @@ class Term:
     upper: float
     scale: float
     start: float
-    prior: Optional[float] = None
+    prior: float | None = None
 
 
 def base_terms(model: Bundle) -> list[Term]:
@@ -144,7 +145,7 @@ class Problem:
     """
 
     def __init__(self, data: Measurement, model: Bundle, largest: int = 6000,
-                 noise: Optional[float] = None):
+                 noise: float | None = None):
         self.full = data
         self.block = max(1, int(np.ceil(len(data) / largest))) if not data.is_static else 1
         self.data = data if self.block == 1 else average(data, self.block)
@@ -185,7 +186,7 @@ class Problem:
         kept = np.where(self.weight, residual, 0.0)
         return autocorrelation_time(kept, self.data.trial)
 
-    def fit(self, model: Bundle, terms: Sequence[Term], start: Optional[Mapping[str, float]] = None,
+    def fit(self, model: Bundle, terms: Sequence[Term], start: Mapping[str, float] | None = None,
             iterations: int = 25, tolerance: float = 0.05, huber: bool = False) -> Fit:
         """
         Refit ``terms`` of a model from their start values (or from ``start``).

@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
-from typing import Sequence
+from collections.abc import Sequence
+
+import numpy as np
 
 from fam_bundle_ros.discovery.measurement import Measurement
-import numpy as np
 
 
 def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.ndarray]:

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from itertools import combinations_with_replacement
-from typing import Any, Optional
+from typing import Any
 
-from fam_bundle_ros.discovery.grouping import (pressure_levels, rms, strain_bins,
-                                               varying_unit)
-from fam_bundle_ros.discovery.measurement import Measurement
 import numpy as np
+
+from fam_bundle_ros.discovery.grouping import pressure_levels, rms, strain_bins, varying_unit
+from fam_bundle_ros.discovery.measurement import Measurement
 
 _DIRECTIONS = {-1: 'while lengthening', 0: 'at rest', 1: 'while shortening'}
 
@@ -53,7 +53,7 @@ class Region:
 
 
 def locate(measurement: Measurement, residual: np.ndarray, noise: float,
-           past_free: Optional[np.ndarray] = None, most: int = 4) -> tuple[Region, ...]:
+           past_free: np.ndarray | None = None, most: int = 4) -> tuple[Region, ...]:
     """
     Return the regions of strain, pressure, direction and time where the error is beyond noise.
 
@@ -100,7 +100,7 @@ def _region(words: str, rows: np.ndarray, residual: np.ndarray, noise: float,
 
 
 def _lone_trial(measurement: Measurement, residual: np.ndarray, noise: float,
-                ) -> Optional[tuple[str, np.ndarray]]:
+                ) -> tuple[str, np.ndarray] | None:
     """Return the one trial that holds most of the error, when there is such a one."""
     count = len(measurement.trial_names)
     if count < 4:
@@ -129,7 +129,7 @@ class _Grid:
     """Cells of strain, pressure and direction, and boxes of cells."""
 
     def __init__(self, measurement: Measurement, residual: np.ndarray, noise: float,
-                 past_free: Optional[np.ndarray]):
+                 past_free: np.ndarray | None):
         self.noise = noise
         unit = varying_unit(measurement)
         self.unit = '' if measurement.pressure.shape[1] == 1 else (
@@ -158,13 +158,13 @@ class _Grid:
         return (squares.reshape(self.shape), np.where(sure, count, 0).reshape(self.shape),
                 count.reshape(self.shape))
 
-    def best(self, left: np.ndarray) -> Optional[tuple[str, np.ndarray]]:
+    def best(self, left: np.ndarray) -> tuple[str, np.ndarray] | None:
         """Return the box that holds most of the error with least else, in words."""
         squares, sure, count = self._excess(left)
         total = squares.sum()
         if total <= 0:
             return None
-        picks: list[tuple[Optional[int], int]] = [(None, 0)]
+        picks: list[tuple[int | None, int]] = [(None, 0)]
         if len(self.directions) > 1:
             picks += [(slot, 1) for slot in range(len(self.directions))]
         best, choice = 0.0, None
@@ -190,7 +190,7 @@ class _Grid:
             rows &= self.direction == self.directions[slot]
         return self._words(a, b, c, d, slot, rows), rows
 
-    def _words(self, a: int, b: int, c: int, d: int, slot: Optional[int],
+    def _words(self, a: int, b: int, c: int, d: int, slot: int | None,
                rows: np.ndarray) -> str:
         strains, levels = self.shape[0], self.shape[1]
         if self.past_free is not None and rows.any():

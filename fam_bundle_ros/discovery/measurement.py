@@ -10,15 +10,17 @@ of nonsense ends in one sentence that says where.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import csv
 from dataclasses import dataclass, field, replace
 import hashlib
 from pathlib import Path
-from typing import Any, Optional, Sequence, Union
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.discovery import rates
 from fam_bundle_ros.errors import InputError
-import numpy as np
 
 #: Fewer rows than this cannot carry a comparison.
 MIN_ROWS = 12
@@ -79,7 +81,7 @@ class Measurement:
     pressure: np.ndarray
     force: np.ndarray
     trial: np.ndarray
-    time: Optional[np.ndarray] = None
+    time: np.ndarray | None = None
     strain_rate: np.ndarray = field(default_factory=lambda: np.zeros(0))
     rate_noise: float = 0.0
     direction: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
@@ -108,7 +110,7 @@ class Measurement:
         """Return the time, or for a static map seconds that merely count the rows, (T,)."""
         return np.arange(len(self), dtype=float) if self.time is None else self.time
 
-    def select(self, keep: np.ndarray) -> 'Measurement':
+    def select(self, keep: np.ndarray) -> Measurement:
         """Return the rows where ``keep`` (bool or index array, shape (T,)) holds."""
         picked = {name: getattr(self, name)[keep]
                   for name in ('strain', 'pressure', 'force', 'trial', 'strain_rate', 'direction')}
@@ -148,10 +150,10 @@ def pressure_labels(measurement: Measurement) -> list[str]:
     return [f'pressure.{name}' for name in measurement.motor_units]
 
 
-def read_measurement(source: Any, *, rest_length: Optional[float] = None,
-                     ambient_pressure: float = 101325.0, name: Optional[str] = None,
+def read_measurement(source: Any, *, rest_length: float | None = None,
+                     ambient_pressure: float = 101325.0, name: str | None = None,
                      allow_constant_pressure: bool = False) -> Measurement:
-    """
+    r"""
     Read a measurement from a CSV file, a ROS 2 bag or a pandas frame.
 
     Parameters
@@ -176,8 +178,8 @@ def read_measurement(source: Any, *, rest_length: Optional[float] = None,
     Examples
     --------
     >>> import io, pathlib, tempfile
-    >>> text = 'strain,pressure [psi],force [lbf]\\n' + ''.join(
-    ...     f'{i / 100},{10 * (i % 3)},{i}\\n' for i in range(20))
+    >>> text = 'strain,pressure [psi],force [lbf]\n' + ''.join(
+    ...     f'{i / 100},{10 * (i % 3)},{i}\n' for i in range(20))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / 'map.csv'
     ...     _ = path.write_text(text)
@@ -207,7 +209,7 @@ def read_measurement(source: Any, *, rest_length: Optional[float] = None,
     return replace(measured, sha256=file_digest(path))
 
 
-def file_digest(path: Union[str, Path]) -> str:
+def file_digest(path: str | Path) -> str:
     """Return a file's SHA-256 in hex, read in pieces."""
     digest = hashlib.sha256()
     with open(path, 'rb') as stream:
@@ -216,8 +218,8 @@ def file_digest(path: Union[str, Path]) -> str:
     return digest.hexdigest()
 
 
-def write_csv(measurement: Measurement, path: Union[str, Path],
-              extra: Optional[dict[str, np.ndarray]] = None) -> None:
+def write_csv(measurement: Measurement, path: str | Path,
+              extra: dict[str, np.ndarray] | None = None) -> None:
     """
     Write a measurement as a CSV that `read_measurement` takes (s, kPa, N).
 
@@ -246,9 +248,9 @@ def write_csv(measurement: Measurement, path: Union[str, Path],
 
 
 def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
-          trial: Optional[Sequence[Any]] = None, time: Optional[np.ndarray] = None,
-          motor_units: Sequence[str] = ('mu1',), strain_rate: Optional[np.ndarray] = None,
-          first_row: int = 1, notes: Sequence[str] = (), units: Optional[dict[str, str]] = None,
+          trial: Sequence[Any] | np.ndarray | None = None, time: np.ndarray | None = None,
+          motor_units: Sequence[str] = ('mu1',), strain_rate: np.ndarray | None = None,
+          first_row: int = 1, notes: Sequence[str] = (), units: dict[str, str] | None = None,
           allow_constant_pressure: bool = False) -> Measurement:
     """
     Check SI arrays and make a `Measurement` of them: the one gate that every reader uses.
@@ -339,8 +341,8 @@ def _check_range(name: str, label: str, quantity: str, values: np.ndarray, first
                          f'{words} (did you mean kPa?)')
 
 
-def _trials(name: str, trial: Optional[Sequence[Any]], time: Optional[np.ndarray], rows: int,
-            first_row: int) -> tuple[np.ndarray, tuple[str, ...], Optional[np.ndarray]]:
+def _trials(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndarray | None,
+            rows: int, first_row: int) -> tuple[np.ndarray, tuple[str, ...], np.ndarray | None]:
     """Return trial indices, their names, and a row order that puts each trial together."""
     if trial is None:
         if time is None:
@@ -366,7 +368,7 @@ def _trials(name: str, trial: Optional[Sequence[Any]], time: Optional[np.ndarray
 
 
 def _disorder(name: str, time: np.ndarray, index: np.ndarray, names: tuple[str, ...],
-              first_row: int, order: Optional[np.ndarray] = None) -> InputError:
+              first_row: int, order: np.ndarray | None = None) -> InputError:
     back = (np.diff(time) <= 0) & (np.diff(index) == 0)
     at = int(np.argmax(back)) + 1
     row = (at if order is None else int(order[at])) + first_row

@@ -14,10 +14,11 @@ model has drops out again.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, Optional
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.discovery.measurement import Measurement
-import numpy as np
 
 _ROBUST = 1.4826  # median absolute deviation -> standard deviation, normal noise
 
@@ -42,15 +43,15 @@ class NoiseFloor:
     """
 
     value: float
-    differences: Optional[float]
-    repeats: Optional[float]
-    visits: Optional[float]
+    differences: float | None
+    repeats: float | None
+    visits: float | None
     correlation: float
     basis: str
     note: str = ''
 
     def __str__(self) -> str:
-        def show(number: Optional[float]) -> str:
+        def show(number: float | None) -> str:
             return '-' if number is None else f'{number:.3g} N'
         text = (f'noise floor {self.value:.3g} N ({self.basis}; second differences '
                 f'{show(self.differences)}, repeats {show(self.repeats)}, visits '
@@ -62,7 +63,7 @@ class NoiseFloor:
         return asdict(self)
 
 
-def noise_floor(measurement: Measurement, residual: Optional[np.ndarray] = None) -> NoiseFloor:
+def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) -> NoiseFloor:
     """
     Estimate the noise floor of the force.
 
@@ -102,7 +103,7 @@ def noise_floor(measurement: Measurement, residual: Optional[np.ndarray] = None)
                       'second differences', note)
 
 
-def second_differences(measurement: Measurement, values: np.ndarray) -> Optional[float]:
+def second_differences(measurement: Measurement, values: np.ndarray) -> float | None:
     """
     Return the white-noise standard deviation from triples of neighbours, N, or None.
 
@@ -161,7 +162,7 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
 
 
 def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray],
-                 ) -> tuple[Optional[float], Optional[float], float]:
+                 ) -> tuple[float | None, float | None, float]:
     """Return the repeat noise, the noise of visit means, and the correlation they imply."""
     cell, visit = cells
     count = np.bincount(visit)

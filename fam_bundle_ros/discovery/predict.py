@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a model says the load cell would have shown in a measurement."""
 
+import numpy as np
+
 from fam_bundle_ros.discovery.measurement import Measurement
 from fam_bundle_ros.discovery.rates import smooth
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Motion
-import numpy as np
 
 
 def motion(data: Measurement) -> Motion:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import json
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.discovery.compare import Comparison
 from fam_bundle_ros.discovery.locate import Region
 from fam_bundle_ros.discovery.measurement import Measurement
@@ -15,7 +17,6 @@ from fam_bundle_ros.discovery.noise import NoiseFloor
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.uncertainty import Estimate
 from fam_bundle_ros.model import Bundle
-import numpy as np
 
 VERDICTS = ('adequate', 'recalibrate', 'missing_effect', 'partial', 'unexplained')
 

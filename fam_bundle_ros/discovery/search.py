@@ -12,7 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Optional
+
+import numpy as np
 
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.fit import base_terms, effect_terms, Fit, Problem
@@ -23,7 +24,6 @@ from fam_bundle_ros.discovery.grouping import (
     varying_unit,
 )
 from fam_bundle_ros.model import Bundle, Effect
-import numpy as np
 
 #: A set must beat the smaller one by this much in score (1 % false alarms on simulated noise).
 GATE = 10.0
@@ -33,14 +33,14 @@ MOST_EFFECTS = 4
 #: A further effect must take at least this share of what the others took: a shape that is not
 #: quite right leaves a few per cent.
 _PATCH = 0.02
-#: So many first effects are tried with every second one where none passes alone.
-_AHEAD = 4
+#: So many first effects are tried with twice as many second ones where none passes alone.
+_AHEAD = 3
 #: A candidate is refitted only if it could take away this much of chi2 by a linear look ...
 _SCREEN = 4.0
 #: ... and this share of what the best candidate could.
 _SCREEN_SHARE = 0.01
 
-Progress = Optional[Callable[[float, str], None]]
+Progress = Callable[[float, str], None] | None
 
 
 @dataclass
@@ -52,7 +52,7 @@ class Scale:
     samples: int = 1
 
     @classmethod
-    def of(cls, problem: Problem, fit: Fit) -> 'Scale':
+    def of(cls, problem: Problem, fit: Fit) -> Scale:
         """Return the scale that a fit's residual sets."""
         inflation = max(fit.chi2 / max(problem.samples - len(fit.terms), 1), 1.0)
         return cls(inflation, problem.correlation(fit.residual), problem.samples)
@@ -226,7 +226,7 @@ class Search:
 
     # --- the way through -----------------------------------------------------------------------
 
-    def run(self) -> 'Search':
+    def run(self) -> Search:
         """Add effects while they earn their place; swap; drop what is no longer needed."""
         self.fit(())
         self._settle()
@@ -242,7 +242,7 @@ class Search:
         self.scale = Scale.of(self.problem, self.fit(self.chosen))
         return self
 
-    def _step(self) -> Optional[tuple[str, float]]:
+    def _step(self) -> tuple[str, float] | None:
         """Return the effect that earns its place next, and what it gains."""
         best, scale = self._best_next(self.chosen)
         if best is None:
@@ -252,7 +252,7 @@ class Search:
             return None
         return best, gain
 
-    def _look_ahead(self) -> Optional[tuple[str, float]]:
+    def _look_ahead(self) -> tuple[str, float] | None:
         """
         Return the first of two effects that only together earn their place.
 
@@ -266,7 +266,7 @@ class Search:
         firsts = sorted(ready, key=lambda n: self.fit([*held, n]).cost)[:_AHEAD]
         pairs = []
         for first in firsts:
-            second, scale = self._best_next([*held, first])
+            second, scale = self._best_next([*held, first], most=2 * _AHEAD)
             if second is not None:
                 pairs.append((self.fit([*held, first, second]).cost, first, second, scale))
         if not pairs:
@@ -307,15 +307,16 @@ class Search:
         taken = {cand.head(name) for name in held}
         return [name for name in self.effects if cand.head(name) not in taken]
 
-    def _promising(self, held: list[str]) -> list[str]:
-        """Return the candidates that are worth a joint refit beside those held."""
+    def _promising(self, held: list[str], most: int = 99) -> list[str]:
+        """Return the candidates that are worth a joint refit beside those held, best first."""
         options = self._options(held)
         gains = {name: self.screen(held, name)[0] for name in options}
         least = max(_SCREEN, _SCREEN_SHARE * max(gains.values(), default=0.0))
-        return [name for name in options if gains[name] >= least]
+        worth = [name for name in options if gains[name] >= least]
+        return sorted(worth, key=lambda name: -gains[name])[:most]
 
-    def _best_next(self, held: list[str]) -> tuple[Optional[str], Scale]:
-        options = self._promising(held)
+    def _best_next(self, held: list[str], most: int = 99) -> tuple[str | None, Scale]:
+        options = self._promising(held, most)
         if not options:
             return None, Scale()
         for done, name in enumerate(options):
@@ -371,10 +372,7 @@ class Search:
         return max(fit.chi2 - (self.problem.samples - len(fit.terms)), 0.0)
 
     def _earned(self, held: list[str], name: str) -> bool:
-        """
-        Return whether an effect holds on blocks left out, and is more than a patch.
-
-        """
+        """Return whether an effect holds on blocks left out, and is more than a patch."""
         before, after = self.fit(held), self.fit([*held, name])
         share, ratio = held_out_votes(self.problem, before, after)
         self.votes[name] = share

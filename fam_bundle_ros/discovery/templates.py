@@ -14,11 +14,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.discovery.fit import base_terms, Fit, Problem
 from fam_bundle_ros.discovery.grouping import blocks
 from fam_bundle_ros.discovery.noise import autocorrelation_time
-from fam_bundle_ros.model import Bundle
-import numpy as np
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, Effect, Parameter
+from fam_bundle_ros.model.effects.expression import expression_class
 
 #: Families that could make a shape; () where none in the catalogue can.
 _ODD = ('dry_friction',)
@@ -71,9 +74,9 @@ class Template:
         """Return the fields as plain numbers and text."""
         return asdict(self)
 
-    def as_effect(self, name: str = 'found_shape') -> str:
+    def effect(self, name: str = 'found_shape') -> Effect:
         """
-        Return the shape as the lines of a model file that add it as an expression effect.
+        Return the shape as an expression effect, to be added to a model and saved with it.
 
         Raises
         ------
@@ -81,11 +84,13 @@ class Template:
             Where the shape cannot be written as a formula.
         """
         if self.expression is None:
-            from fam_bundle_ros.errors import InputError
             raise InputError(f"'{self.words}' cannot be written as a formula of a model file")
-        unit = f' {self.unit}' if self.unit else ''
-        return (f'  - {name}: {{expression: "{self.expression}", parameters: '
-                f'{{k: {{value: {self.coefficient:.6g}{unit}}}}}}}\n')
+        size = abs(self.coefficient) or 1.0
+        unit = self.unit or '1'
+        coefficient = Parameter('k', unit, self.coefficient, -100.0 * size, 100.0 * size,
+                                self.words)
+        place = 'loss' if 'strain_rate' in self.expression else 'force'
+        return expression_class(name, self.expression, place, (coefficient,))()
 
 
 @dataclass(frozen=True)
@@ -124,7 +129,7 @@ def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
               (e ** 2, 'with the square of strain', 'strain**2'),
               (e ** 3, 'with the cube of strain', 'strain**3')]
     for g, g_words, g_unit, g_text, power in pressures:
-        def text(formula: str) -> str | None:
+        def text(formula: str, g_text: str | None = g_text) -> str | None:
             return None if g_text is None else f'k * {formula}{g_text}'
         for h, words, formula in smooth:
             add(h * g, words + g_words, 'N' + g_unit, _SMOOTH[power], text(formula),
@@ -178,8 +183,8 @@ def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
     return shapes
 
 
-def _add_motion(add: Any, problem: Problem, residual: np.ndarray, e: np.ndarray, total: np.ndarray, force: np.ndarray,
-                single: bool) -> None:
+def _add_motion(add: Any, problem: Problem, residual: np.ndarray, e: np.ndarray,
+                total: np.ndarray, force: np.ndarray, single: bool) -> None:
     """Add the shapes that need time: direction, speed, memory, drift, a single trial."""
     data = problem.data
     rate, way = data.strain_rate, data.direction.astype(float)

@@ -7,11 +7,12 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.discovery.fit import Fit
 from fam_bundle_ros.discovery.search import Scale
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.units import si_factor
-import numpy as np
 
 _GEOMETRY_UNITS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
 

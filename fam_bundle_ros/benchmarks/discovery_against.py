@@ -1,0 +1,96 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Sparse regression on the benchmark's cases, to stand beside: LASSO and pysindy's STLSQ.
+
+Both get the same dictionary as `diagnose`: what each effect of the catalogue would add at its
+usual size, together with what the model's own parameters can do. Extras (scikit-learn, pysindy);
+a row is left out where its package is not installed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import importlib.util
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.benchmarks import discovery_cases as make
+from fam_bundle_ros.discovery import candidates as cand
+from fam_bundle_ros.discovery.fit import Problem
+from fam_bundle_ros.discovery.search import Search
+
+_Dictionary = tuple[list[str], np.ndarray, np.ndarray]
+
+
+def dictionary(case: make.Case) -> _Dictionary:
+    """Return names, standardised columns (T, m) and the whitened residual (T,) of a case."""
+    problem = Problem(case.data, case.model)
+    search = Search(problem, case.model, cand.candidates(case.model, case.data))
+    base = search.fit(())
+    weight = problem.weight
+    names, columns = [], []
+    for j, term in enumerate(base.terms):
+        names.append(term.key)
+        columns.append(base.jacobian[:, j])
+    for name, effect in search.effects.items():
+        lively = effect
+        if name in ('force_sensor_bias', 'force_sensor_gain', 'pressure_sensor_bias',
+                    'pressure_sensor_gain', 'strain_sensor_offset'):
+            first = effect.parameters[0]
+            lively = effect.replace(**{first.name: 0.1 * first.upper * first.scale})
+        with_it = problem.residual(base.model.with_effect(lively))
+        names.append(name)
+        columns.append((base.residual - with_it) / problem.noise)
+    table = np.stack(columns, -1)[weight]
+    size = table.std(axis=0)
+    keep = size > 1e-9
+    table = (table[:, keep] - table[:, keep].mean(axis=0)) / size[keep]
+    target = (base.residual / problem.noise)[weight]
+    return [n for n, k in zip(names, keep) if k], table, target - target.mean()
+
+
+def lasso(names: list[str], table: np.ndarray, target: np.ndarray) -> dict[str, float]:
+    """Return the terms that a cross-validated LASSO keeps, with their size."""
+    from sklearn.linear_model import LassoCV
+    fitted = LassoCV(cv=5, alphas=30, max_iter=3000).fit(table, target)
+    return {n: float(c) for n, c in zip(names, fitted.coef_) if abs(c) > 1e-3}
+
+
+def stlsq(names: list[str], table: np.ndarray, target: np.ndarray) -> dict[str, float]:
+    """Return the terms that pysindy's STLSQ keeps, with their size."""
+    import pysindy
+    fitted = pysindy.STLSQ(threshold=0.2, alpha=1e-3).fit(table, target[:, None])
+    return {n: float(c) for n, c in zip(names, np.ravel(fitted.coef_)) if c != 0}
+
+
+def against(cases: int, sets: tuple[str, ...] = ('single', 'other')) -> dict[str, dict[str, Any]]:
+    """
+    Return, by method, how often the true effect comes first and how many terms it keeps.
+
+    Parameters
+    ----------
+    cases : int
+        Per kind of data and set.
+    """
+    methods: dict[str, Callable[[list[str], np.ndarray, np.ndarray], dict[str, float]]] = {}
+    if importlib.util.find_spec('sklearn'):
+        methods['lasso'] = lasso
+    if importlib.util.find_spec('pysindy'):
+        methods['pysindy stlsq'] = stlsq
+    found: dict[str, list[tuple[bool, int]]] = {name: [] for name in methods}
+    for group in sets:
+        for kind, names in make.HIDEABLE.items():
+            for k in range(cases):
+                hidden = names[k % len(names)]
+                case = make.make_case(kind, k, (hidden,), 'same' if group == 'single' else group)
+                terms = dictionary(case)
+                right = {hidden, *make.SAME_PHYSICS.get(hidden, ())}
+                for name, method in methods.items():
+                    kept = {key: size for key, size in method(*terms).items() if '.' not in key}
+                    first = max(kept, key=lambda key: abs(kept[key]), default='')
+                    found[name].append((bool(first) and cand.head(first) in right, len(kept)))
+    return {name: {'first_right': round(float(np.mean([r for r, _ in rows])), 3),
+                   'terms_mean': round(float(np.mean([n for _, n in rows])), 1),
+                   'cases': len(rows)} for name, rows in found.items() if rows}

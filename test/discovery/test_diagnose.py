@@ -1,0 +1,168 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Diagnosis on the practice cases, the measured map, and data made by the catalogue itself."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.discovery import add_effect, diagnose, ladder, orders, read_measurement
+from fam_bundle_ros.discovery.measurement import build
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import dumps_model, load_model, loads_model
+
+NAMES = [f'p{k:02d}' for k in range(1, 11)]
+
+
+@pytest.fixture(scope='module')
+def answers(repository):
+    """Return what is hidden in each practice case."""
+    path = repository / 'test' / 'data' / 'practice' / 'answers.json'
+    return json.loads(path.read_text())
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_practice_case_comes_out_as_its_answer(practice, answers, name):
+    """Verdict and effect of a rig that shares no code with us, within 10 s on one core."""
+    data, model = practice(name)
+    begun = time.process_time()
+    result = diagnose(load_model(model), read_measurement(data))
+    seconds = time.process_time() - begun
+    answer = answers[name]
+    assert result.verdict in (answer['verdict'], *answer['verdict_also'])
+    if answer['verdict'] == 'missing_effect':
+        assert len(result.effects) == 1
+        assert result.effects[0] in (*answer['hidden'], *answer['also_right'])
+        assert result.error_N['best'] < 1.15 * answer['noise_rms_N']
+    else:
+        assert result.effects == ()
+    assert seconds < 10.0
+    saved = json.loads(result.to_json())
+    assert set(saved) >= {'verdict', 'noise_floor_N', 'error_N', 'effects', 'ranking', 'tied',
+                          'located', 'next_experiment'}
+    assert set(saved['error_N']) == {'model', 'recalibrated', 'best'}
+    assert saved['next_experiment']
+
+
+def test_the_measured_map_falls_from_150_to_below_8_newtons(repository):
+    """DMSP-20: 151 N, recalibrated 103 N, then named effects to below 8 N on left-out isobars."""
+    folder = repository / 'config' / 'data'
+    model = load_model(folder / 'dmsp20_static_map.model.yaml')
+    data = read_measurement(folder / 'dmsp20_static_map.csv')
+    result = diagnose(model, data)
+    assert result.error_N['model'] == pytest.approx(151.3, abs=0.5)
+    assert result.error_N['recalibrated'] == pytest.approx(103.2, abs=0.5)
+    assert {'bladder_elasticity', 'tendon_slack'} <= set(result.effects)
+    steps = result.ladder
+    assert steps[-1]['held_out_N'] < 8.0
+    errors = [step['error_N'] for step in steps]
+    assert errors == sorted(errors, reverse=True)
+    better = add_effect(model, result.shapes, data)
+    again = ladder(data, [model, loads_model(dumps_model(better.model))])
+    assert again.steps[-1]['held_out_N'] < 8.0
+
+
+@pytest.mark.parametrize(('name', 'values'), [
+    ('end_caps', {'dead_length': 12e-3}),
+    ('threshold_pressure', {'pressure': 40e3}),
+    ('braid_elasticity', {'compliance': 9e-8}),
+    ('viscoelastic_relaxation', {'share': 0.12, 'time_constant': 4.0}),
+    ('presliding_hysteresis', {'force': 5.0, 'width': 0.02}),
+    ('resistive_buckling', {}),
+    ('tendon_slack', {}),
+    ('softening', {'depth': 0.3, 'travel': 0.5}),
+    ('force_sensor_bias', {'bias': 3.0}),
+])
+def test_an_effect_is_found_again_in_data_that_it_made(sweeps, paper_muscle, name, values):
+    """Hidden in sweeps of 0.6 N noise it comes first or ties, with its parameters."""
+    data = sweeps(paper_muscle.with_effect(name, **values))
+    result = diagnose(paper_muscle, data)
+    assert len(result.effects) == 1
+    told = {result.effects[0], *(n for group in result.tied for n in group)}
+    assert name in told
+    assert result.error_N['best'] < 0.66
+    if result.effects[0] == name == result.shapes[0]:
+        for estimate in result.parameters:
+            key = estimate.key.partition('.')[2]
+            if estimate.key.startswith(name) and key in values and not estimate.flag:
+                assert estimate.si == pytest.approx(values[key], rel=0.15)
+
+
+def test_two_effects_are_both_found_and_nothing_else(sweeps, paper_muscle):
+    """Friction and end caps in one log: both, whatever the order of adding."""
+    truth = paper_muscle.with_effect('coulomb_friction', force=3.0).with_effect(
+        'end_caps', dead_length=12e-3)
+    data = sweeps(truth)
+    result = diagnose(paper_muscle, data)
+    assert set(result.effects) == {'coulomb_friction', 'end_caps'}
+    paths = orders(paper_muscle, result.shapes, data)
+    assert len(paths) == 2
+    assert len({round(path[-1], 6) for path in paths.values()}) == 1
+
+
+def test_noise_and_outliers_alone_name_nothing(sweeps, paper_muscle):
+    """Without a missing effect the verdict is adequate, with 3 % outliers too."""
+    rng = np.random.default_rng(0)
+    for seed in range(4):
+        data = sweeps(seed=seed)
+        assert diagnose(paper_muscle, data).verdict == 'adequate'
+        bad = rng.uniform(size=len(data)) < 0.03
+        spiked = build('spiked', data.strain, data.pressure, data.force + bad * 8.0, data.trial,
+                       data.time)
+        result = diagnose(paper_muscle, spiked)
+        assert result.verdict == 'adequate'
+        assert result.rows_left_out >= 0.7 * bad.sum()
+
+
+def test_what_no_effect_explains_is_described_and_can_be_added(sweeps, paper_muscle):
+    """A stop at strain 0.17 is unexplained; its shape in words makes a model that fits."""
+    data = sweeps(extra=lambda e, p, way, t: -400 * np.maximum(e - 0.17, 0))
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'unexplained'
+    assert result.effects == ()
+    shape = result.shapes_left[0]
+    assert 'starts at strain 0.1' in shape.words
+    assert shape.coefficient == pytest.approx(-400, rel=0.1)
+    stopped = paper_muscle.with_effect(shape.effect('stop'))
+    better = diagnose(loads_model(dumps_model(stopped)), data)
+    assert better.error_N['recalibrated'] < 0.75
+
+
+def test_effects_that_the_data_cannot_tell_apart_are_tied(sweeps, paper_muscle):
+    """At one sweep speed dry and viscous friction tie, and another speed is proposed."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction', force=3.0))
+    result = diagnose(paper_muscle, data)
+    group = next(g for g in result.tied if 'coulomb_friction' in g)
+    assert 'viscous_damping' in group
+    assert 'ten times' in result.next_experiment
+
+
+def test_adding_fails_on_an_effect_that_is_there_or_unknown(sweeps, paper_muscle):
+    """An effect twice, or a misspelt one, is refused in one line."""
+    data = sweeps()
+    with pytest.raises(InputError, match='has bladder_elasticity already'):
+        add_effect(paper_muscle, 'bladder_elasticity', data)
+    with pytest.raises(InputError, match='did you mean'):
+        add_effect(paper_muscle, 'coulomb_fricton', data)
+
+
+def test_cost_is_linear_in_the_samples(sweeps, paper_muscle):
+    """Ten times the samples take at most about ten times as long, the search the same."""
+    def long_log(count):
+        rng = np.random.default_rng(0)
+        t = np.arange(count) * 0.002
+        strain = 0.1 + 0.05 * np.sin(2 * np.pi * 0.2 * t)
+        pressure = 2e5 + 1.5e5 * np.sign(np.sin(2 * np.pi * 0.031 * t))
+        force = paper_muscle.force(strain, pressure[:, None]) - 3.0 * np.sign(
+            np.cos(2 * np.pi * 0.2 * t)) + 0.6 * rng.standard_normal(count)
+        return build('long', strain + 1e-4 * rng.standard_normal(count), pressure, force, None, t)
+    seconds = []
+    for count in (20_000, 200_000):
+        data = long_log(count)
+        begun = time.process_time()
+        result = diagnose(paper_muscle, data)
+        seconds.append(time.process_time() - begun)
+        assert 'coulomb_friction' in {*result.effects, *(n for g in result.tied for n in g)}
+    assert seconds[1] < 12.0 * seconds[0]

@@ -1,0 +1,86 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Noise floor three ways, errors by group, and regions in words."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.discovery import compare, noise_floor, read_measurement
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import load_model
+
+
+def test_noise_floor_is_the_noise_whatever_the_model_lacks(sweeps, paper_muscle):
+    """White noise of 0.6 N reads 0.6 N, though the model lacks the rubber."""
+    data = sweeps(noise=0.6)
+    lacking = paper_muscle.without_effect('bladder_elasticity')
+    floor = compare(lacking, data).noise
+    assert floor.value == pytest.approx(0.6, rel=0.12)
+    assert floor.repeats == pytest.approx(0.6, rel=0.15)
+
+
+def test_slow_noise_shows_as_repeats_that_differ_more_than_neighbours(sweeps, paper_muscle):
+    """AR noise of 0.8 fools neighbours, not repeats, and the note says so."""
+    data = sweeps(noise=0.0)
+    rng = np.random.default_rng(0)
+    slow, state = np.empty(len(data)), 0.0
+    for k, kick in enumerate(rng.standard_normal(len(data))):
+        state = 0.8 * state + 0.6 * kick
+        slow[k] = state
+    floor = noise_floor(data, slow)
+    assert floor.repeats == pytest.approx(1.0, rel=0.2)
+    assert floor.differences < 0.6 * floor.repeats
+    assert 'history' in floor.note
+
+
+def test_ripple_that_comes_back_is_not_noise(sweeps):
+    """A fine ripple of the truth raises neighbours, and repeats decide."""
+    data = sweeps(noise=0.2)
+    ripple = 3.0 * np.sin(2 * np.pi * data.strain / 0.012)
+    noise = 0.2 * np.random.default_rng(0).standard_normal(len(data))
+    floor = noise_floor(data, ripple + noise)
+    assert floor.basis == 'repeats'
+    assert floor.value == pytest.approx(0.2, rel=0.25)
+
+
+def test_friction_is_odd_and_rubber_is_even(sweeps, paper_muscle):
+    """The split of the residual by direction tells friction from rubber."""
+    rubber = compare(paper_muscle.without_effect('bladder_elasticity'), sweeps())
+    friction = compare(paper_muscle, sweeps(paper_muscle.with_effect('coulomb_friction')))
+    assert rubber.even_N > 20 * rubber.odd_N
+    assert friction.odd_N == pytest.approx(4.0, rel=0.1)
+    assert friction.odd_N > 10 * friction.even_N
+
+
+def test_a_stop_is_located_in_words(sweeps, paper_muscle):
+    """An error past one strain at every pressure is said so, with all of the error in it."""
+    data = sweeps(extra=lambda e, p, way, t: -400 * np.maximum(e - 0.17, 0))
+    region = compare(paper_muscle, data).located[0]
+    assert 'strain above 0.1' in region.where
+    assert 'every pressure' in region.where
+    assert region.share > 0.95
+
+
+def test_noise_alone_is_located_nowhere(sweeps, paper_muscle):
+    """On data that the model explains no region stands out."""
+    for seed in range(5):
+        assert compare(paper_muscle, sweeps(seed=seed)).located == ()
+
+
+def test_the_measured_map_gives_150_newtons_to_the_ideal_braid(repository):
+    """DMSP-20 against the ideal braid with data-sheet geometry: 151 N rms, as known."""
+    folder = repository / 'config' / 'data'
+    result = compare(load_model(folder / 'dmsp20_static_map.model.yaml'),
+                     read_measurement(folder / 'dmsp20_static_map.csv'))
+    assert result.error_N == pytest.approx(151.3, abs=0.5)
+    assert len(result.tables['pressure']) == 21
+    assert {row['label'] for row in result.tables['region']} <= {'tensile', 'past free strain'}
+    assert json.loads(result.to_json())['noise_floor_N'] < 5.0
+
+
+def test_other_motor_units_than_the_models_fail(practice, paper_muscle):
+    """A log of two motor units against a model of one is refused by name."""
+    with pytest.raises(InputError, match='2 pressure columns; expected 1'):
+        compare(paper_muscle, read_measurement(practice('p10')[0]))
