@@ -119,12 +119,54 @@ def benchmark_discovery(
     save_json(json_file, result)
 
 
-def bench(json_file: JsonFile = None) -> None:
+def bench(
+    samples: Annotated[str, typer.Option(help='Lengths of the logs for `diagnose`, with commas '
+                                         'between; empty for none.')] = '10000,24000,100000',
+    json_file: JsonFile = None,
+) -> None:
     """Measure how fast the parts run on this machine."""
-    rows = [(name, value, unit, note) for name, (value, unit, note) in _speeds().items()]
-    table(('what', 'median', 'unit', 'of'), rows, numeric=(1,))
-    save_json(json_file, {name: {'value': value, 'unit': unit, 'note': note}
-                          for name, value, unit, note in rows})
+    rows = [(name, *figures) for name, figures in _speeds().items()]
+    for length in _lengths(samples):
+        with notes.status(f'diagnose, {length} samples'):
+            rows.append((f'diagnose, {length} samples', _diagnose_seconds(length), 's',
+                         'whole catalogue, one core, friction hidden'))
+    table(('what', 'time', 'unit', 'of'), rows, numeric=(1,))
+    save_json(json_file, {name: {'value': value, 'unit': unit, 'of': of}
+                          for name, value, unit, of in rows})
+
+
+def _lengths(text: str) -> list[int]:
+    try:
+        found = [int(part) for part in text.split(',') if part.strip()]
+    except ValueError as error:
+        raise InputError(f"--samples: '{text}' is not a list of whole numbers") from error
+    if any(not 100 <= length <= 2_000_000 for length in found):
+        raise InputError(f"--samples: '{text}'; expected numbers from 100 to 2000000")
+    return found
+
+
+def _diagnose_seconds(length: int) -> float:
+    """Return the time that `diagnose` takes on a simulated log of loops at seven isobars."""
+    import numpy as np
+
+    from fam_bundle_ros.discovery import diagnose
+    from fam_bundle_ros.discovery.measurement import build
+    from fam_bundle_ros.model import Bundle, Motion
+    paper = open_model('spie2021')
+    model = Bundle('one_muscle', paper.motor_units[:1], paper.effects)
+    time_s = 0.01 * np.arange(length)
+    turn = 2.0 * np.pi * 14.0 * np.arange(length) / length
+    level = np.minimum(7 * np.arange(length) // length, 6)
+    pressure = 50e3 * (1.0 + level)[:, None]
+    strain = 0.1 - 0.1 * np.cos(turn)
+    rate = np.gradient(strain, time_s)
+    truth = model.with_effect('coulomb_friction')
+    noise = np.random.default_rng(0).normal(0.0, 0.8, length)
+    force = truth.simulate(Motion(strain, pressure, rate, time_s)).sum(axis=-1) + noise
+    data = build('log', strain, pressure, force, level.tolist(), time_s, ['mu1'])
+    begin = time.process_time()
+    diagnose(model, data)
+    return time.process_time() - begin
 
 
 def _over_ros(seed: int, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -106,7 +106,7 @@ def _headline(found: Mapping[str, Any]) -> list[Headline]:
         own = run['orderly']
         rms, largest = own['tracking_rms'], own['largest_error']
         shown = (f'{rms:.3g} N', f'{largest:.3g} N') if run['kind'] == 'force' else (
-            f'{100 * rms:.3g} % strain', f'{100 * largest:.3g} %')
+            f'{100 * rms:.3g} %', f'{100 * largest:.3g} %')
         cards.append(Headline(f'Tracking error, {name}', shown[0],
                               f'rms; largest {shown[1]}; {" → ".join(run["states"])}'))
     for name, run in found['runs'].items():

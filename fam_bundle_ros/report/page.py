@@ -209,6 +209,6 @@ def _shown(value: Any) -> str:
         kind, key = value
         colour = palette.effect(key) if kind == 'effect' else palette.recruitment_state(key)
         name = key if kind == 'effect' else f'RS{key}'
-        return (f'<span class="swatch" style="background:{colour.light}"></span>'
-                f'{escape(str(name))}')
+        return (f'<span class="named"><span class="swatch" style="background:{colour.light}">'
+                f'</span>{escape(str(name))}</span>')
     return escape(str(value))

@@ -19,7 +19,7 @@
       const figure = drawing(place.nextElementSibling.textContent);
       if (narrow) { figure.layout.margin = { l: 48, r: 8, t: figure.layout.margin.t, b: 48 }; }
       Plotly.react(place, figure.data, figure.layout, {
-        responsive: true, displaylogo: false,
+        responsive: true, displaylogo: false, displayModeBar: narrow ? false : undefined,
         modeBarButtons: [['zoom2d', 'pan2d', 'resetScale2d', 'toImage']],
       });
     });

@@ -1,0 +1,68 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A page is one file that shows what it was given, draws it, and asks the network nothing."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.report.page import Headline, Page, render, Section, Table, write_page
+from fam_bundle_ros.report.picture import Picture
+
+
+@pytest.fixture
+def page():
+    """Return a page with a figure whose name tries to break out of it."""
+    drawing = plotting.figure('strain', 'force (N)')
+    drawing.add_trace(plotting.line([0.0, 0.1], [1.0, 2.0], '</script><b>bold', palette.effect(
+        'mesh')))
+    return Page('Title <1>', 'Lead & more', [Headline('error', '4 N', 'rms')], [
+        Section('One', 'Text', [
+            Picture('figure-1', 'A figure', drawing, 'A caption'),
+            Table(('effect', 'value (N)', 'note'),
+                  [(('effect', 'mesh'), 1234.5678, None), (('state', 2), float('nan'), True)])])],
+        [('seed', '1')])
+
+
+def test_text_is_shown_as_it_is(page):
+    """Names from files and models cannot add elements or scripts to the page."""
+    text = render(page)
+    assert '<h1>Title &lt;1&gt;</h1>' in text
+    assert '</script><b>bold' not in text
+    assert 'Lead &amp; more' in text
+
+
+def test_tables_show_numbers_as_people_write_them(page):
+    """Three digits are enough; what is not there is a dash; names carry their colour."""
+    text = render(page)
+    assert '<td class=number>1235</td>' in text
+    assert '<td class=number>–</td>' in text
+    assert palette.effect('mesh').light in text
+    assert 'RS2</span>' in text
+
+
+def test_nothing_is_fetched(page):
+    """No element of the page names an address, plotly's own code aside."""
+    text = re.sub(r'<script>.*?</script>', '', render(page), flags=re.S)
+    assert not re.search(r'(src|href)="(https?:)?//|@import|url\(', text)
+
+
+@pytest.mark.skipif(shutil.which('chromium') is None, reason='chromium is not installed')
+@pytest.mark.parametrize('theme', ['light', 'dark'])
+def test_a_browser_draws_every_figure_in_its_theme(page, tmp_path, theme):
+    """Chromium, without a network, draws the figure, and in dark with the dark colours."""
+    path = write_page(tmp_path / 'page.html', page)
+    result = subprocess.run(
+        [shutil.which('chromium'), '--headless', '--no-sandbox', '--disable-gpu',
+         '--no-first-run', '--disable-background-networking', '--disable-component-update',
+         '--disable-sync', '--disable-quic', f'--user-data-dir={tmp_path}/profile',
+         '--virtual-time-budget=8000', '--dump-dom', f'{path.as_uri()}#{theme}'],
+        capture_output=True, text=True, timeout=120, check=True)
+    assert 'data-drawn="yes"' in result.stdout
+    drawn = result.stdout[result.stdout.index('class="drawing'):]
+    red, green, blue = (int(getattr(palette.effect('mesh'), theme)[k:k + 2], 16)
+                        for k in (1, 3, 5))
+    assert f'stroke: rgb({red}, {green}, {blue})' in drawn
