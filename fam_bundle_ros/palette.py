@@ -60,6 +60,7 @@ _EFFECTS = {
     'temperature': (_BROWN, 'dash'),
     'coulomb_friction': (_PURPLE, 'solid'),
     'presliding_hysteresis': (_WINE, 'solid'),
+    'presliding_dahl': (_WINE, 'dash'),
     'viscous_damping': (_SKY, 'solid'),
     'viscous_power': (_SKY, 'dash'),
     'viscoelastic_relaxation': (_INDIGO, 'solid'),
