@@ -153,10 +153,10 @@ class Explorer:
              'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}, 'hoverinfo': 'skip'}]
         onset = self.bundle.onset_pressure(self.strain, unit)
         if np.isfinite(onset) and onset > 0:
-            figure['layout']['annotations'] = [
-                {'x': onset / 1e3, 'y': float(curve.force[0]),
-                 'text': f'onset {onset / 1e3:.0f} kPa', 'showarrow': True, 'ax': 0, 'ay': -28, 'arrowhead': 0,
-                 'font': {'size': 12, 'color': _HERE}, 'arrowcolor': _HERE}]
+            figure['layout']['annotations'] = [{
+                'x': onset / 1e3, 'y': float(curve.force[0]), 'ax': 0, 'ay': -28, 'arrowhead': 0,
+                'text': f'onset {onset / 1e3:.0f} kPa', 'showarrow': True, 'arrowcolor': _HERE,
+                'font': {'size': 12, 'color': _HERE}}]
         return figure
 
     def _curve(self, unit: int) -> _Curve:

@@ -31,8 +31,9 @@ _HEADERS = [(b'content-security-policy', _POLICY.encode()),
             (b'x-frame-options', b'DENY')]
 _ASK = b"""<!doctype html><html lang="en"><meta name="viewport" content="width=device-width">
 <title>fam_bundle workbench</title>
-<style>body{font:16px system-ui;margin:15vh auto;max-width:24rem;padding:0 1rem}input,button{font:inherit;padding:.4rem .6rem}</style><h1>Token needed</h1>
-<p>This workbench was started for other machines too. Enter the token that it was started with.</p>
+<style>body{font:16px system-ui;margin:15vh auto;max-width:24rem;padding:0 1rem}
+input,button{font:inherit;padding:.4rem .6rem}</style><h1>Token needed</h1>
+<p>This workbench was started for other machines too. Enter the token that it was started with.
 <form method="get" action="/"><label>Token <input name="token" type="password" autofocus></label>
 <button>Open</button></form></html>"""
 

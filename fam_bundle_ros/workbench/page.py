@@ -18,7 +18,7 @@ from fam_bundle_ros.workbench.live import record
 from fam_bundle_ros.workbench.session import Session
 from fam_bundle_ros.workbench.start_view import StartView
 
-__all__ = ['Page', 'register']
+__all__ = ['Page', 'register', 'root']
 
 _LOOK = '[matchMedia("(prefers-color-scheme: dark)").matches, ' \
         'matchMedia("(prefers-reduced-motion: reduce)").matches, innerWidth < 600]'
@@ -26,7 +26,11 @@ _LOOK = '[matchMedia("(prefers-color-scheme: dark)").matches, ' \
 
 def register(first: Case | None = None) -> None:
     """Put the page at '/'; it opens with ``first`` or with the start view."""
-    @ui.page('/', title='fam_bundle workbench')
+    ui.page('/', title='fam_bundle workbench')(root(first))
+
+
+def root(first: Case | None = None) -> Callable[[], Awaitable[None]]:
+    """Return the function that builds the page for one tab."""
     async def index() -> None:
         ui.add_css(parts.style())
         await ui.context.client.connected()
@@ -41,6 +45,8 @@ def register(first: Case | None = None) -> None:
             session.open(first)
         await page.look()
         page.build()
+
+    return index
 
 
 class Page:

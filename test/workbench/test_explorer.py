@@ -1,0 +1,69 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The explorer teaches the paper: states, overlap, onset pressure, the dip of the free strain."""
+
+import json
+import time
+
+import pytest
+
+from fam_bundle_ros.workbench.cases import load_example
+from fam_bundle_ros.workbench.explorer import Explorer, paper_explorer
+
+
+@pytest.fixture
+def explorer():
+    """Return the explorer of the paper's bundle."""
+    return paper_explorer()
+
+
+def test_it_starts_where_the_overlap_is(explorer):
+    """At the first look the next unit pushes back, and the words say by how much."""
+    overlap = explorer.overlap()
+    assert overlap.dip > 3.0
+    said = ' '.join(explorer.sentences())
+    assert f'{overlap.dip:.1f} N' in said
+    assert f'{overlap.onset_pressure / 1e3:.0f} kPa, its onset pressure' in said
+
+
+def test_at_small_strain_nothing_pushes_back(explorer):
+    """At zero strain the second unit helps at once: no dip."""
+    explorer.strain = 0.0
+    assert 'no dip' in ' '.join(explorer.sentences())
+
+
+def test_pressing_the_second_unit_makes_rs2(explorer):
+    """The state follows the sliders."""
+    assert explorer.state == 1
+    explorer.pressure[1] = 200e3
+    assert explorer.state == 2
+    explorer.pressure[:] = 0.0
+    assert explorer.state == 0
+    assert explorer.sentences()[0].startswith('RS0: 0 of 2')
+
+
+def test_the_free_strain_dips(explorer):
+    """The reversal of the paper is drawn and told."""
+    assert 'gradient reversal' in explorer.free_strain_sentence()
+    included = explorer.free_strain_figure()['data'][1]['y']
+    assert min(included) < included[0] - 0.01
+    assert included[-1] == pytest.approx(0.2365, abs=1e-3)
+
+
+def test_a_model_without_resistive_force_has_no_dip():
+    """The words follow the model, not the paper."""
+    model = load_example('bundle_push_back').model
+    assert 'does not dip' in Explorer(model).free_strain_sentence()
+
+
+def test_the_point_follows_within_the_time_of_a_click(explorer):
+    """Moving a slider redraws the three figures in well under 0.3 s."""
+    figures = (explorer.space_figure, explorer.crossing_figure, explorer.free_strain_figure)
+    for figure in figures:
+        json.dumps(figure())
+    began = time.perf_counter()
+    explorer.strain = 0.12
+    drawn = [figure() for figure in figures]
+    explorer.sentences()
+    assert time.perf_counter() - began < 0.2
+    assert drawn[0]['data'][-1]['x'] == [0.12]

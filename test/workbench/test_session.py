@@ -1,0 +1,122 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A session knows the case, the ladder, the diagnosis and the selection, without a browser."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.discovery.diagnose import diagnose
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.workbench.cases import EXAMPLES, load_example, starting_model
+from fam_bundle_ros.workbench.session import Session
+
+
+@pytest.mark.parametrize('key', [example.key for example in EXAMPLES])
+def test_every_example_that_ships_opens(key):
+    """Each example has data and a model that fit together, and says where it comes from."""
+    made = Session()
+    made.open(load_example(key))
+    assert made.now.error_N > 0
+    assert made.case.origin
+
+
+def test_an_unknown_example_fails():
+    """A key that is no example is refused by name."""
+    with pytest.raises(InputError, match='no_such'):
+        load_example('no_such')
+
+
+def test_the_hidden_friction_starts_at_6_7_newton(session):
+    """The example is off by 6.7 N and its noise is 0.6 N, as its card says."""
+    assert session.now.error_N == pytest.approx(6.7, abs=0.05)
+    assert session.noise == pytest.approx(0.6, abs=0.05)
+    assert '11 times the noise' in session.headline()
+
+
+def test_adding_the_friction_puts_a_rung_on_the_ladder(with_friction):
+    """With the friction the error is at the noise, and the start is still on the ladder."""
+    assert [step.label for step in with_friction.steps] == ['start', '+ coulomb_friction']
+    assert with_friction.now.error_N < 0.75
+    assert with_friction.before.error_N > 6.5
+    assert with_friction.now.model.error == pytest.approx(with_friction.now.error_N)
+
+
+def test_undo_brings_the_old_model_back(with_friction):
+    """Undo takes one step back, and does nothing at the first."""
+    with_friction.undo()
+    assert with_friction.now.label == 'start'
+    with_friction.undo()
+    assert len(with_friction.steps) == 1
+
+
+def test_undo_past_a_diagnosis_forgets_it(with_friction):
+    """A diagnosis of a model that was taken back no longer stands."""
+    with_friction.learn(object())
+    with_friction.undo()
+    assert with_friction.diagnosis is None
+
+
+def test_reversals_do_not_count(session):
+    """Samples at which the motion turns are in the data and not in the error."""
+    left_out = ~session.counted
+    assert 0 < left_out.sum() < 0.1 * len(left_out)
+    residual = session.residual()[session.counted]
+    assert session.now.error_N == pytest.approx(np.sqrt(np.mean(residual ** 2)))
+
+
+def test_selections_cut_the_rows(session):
+    """Isobar, direction and trial narrow what is shown, together."""
+    everything = session.rows().sum()
+    session.select(level=0)
+    isobar = session.rows().sum()
+    session.select(direction=1)
+    assert 0 < session.rows().sum() < isobar < everything
+    assert np.all(session.data.direction[session.rows()] == 1)
+
+
+def test_a_region_selects_counted_rows_only():
+    """Zooming to a region of the bundle shows its samples on the full record."""
+    made = Session()
+    made.open(load_example('bundle_push_back'))
+    made.select(region=0)
+    rows = made.rows()
+    assert rows.sum() == made.regions[0].samples
+    assert not rows[~made.counted].any()
+
+
+def test_choices_put_what_was_found_first(session):
+    """The friction leads the list, comes with its fitted value, and is what is missing."""
+    session.learn(diagnose(session.now.model, session.data))
+    assert session.diagnosis.verdict == 'missing_effect'
+    first = session.choices()[0]
+    assert (first.effect, first.found, first.added) == ('coulomb_friction', True, False)
+    assert [choice.effect for choice in session.missing()] == ['coulomb_friction']
+    assert session.candidate_effect('coulomb_friction').force == pytest.approx(6.66, abs=0.1)
+    with pytest.raises(InputError, match='not among the candidates'):
+        session.candidate_effect('mesh')
+
+
+def test_ties_name_their_rivals():
+    """On the measured map slack and resistive buckling cannot be told apart; the page says so."""
+    made = Session()
+    made.open(load_example('dmsp20'))
+    made.learn(diagnose(made.now.model, made.data))
+    tied = [choice for choice in made.choices() if choice.rivals]
+    assert tied
+    for choice in tied:
+        assert choice.candidate.effect not in choice.rivals
+
+
+def test_nothing_open_is_said_plainly():
+    """Asking an empty session for its model is an input error, not a crash."""
+    with pytest.raises(InputError, match='nothing is open'):
+        Session().now  # noqa: B018
+    with pytest.raises(InputError, match='nothing is open'):
+        Session().data  # noqa: B018
+
+
+def test_data_without_a_model_get_one_of_their_size():
+    """Data of three motor units start from three muscles of the paper."""
+    model = starting_model(3)
+    assert model.n == 3
+    assert [effect.name for effect in model.effects] == ['mesh', 'bladder_elasticity']
