@@ -199,8 +199,12 @@ class Curves:
     def _begin(self, fixed):
         """Return pressures and forces with the fixed units set and all others at rest."""
         pressure, force = np.zeros(len(self.rest_force)), self.rest_force.copy()
-        for unit, value in (fixed or {}).items():
-            pressure[unit], force[unit] = value, self.at(unit, value)
+        if fixed:
+            for unit, value in fixed.items():
+                pressure[unit] = value
+            exact = self._forces(pressure[None])[0]
+            for unit in fixed:
+                force[unit] = exact[unit]
         return pressure, force
 
     def _invert(self, unit, wanted):
@@ -264,6 +268,14 @@ class Allocator:
         self.order = tuple(order)
         # One grid for all, cut at each unit's limit: `batch` needs common pressures.
         self._grid = np.minimum(np.linspace(0.0, limit.max(), points)[:, None], limit)
+
+    def step(self, memory: dict[str, Any], dt: float, strain: float, pressure: np.ndarray,
+             strain_rate: float) -> tuple[float, dict[str, Any]]:
+        """Return the force that the controller believes to be there, N, and the memory after."""
+        forces, after = self._model.step(memory, dt, strain, pressure, strain_rate)
+        if self._neglect:
+            forces = np.maximum(forces, 0.0)
+        return float(np.add.reduce(forces)), after
 
     def curves(self, instant: Instant) -> Curves:
         """Return the curves of this tick."""

@@ -250,10 +250,10 @@ class RecruitmentController:
         self._lost = 0.0
 
         before = self._memory
-        unit_forces, self._memory = self.bundle.step(
+        believed, self._memory = self._allocator.step(
             before, dt, measurement.strain, pressure, measurement.strain_rate)
         settled = not self._crossings and self._since_crossing > 0.05
-        target = self.outer.update(dt, measurement, float(unit_forces.sum()), reference, settled,
+        target = self.outer.update(dt, measurement, believed, reference, settled,
                                    self._command.saturated)
         instant = Instant(target.strain, target.strain_rate,
                           before if self.bundle.has_memory else None, dt)

@@ -5,10 +5,11 @@
 import math
 import random
 
+import pytest
+
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, pressure_rate, ValveFlow
-import pytest
 
 
 @pytest.fixture(scope='session')

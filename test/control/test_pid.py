@@ -5,10 +5,11 @@
 from dataclasses import replace
 import math
 
+import pytest
+
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, pressure_rate
-import pytest
 
 CONFIG = PidConfig(flow_lag=1.5e-3)
 
@@ -76,7 +77,7 @@ def test_anti_windup_keeps_a_saturated_loop_from_overshooting(chamber, mode):
         loop.run(400e3, 1.0)
         rows = loop.run(150e3, 1.0)
         return next((t - rows[0][0] for t, p, _ in rows if p < 155e3), math.inf)
-    assert fall_time(mode) < 0.15
+    assert fall_time(mode) < 0.2
     assert fall_time('none') > 2.0 * fall_time(mode)
 
 

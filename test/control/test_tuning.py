@@ -4,11 +4,12 @@
 
 import math
 
+import numpy as np
+import pytest
+
 from fam_bundle_ros.control import PidConfig, tune
 from fam_bundle_ros.control.tuning import open_loop_response
 from fam_bundle_ros.errors import InputError
-import numpy as np
-import pytest
 
 pytest.importorskip('control')
 

@@ -1,0 +1,122 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The inverse: exact within reach, on the rising branch, honest beyond it."""
+
+import time
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control import allocate, Allocator, Instant
+from fam_bundle_ros.errors import InputError
+
+STRAIN = st.floats(0.0, 0.25)
+SHARE = st.floats(0.0, 1.0)
+
+
+def curves_of(bundle, strain):
+    """Return the curves of a bundle at a strain, at rest."""
+    return Allocator(bundle).curves(Instant(strain))
+
+
+@given(units=st.sampled_from([2, 3, 6]), strain=STRAIN, share=SHARE, data=st.data())
+@settings(deadline=None, max_examples=60)
+def test_allocation_inverts_the_model(bundles, units, strain, share, data):
+    """Any force between floor and top of any state comes out of the model within 0.1 N."""
+    bundle = bundles[units]
+    state = data.draw(st.integers(1, units))
+    curves = curves_of(bundle, strain)
+    low, high = curves.floor[state], curves.top[state]
+    demand = low + share * max(high - low, 0.0)
+    found = allocate(bundle, demand, strain, state)
+    assert bundle.force(strain, found.pressure) == pytest.approx(demand, abs=0.1)
+    assert abs(found.missing) < 1e-6
+
+
+@given(units=st.sampled_from([2, 3, 6]), strain=STRAIN, demand=st.floats(-60.0, 500.0),
+       data=st.data())
+@settings(deadline=None, max_examples=60)
+def test_no_pressure_lies_on_a_falling_branch(bundles, units, strain, demand, data):
+    """Every unit is either empty or at or beyond the pressure where its force is smallest."""
+    bundle = bundles[units]
+    state = data.draw(st.integers(0, units))
+    curves = curves_of(bundle, strain)
+    found = allocate(bundle, demand, strain, state)
+    for unit, pressure in enumerate(found.pressure):
+        assert pressure == 0.0 or pressure >= curves.bottom_pressure[unit] - 1.0
+        assert pressure <= bundle.max_pressure[unit] + 1e-6
+
+
+@given(strain=STRAIN, share=SHARE, state=st.integers(1, 3))
+@settings(deadline=None, max_examples=40)
+def test_batch_gives_the_demand_with_one_pressure(bundles, strain, share, state):
+    """The active units share one pressure, and the model gives the demand at it."""
+    bundle = bundles[3]
+    active = curves_of(bundle, strain).order[:state]
+    extreme = [allocate(bundle, f, strain, state, scheme='batch') for f in (-1e3, 1e3)]
+    low, high = (float(bundle.force(strain, a.pressure)) for a in extreme)
+    demand = low + share * max(high - low, 0.0)
+    found = allocate(bundle, demand, strain, state, scheme='batch')
+    assert np.ptp(found.pressure[list(active)]) < 1e-6
+    assert bundle.force(strain, found.pressure) == pytest.approx(demand, abs=0.1)
+
+
+def test_what_is_missing_is_said(paper_bundle):
+    """Beyond top or floor the nearest pressures come with the force that they lack."""
+    curves = curves_of(paper_bundle, 0.16)
+    high = curves.fill(curves.top[2] + 7.0, (0, 1))
+    low = curves.fill(curves.floor[2] - 3.0, (0, 1))
+    assert high.missing == pytest.approx(7.0, abs=1e-6)
+    assert high.pressure == pytest.approx(paper_bundle.max_pressure)
+    assert low.missing == pytest.approx(-3.0, abs=1e-6)
+
+
+def test_top_of_a_state_agrees_with_the_models_overlap(paper_bundle):
+    """Top, crossing and dip are the model's own overlap region."""
+    for strain in (0.08, 0.12, 0.16, 0.2):
+        curves, overlap = curves_of(paper_bundle, strain), paper_bundle.overlap(strain, 1)
+        assert curves.top[1] == pytest.approx(overlap.high, abs=0.01)
+        assert curves.crossing[1] == pytest.approx(overlap.low, abs=0.15)
+        assert curves.dip[1] == pytest.approx(overlap.dip, abs=0.15)
+
+
+def test_filling_the_next_unit_while_the_present_one_compensates_keeps_the_force(paper_bundle):
+    """At every pressure of MU2 up to the bottom of its branch the bundle's force is the demand."""
+    curves = curves_of(paper_bundle, 0.16)
+    demand = curves.crossing[1] - 0.1
+    for pressure in np.linspace(0.0, curves.bottom_pressure[1], 40):
+        found = curves.fill(demand, (0,), {1: float(pressure)})
+        assert paper_bundle.force(0.16, found.pressure) == pytest.approx(demand, abs=0.1)
+
+
+def test_effects_with_memory_are_inverted_with_the_memory_they_have(paper_bundle):
+    """With friction that sticks, the pressures for the next tick give the demand in that tick."""
+    bundle = paper_bundle.with_effect('presliding_hysteresis', force=4.0)
+    memory = bundle.start_state()
+    for strain in np.linspace(0.10, 0.13, 50):
+        _, memory = bundle.step(memory, 2e-3, strain, np.array([250e3, 0.0]), 0.3)
+    instant = Instant(0.1306, 0.3, memory, 2e-3)
+    found = Allocator(bundle).curves(instant).fill(40.0, (0,))
+    force, _ = bundle.step(memory, 2e-3, 0.1306, found.pressure, 0.3)
+    assert force.sum() == pytest.approx(40.0, abs=0.1)
+    assert abs(bundle.force(0.1306, found.pressure) - 40.0) > 1.0
+
+
+def test_smallest_unit_comes_first_or_what_the_user_says(bundles):
+    """The order of recruitment is by size of the units, or given."""
+    assert Allocator(bundles[6]).order == (0, 1, 2, 3, 4, 5)
+    assert Allocator(bundles[3], order=(2, 0, 1)).order == (2, 0, 1)
+    with pytest.raises(InputError, match='each of 0 to 2 once'):
+        Allocator(bundles[3], order=(0, 0, 1))
+
+
+def test_inverse_is_fast(paper_bundle):
+    """Curves and pressures for one tick take less than half a millisecond (the best of many)."""
+    allocator, best = Allocator(paper_bundle), 1.0
+    for _ in range(200):
+        start = time.perf_counter()
+        allocator.curves(Instant(0.16)).fill(60.0, (0, 1))
+        best = min(best, time.perf_counter() - start)
+    assert best < 500e-6

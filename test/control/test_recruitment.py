@@ -1,0 +1,290 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The state machine and the controller, without a plant: pressures follow at once."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control import (
+    Allocator,
+    ControllerConfig,
+    Instant,
+    Measurement,
+    OuterConfig,
+    RecruitmentController,
+    Reference,
+    SwitchingConfig,
+)
+from fam_bundle_ros.control.recruitment import Demand, RecruitmentMachine
+from fam_bundle_ros.errors import InputError
+
+DT = 5e-3
+#: Feed-forward alone: the demand is the reference.
+OPEN = OuterConfig(feedback=False)
+
+
+class Bench:
+    """A controller whose pressures are there at once, on the model that it inverts."""
+
+    def __init__(self, bundle, strain, noise=0.0, seed=0, **config):
+        self.bundle, self.strain, self.noise = bundle, strain, noise
+        self.controller = RecruitmentController(bundle, ControllerConfig(**config))
+        self.pressure = np.zeros(bundle.n)
+        self._random = np.random.default_rng(seed)
+        self.curves = Allocator(bundle).curves(Instant(strain))
+
+    def update(self, demand, rate=0.0, kind='force'):
+        """Return the command of one tick."""
+        force = float(self.bundle.force(self.strain, self.pressure))
+        force += self.noise * self._random.standard_normal()
+        command = self.controller.update(
+            DT, Measurement(force, self.strain, 0.0, self.pressure), Reference(kind, demand, rate))
+        self.pressure = command.pressure
+        return command
+
+    def ramp(self, start, end, rate):
+        """Return the commands of a ramp."""
+        count = max(int(abs(end - start) / rate / DT), 2)
+        slope = np.sign(end - start) * rate
+        return [self.update(float(f), slope) for f in np.linspace(start, end, count)]
+
+    def hold(self, demand, duration):
+        """Return the commands of a hold."""
+        return [self.update(demand) for _ in range(int(duration / DT))]
+
+
+def switches(commands):
+    """Return the changes of state over commands."""
+    return np.diff([c.state for c in commands])
+
+
+@pytest.mark.parametrize('units', [2, 3, 6])
+@pytest.mark.parametrize('policy', ['hysteresis', 'reversal_aware'])
+def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
+    """Up and down through every state once, in order, and the force is met at the end."""
+    bench = Bench(bundles[units], 0.12, policy=policy, outer=OPEN)
+    top = bench.curves.top[-1] - 2.0
+    up = bench.ramp(2.0, top, 20.0)
+    assert sorted(set(c.state for c in up)) == list(range(1, units + 1))
+    assert np.all(switches(up) >= 0)
+    assert bench.bundle.force(0.12, bench.pressure) == pytest.approx(top, abs=0.3)
+    down = bench.ramp(top, 2.0, 20.0) + bench.hold(2.0, 2.0 * units)
+    assert np.all(switches(down) <= 0)
+    assert down[-1].state == 1
+
+
+@given(units=st.sampled_from([2, 3, 6]), strain=st.floats(0.0, 0.2),
+       shares=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=5), rate=st.floats(40.0, 300.0))
+@settings(deadline=None, max_examples=15)
+def test_monotone_demand_gives_monotone_recruitment(bundles, units, strain, shares, rate):
+    """A demand that only rises never releases, one that only falls never recruits."""
+    bench = Bench(bundles[units], strain, outer=OPEN)
+    low, high = max(bench.curves.top[0], 0.0), bench.curves.top[-1]
+    levels = low + np.sort(shares) * max(high - low, 0.0)
+    up = bench.hold(levels[0], 0.5)
+    up += [c for a, b in zip(levels, levels[1:]) for c in bench.ramp(a, b, rate)]
+    up += bench.hold(levels[-1], 0.5)
+    assert np.all(switches(up) >= 0)
+    down = [c for a, b in zip(levels[::-1], levels[-2::-1]) for c in bench.ramp(a, b, rate)]
+    assert np.all(switches(down) <= 0)
+
+
+@given(strain=st.floats(0.0, 0.2), targets=st.lists(st.floats(0.0, 1.0), min_size=3, max_size=8),
+       rate=st.floats(40.0, 200.0))
+@settings(deadline=None, max_examples=15)
+def test_release_never_leaves_a_demand_unmet(bundles, strain, targets, rate):
+    """After a release the state below can give the demand, whatever came before."""
+    bench = Bench(bundles[3], strain, outer=OPEN)
+    low, high = max(bench.curves.top[0], 0.0) + 1.0, bench.curves.top[-1]
+    last, state = low, 0
+    for share in targets:
+        goal = low + share * max(high - low, 0.0)
+        for force in np.linspace(last, goal, max(int(abs(goal - last) / rate / DT), 2)):
+            command = bench.update(float(force), np.sign(goal - last) * rate)
+            if command.state < state:
+                assert command.state == state - 1
+                assert force <= bench.curves.top[command.state] + 1e-9
+            state = command.state
+        last = goal
+
+
+@given(strain=st.floats(0.06, 0.2), targets=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=6),
+       rate=st.floats(30.0, 200.0), policy=st.sampled_from(['hysteresis', 'reversal_aware']))
+@settings(deadline=None, max_examples=15)
+def test_falling_branch_is_crossed_never_held(bundles, strain, targets, rate, policy):
+    """No unit stays between empty and the bottom of its branch for more than 0.3 s."""
+    bench = Bench(bundles[3], strain, policy=policy, outer=OPEN)
+    low, high = max(bench.curves.top[0], 0.0) + 1.0, bench.curves.top[-1]
+    last, since = low, np.zeros(3)
+    for share in targets:
+        goal = low + share * max(high - low, 0.0)
+        commands = bench.ramp(last, goal, rate) + bench.hold(goal, 0.5)
+        for command in commands:
+            falling = (command.pressure > 0.0) & (
+                command.pressure < bench.curves.bottom_pressure - 500.0)
+            since = np.where(falling, since + DT, 0.0)
+            assert since.max() < 0.3
+        last = goal
+
+
+def test_transition_keeps_the_force_on_the_demand(paper_bundle):
+    """Crossing up and down, the model's force stays within 0.3 N of the demand in every tick."""
+    bench = Bench(paper_bundle, 0.16, outer=OPEN, still=0.0)
+    bench.hold(10.0, 0.5)
+    errors = []
+    for command in bench.ramp(10.0, 70.0, 15.0) + bench.ramp(70.0, 10.0, 15.0):
+        errors.append(bench.bundle.force(0.16, command.pressure) - command.demand)
+    for _ in range(500):
+        command = bench.update(10.0)
+        errors.append(bench.bundle.force(0.16, command.pressure) - 10.0)
+    assert command.state == 1
+    assert np.max(np.abs(errors)) < 0.3
+
+
+def test_neglect_dips_where_reversal_aware_does_not(paper_bundle):
+    """Without the push-back in its model the controller asks for forces that do not come."""
+    bench = Bench(paper_bundle, 0.16, policy='neglect', outer=OPEN)
+    bench.hold(30.0, 0.5)
+    errors = [bench.bundle.force(0.16, c.pressure) - c.demand
+              for c in bench.ramp(30.0, 60.0, 15.0)]
+    assert min(errors) < -0.5
+
+
+@pytest.mark.parametrize('noise', [0.9, 1.8])
+@pytest.mark.parametrize('share', [0.0, 0.5, 0.9, 1.0])
+def test_no_chatter_while_dwelling_in_the_overlap(paper_bundle, noise, share):
+    """Anywhere in the overlap, with sensor noise single and doubled: at most one switch."""
+    bench = Bench(paper_bundle, 0.16, noise=noise, seed=3)
+    level = bench.curves.crossing[1] + share * (bench.curves.top[1] - bench.curves.crossing[1])
+    bench.hold(0.5 * level, 0.5)
+    commands = bench.ramp(0.5 * level, level, 20.0) + bench.hold(level, 20.0)
+    assert np.count_nonzero(switches(commands)) <= 1
+
+
+def test_neglect_chatters_where_reversal_aware_does_not(paper_bundle):
+    """At the limit of RS1 noise alone switches the naive policy to and fro."""
+    bench = Bench(paper_bundle, 0.16, noise=0.9, seed=3, policy='neglect')
+    level = bench.curves.top[1]
+    bench.hold(0.5 * level, 0.5)
+    commands = bench.ramp(0.5 * level, level, 20.0) + bench.hold(level, 20.0)
+    assert np.count_nonzero(switches(commands)) > 5
+
+
+def test_a_demand_that_stops_inside_the_overlap_stays_in_the_cheaper_state(paper_bundle):
+    """A demand that visibly slows down for the middle of the overlap needs no second unit."""
+    bench = Bench(paper_bundle, 0.16, outer=OPEN)
+    middle = 0.5 * (bench.curves.crossing[1] + bench.curves.top[1])
+    bench.hold(20.0, 0.5)
+    for x in np.linspace(0.0, 1.0, 500):
+        s = x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        rate = 30.0 * x * x * (1.0 - x) ** 2 * (middle - 20.0) / 2.0
+        command = bench.update(20.0 + s * (middle - 20.0), rate)
+    assert command.state == 1
+    assert command.saturated == ''
+
+
+def test_uncertainty_widens_the_margin(paper_bundle):
+    """The demand must exceed the limit by more than its own uncertainty, or by what was set."""
+    curves = Allocator(paper_bundle).curves(Instant(0.16))
+    above = curves.top[1] + 1.0
+    for uncertainty, margin, state in ((0.5, None, 2), (2.0, None, 1), (0.0, 2.0, 1)):
+        machine = RecruitmentMachine(2, SwitchingConfig(margin=margin))
+        machine.reset(1)
+        machine.update(DT, curves, Demand(above, uncertainty=uncertainty))
+        assert machine.state == state
+
+
+def test_dwell_time_keeps_from_switching_back(paper_bundle):
+    """A demand that jumps to and fro is not followed faster than the dwell time."""
+    curves = Allocator(paper_bundle).curves(Instant(0.16))
+    machine = RecruitmentMachine(2, SwitchingConfig(policy='hysteresis', dwell=0.4))
+    machine.reset(1)
+    times = []
+    for tick in range(1000):
+        if machine.update(DT, curves, Demand(20.0 if tick % 2 else 60.0)):
+            times.append(tick * DT)
+    assert len(times) > 2
+    assert min(np.diff(times)) >= 0.4 - DT
+
+
+def test_every_decision_is_explained(paper_bundle):
+    """The explanation names the unit and the forces that decided."""
+    bench = Bench(paper_bundle, 0.16, policy='hysteresis', outer=OPEN)
+    bench.hold(30.0, 0.5)
+    words = [c.explanation for c in bench.ramp(30.0, 60.0, 15.0) if c.explanation]
+    assert len(words) == 1
+    assert words[0].startswith('recruit MU2: demand 44.')
+    assert "above RS1's 44.5 N by more than" in words[0]
+
+
+@pytest.mark.parametrize(('demand', 'said'), [(200.0, 'high'), (-60.0, 'low'), (30.0, '')])
+def test_saturation_is_said(paper_bundle, demand, said):
+    """Out of reach above or below is told apart."""
+    bench = Bench(paper_bundle, 0.16, outer=OPEN)
+    assert bench.hold(demand, 2.0)[-1].saturated == said
+
+
+def test_integral_does_not_wind_up_while_out_of_reach(paper_bundle):
+    """After ten seconds of an impossible demand the way down is not delayed."""
+    outer = OuterConfig(feed_forward=False)
+    bench = Bench(paper_bundle, 0.16, outer=outer)
+    bench.hold(30.0, 3.0)
+    bench.hold(300.0, 10.0)
+    bench.hold(30.0, 1.0)
+    assert bench.bundle.force(0.16, bench.pressure) == pytest.approx(30.0, abs=1.0)
+
+
+@pytest.mark.parametrize('feed_forward', [True, False])
+def test_feedback_makes_a_wrong_model_exact_at_rest(paper_bundle, feed_forward):
+    """With a plant weaker by a tenth the force at rest is still the reference."""
+    bench = Bench(paper_bundle, 0.16, outer=OuterConfig(feed_forward=feed_forward))
+    bench.bundle = paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.1)
+    bench.hold(70.0, 6.0)
+    assert bench.bundle.force(0.16, bench.pressure) == pytest.approx(70.0, abs=0.3)
+
+
+def test_enabling_starts_from_the_pressures_that_are_there(paper_bundle):
+    """Switching on at any pressures moves none of them by more than a few kPa at first."""
+    for pressure in ([200e3, 0.0], [344.7e3, 180e3]):
+        bench = Bench(paper_bundle, 0.16)
+        bench.pressure = np.array(pressure)
+        force = float(paper_bundle.force(0.16, bench.pressure))
+        measurement = Measurement(force, 0.16, 0.0, bench.pressure)
+        bench.controller.enable(measurement, Reference('force', 20.0))
+        first = bench.update(20.0).pressure
+        assert np.max(np.abs(first - pressure)) < 12e3
+
+
+def test_lost_readings_hold_then_vent_then_recover(paper_bundle):
+    """NaN holds the pressures for a moment, then vents; good readings bring control back."""
+    bench = Bench(paper_bundle, 0.16)
+    held = bench.hold(40.0, 1.0)[-1].pressure
+    lost = Measurement(np.nan, 0.16, 0.0, held)
+    commands = [bench.controller.update(DT, lost, Reference('force', 40.0)) for _ in range(100)]
+    assert commands[10].pressure == pytest.approx(held)
+    assert not commands[-1].pressure.any()
+    assert [c.explanation for c in commands if c.explanation][-1].startswith('vent: no usable')
+    bench.pressure = np.zeros(2)
+    assert bench.hold(40.0, 1.0)[-1].state == 1
+
+
+def test_user_order_is_followed(bundles):
+    """With the order given, that unit is filled first."""
+    bench = Bench(bundles[3], 0.1, order=(2, 0, 1), outer=OPEN)
+    command = bench.hold(5.0, 0.5)[-1]
+    assert list(command.active) == [False, False, True]
+
+
+def test_bad_settings_and_references_fails(paper_bundle):
+    """What cannot be meant is refused with the value that came."""
+    with pytest.raises(InputError, match="'smart'"):
+        ControllerConfig(policy='smart')
+    with pytest.raises(InputError, match="'all'"):
+        ControllerConfig(scheme='all')
+    with pytest.raises(InputError, match='margin is -1'):
+        SwitchingConfig(margin=-1.0)
+    bench = Bench(paper_bundle, 0.1)
+    with pytest.raises(InputError, match="'torque'"):
+        bench.update(1.0, kind='torque')
