@@ -21,7 +21,7 @@ from fam_bundle_ros.cli import main as fam_bundle
 HERE = Path(__file__).resolve().parent
 PRACTICE = HERE.parent / 'test' / 'data' / 'practice'
 
-#: Command (its page goes to PAGE) -> figures of the page: key, file name, width in pixels.
+#: Command (its page goes to PAGE, or into FOLDER) -> figures: key, file name, width in pixels.
 PICTURES = (
     (('map', 'spie2021', '--out', 'PAGE'),
      (('isobars', 'isobars', 860), ('space', 'force_strain_space', 980),
@@ -32,6 +32,11 @@ PICTURES = (
       ('candidates', 'candidates', 860))),
     (('diagnose', 'dmsp20_static_map', '--model', 'dmsp20_static_map', '--out', 'PAGE'),
      (('ladder', 'dmsp20_ladder', 900),)),
+    (('benchmark-control', '--trajectories', 'ramp', '--plants', 'nominal', '--controllers',
+      'neglect/orderly,reversal_aware/orderly', '--no-ros', '--out', 'PAGE'),
+     (('policies', 'policies', 900),)),
+    (('demo', '--out', 'FOLDER'),
+     (('force-run', 'run', 980), ('strain-track', 'track', 860))),
 )
 
 
@@ -43,11 +48,12 @@ def main() -> int:
     images = HERE / 'images'
     images.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
-        page = Path(scratch, 'page.html')
+        places = {'PAGE': Path(scratch, 'page.html'), 'FOLDER': Path(scratch, 'report')}
         for command, figures in PICTURES:
-            status = fam_bundle([str(page) if word == 'PAGE' else word for word in command])
+            status = fam_bundle([str(places.get(word, word)) for word in command])
             if status:
                 return status
+            page = places['FOLDER'] / 'index.html' if 'FOLDER' in command else places['PAGE']
             text = page.read_text(encoding='utf-8')
             for key, name, width in figures:
                 for theme in ('light', 'dark'):
