@@ -18,6 +18,8 @@ from fam_bundle_ros.model import Bundle
 
 #: Damping that the strain loop adds, of critical.
 _DAMPING_RATIO = 0.3
+#: Inertia reckoned with where none is known, N s^2: about 2.5 kg on a muscle of 127 mm.
+_USUAL_INERTIA = 0.3
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class OuterConfig:
         Per unit of strain error.
     strain_integral : float, N/s
     strain_damping : float, N s, optional
-        On the error of the strain rate; by default what damps the known inertia on the muscles'
+        On the error of the strain rate; by default what damps the load's inertia on the muscles'
         stiffness by a ratio of 0.3.
     still : float, N
         Corrections of a strain loop change only by more than this, or by more than the noise
@@ -158,7 +160,8 @@ class OuterLoop:
         self._model_error = bundle.error
         self._damping = config.strain_damping
         if self._damping is None:
-            self._damping = 2.0 * _DAMPING_RATIO * math.sqrt(_stiffness(bundle) * load.inertia)
+            inertia = load.inertia or _USUAL_INERTIA
+            self._damping = 2.0 * _DAMPING_RATIO * math.sqrt(_stiffness(bundle) * inertia)
         self.reset()
 
     def reset(self) -> None:

@@ -67,7 +67,7 @@ def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
     bench = Bench(bundles[units], 0.12, policy=policy, outer=OPEN)
     top = bench.curves.top[-1] - 2.0
     up = bench.ramp(2.0, top, 20.0)
-    assert sorted(set(c.state for c in up)) == list(range(1, units + 1))
+    assert sorted({c.state for c in up}) == list(range(1, units + 1))
     assert np.all(switches(up) >= 0)
     assert bench.bundle.force(0.12, bench.pressure) == pytest.approx(top, abs=0.3)
     down = bench.ramp(top, 2.0, 20.0) + bench.hold(2.0, 2.0 * units)

@@ -1,0 +1,79 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The control benchmark on a subset, and its parts."""
+
+import json
+
+from fam_bundle_ros.benchmarks.control import PLANTS, plant_of, run_benchmark
+from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, TRAJECTORIES
+from fam_bundle_ros.benchmarks.least_air import least_air
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.pneumatics import GAS_CONSTANT, POLYTROPIC, REFERENCE_TEMPERATURE
+import numpy as np
+import pytest
+
+SUMMARY = {'dip_ratio', 'transition_rms_ratio', 'air_over_least', 'air_saving',
+           'tracking_ratio_all_on', 'chatter_runs'}
+
+
+@pytest.fixture(scope='module')
+def subset():
+    """Return the benchmark's ramp on the nominal plant, with what the calls of progress said."""
+    said = []
+    found = run_benchmark([('neglect', 'orderly'), ('reversal_aware', 'orderly'),
+                           ('reversal_aware', 'all_on')], ['ramp'], ['nominal'],
+                          progress=lambda done, total, name: said.append((done, total, name)))
+    return found, said
+
+
+def test_figures_of_the_ramp_are_reached(subset):
+    """Dip a tenth, window error a third, air within a tenth of the least, no chatter."""
+    summary = subset[0].summary
+    assert summary['dip_ratio'] <= 0.1
+    assert summary['transition_rms_ratio'] <= 1.0 / 3.0
+    assert summary['air_over_least'] <= 1.1
+    assert summary['tracking_ratio_all_on'] <= 1.1
+    assert summary['chatter_runs'] == 0
+
+
+def test_result_goes_to_json_with_the_names_promised(subset):
+    """Rows and summary survive JSON, and progress counted every run."""
+    found, said = subset
+    text = json.loads(json.dumps(found.to_json()))
+    assert SUMMARY <= set(text['summary'])
+    assert {'policy', 'scheme', 'trajectory', 'plant', 'tracking_rms', 'largest_error',
+            'transition_rms', 'dip_depth', 'dip_length', 'switches', 'shortest_dwell', 'air_mass',
+            'efficiency', 'time_saturated', 'chatter'} <= set(text['rows'][0])
+    assert [done for done, _, _ in said] == [1, 2, 3]
+    assert ('neglect', 'orderly', 'ramp', 'nominal') in found.logs
+
+
+@pytest.mark.parametrize('name', TRAJECTORIES)
+def test_rates_of_trajectories_are_their_derivatives(paper_bundle, name):
+    """The rate that goes with a reference is the slope of its value."""
+    trajectory = make_trajectory(name, paper_bundle)
+    for t in np.linspace(0.013, trajectory.duration - 0.011, 60):
+        slope = (trajectory.value(t + 1e-5) - trajectory.value(t - 1e-5)) / 2e-5
+        assert trajectory.rate(t) == pytest.approx(slope, rel=1e-3, abs=1e-3)
+
+
+def test_unknown_names_fails(paper_bundle):
+    """Names that are not there are refused with those that are."""
+    with pytest.raises(InputError, match='expected one of ramp'):
+        make_trajectory('loop', paper_bundle)
+    with pytest.raises(InputError, match=f'expected one of {PLANTS[0]}'):
+        plant_of(paper_bundle, 'perfect')
+
+
+def test_least_air_of_one_filling_is_the_air_in_the_chambers(paper_bundle):
+    """To rise once at a constant strain the least is the tensile pressure sum times volume."""
+    time = np.linspace(0.0, 2.0, 200)
+    force = np.interp(time, [0.0, 2.0], [0.0, 70.0])
+    found = least_air(paper_bundle, time, force, np.full(200, 0.16))
+    at = np.array([0.0, 100e3])
+    low, high = paper_bundle.unit_forces(0.16, np.stack([at, at + 100e3], axis=-1))[1]
+    slope = (high - low) / 100e3
+    pressure_sum = (70.0 - 2.0 * (low - slope * 100e3)) / slope
+    volume = float(paper_bundle.gas_volume(0.16)[0]) + 5e-6
+    expected = pressure_sum * volume / (POLYTROPIC * GAS_CONSTANT * REFERENCE_TEMPERATURE)
+    assert found == pytest.approx(expected, rel=0.01)

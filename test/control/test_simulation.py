@@ -1,0 +1,124 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The closed loop on the simulated rig, with noise, and with plants that the model is wrong on."""
+
+import hashlib
+
+from fam_bundle_ros.control import ControllerConfig, OuterConfig
+from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring
+from fam_bundle_ros.simulation import ClosedLoop, Trajectory
+import numpy as np
+import pytest
+
+
+def path(times, values, kind='force', load=None, **more):
+    """Return a trajectory along straight lines."""
+    def value(t):
+        return float(np.interp(t, times, values))
+
+    def rate(t):
+        return (value(t + 1e-3) - value(t - 1e-3)) / 2e-3
+    return Trajectory('path', kind, times[-1], value, rate, load or Dynamometer(strain=0.16),
+                      prepare=1.0, **more)
+
+
+UP_AND_DOWN = path([0.0, 0.3, 2.8, 3.2, 5.7, 7.0], [12.0, 12.0, 62.0, 62.0, 12.0, 12.0])
+
+
+def rms(values):
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def test_ramp_through_the_overlap_stays_on_the_demand(paper_bundle):
+    """RS1 -> RS2 -> RS1 with sensor noise: 0.3 N rms, never further than 1 N, two switches."""
+    log = ClosedLoop(paper_bundle, seed=2).run(UP_AND_DOWN)
+    assert [int(s) for s in log.state[log.switches]] == [2, 1]
+    assert rms(log.error) < 0.3
+    assert np.max(np.abs(log.error)) < 1.0
+
+
+def test_dip_is_a_tenth_of_what_it_is_without_knowledge_of_the_push_back(paper_bundle):
+    """The largest shortfall of reversal_aware is at most a tenth of neglect's."""
+    shortfall = {}
+    for policy in ('neglect', 'reversal_aware'):
+        log = ClosedLoop(paper_bundle, controller=ControllerConfig(policy=policy),
+                         seed=2).run(UP_AND_DOWN)
+        near = np.zeros(len(log.time), bool)
+        for i in log.switches:
+            near |= np.abs(log.time - log.time[i] - 0.15) < 0.25
+        shortfall[policy] = np.max(log.error[near])
+    assert shortfall['neglect'] > 4.0
+    assert shortfall['reversal_aware'] < 0.1 * shortfall['neglect']
+
+
+def test_two_runs_with_one_seed_are_the_same_to_the_byte(paper_bundle):
+    """The closed loop is deterministic, and another seed gives other noise."""
+    hold = path([0.0, 0.5], [20.0, 20.0])
+    hashes = [hashlib.sha256(ClosedLoop(paper_bundle, seed=s).run(hold).force.tobytes())
+              .hexdigest() for s in (5, 5, 6)]
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+@pytest.mark.parametrize('wrong', ['resistive', 'weak', 'friction', 'relaxation'])
+def test_plants_that_the_model_does_not_know_are_exact_at_rest(paper_bundle, wrong):
+    """Effects that the controller's model lacks cost no force at rest and cause no chatter."""
+    effect = paper_bundle.effect('resistive_buckling')
+    plant = {
+        'resistive': lambda: paper_bundle.with_parameters(
+            {'resistive_buckling.euler_load': 1.5 * effect.values['euler_load'],
+             'resistive_buckling.pressure_share': 1.5 * effect.values['pressure_share']}),
+        'weak': lambda: paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.1),
+        'friction': lambda: paper_bundle.with_effect('coulomb_friction', force=4.0),
+        'relaxation': lambda: paper_bundle.with_effect('viscoelastic_relaxation'),
+    }[wrong]()
+    trajectory = path([0.0, 0.3, 2.5, 5.0], [12.0, 12.0, 60.0, 60.0])
+    log = ClosedLoop(plant, paper_bundle, seed=2).run(trajectory)
+    assert abs(np.mean(log.error[-250:])) < 0.3
+    assert len(log.switches) == 1
+
+
+@pytest.mark.parametrize(('load', 'high'), [
+    (MassSpring(mass=3.0, damping=40.0), 0.15),
+    (MassSpring(mass=2.0, stiffness_against=1000.0, damping=40.0), 0.15),
+    (Arm(), 0.12)], ids=['mass', 'spring', 'arm'])
+def test_strain_is_tracked_against_mass_spring_and_arm(paper_bundle, load, high):
+    """A strain ramp and hold is followed within 0.2 % rms of strain."""
+    trajectory = path([0.0, 0.3, 1.5, 3.0], [0.02, 0.02, high, high], 'strain', load)
+    log = ClosedLoop(paper_bundle, seed=3).run(trajectory)
+    assert rms(log.error) < 2e-3
+    assert abs(np.mean(log.error[-100:])) < 1e-3
+
+
+@pytest.mark.parametrize(('feed_forward', 'feedback', 'limit'),
+                         [(True, False, 0.6), (False, True, 6.0), (True, True, 0.4)])
+def test_feed_forward_and_feedback_work_alone_and_together(
+        paper_bundle, feed_forward, feedback, limit):
+    """Each on its own follows a ramp; on a known plant feed-forward is the better half."""
+    outer = OuterConfig(feed_forward=feed_forward, feedback=feedback)
+    log = ClosedLoop(paper_bundle, controller=ControllerConfig(outer=outer), seed=1).run(
+        path([0.0, 0.3, 2.3, 3.5], [12.0, 12.0, 35.0, 35.0]))
+    assert rms(log.error) < limit
+
+
+@pytest.mark.parametrize('units', [3, 6])
+def test_bundles_of_more_units_run_through_all_states(bundles, units):
+    """Units of different sizes: up through every state and back, force within 1 N rms."""
+    bundle = bundles[units]
+    top = 0.95 * float(np.sum(bundle.unit_forces(0.12, bundle.max_pressure)))
+    log = ClosedLoop(bundle, seed=1).run(path(
+        [0.0, 0.3, 3.3, 3.5, 6.5, 6.5 + 1.2 * units], [5.0, 5.0, top, top, 5.0, 5.0],
+        load=Dynamometer(strain=0.12)))
+    assert np.all(np.abs(np.diff(log.state)) <= 1)
+    assert set(log.state) == set(range(1, units + 1))
+    assert log.state[-1] == 1
+    assert rms(log.error) < 1.0
+
+
+def test_log_becomes_a_frame(paper_bundle):
+    """One column per channel and motor unit, one row per tick."""
+    pytest.importorskip('pandas')
+    log = ClosedLoop(paper_bundle, seed=1).run(path([0.0, 0.2], [20.0, 20.0]))
+    frame = log.to_frame()
+    assert len(frame) == len(log.time)
+    assert {'time', 'force', 'pressure.mu1', 'setpoint.mu2', 'state'} <= set(frame.columns)
