@@ -87,8 +87,8 @@ _STATES = (_GREY, _BLUE, _ORANGE, _GREEN, _PURPLE, _SKY, _VERMILLION)
 
 #: While the bundle shortens (+1), rests (0), lengthens (-1).
 DIRECTIONS = {1: _BLUE, 0: _GREY, -1: _VERMILLION}
-#: Controllers side by side: ours first.
-CONTROLLERS = (_BLUE, _VERMILLION, _GREEN, _PURPLE)
+#: Closed-loop runs side by side, ours first; blue and orange there are motor units.
+CONTROLLERS = (_INDIGO, _VERMILLION, _GREEN, _PURPLE)
 #: Low to high pressure, after viridis; the ends are moved until they stand out from the page.
 _RAMP_LIGHT = ('#46206B', '#3B528B', '#21818C', '#3C8F48', '#8C8400')
 _RAMP_DARK = ('#A896E0', '#7FA0E0', '#3FB8B0', '#7FDB83', '#FDE725')

@@ -103,8 +103,9 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ''
     numeric : sequence of int
         Columns that are set right.
     """
-    grid = Table(box=None, title=title or None, title_justify='left', title_style='bold',
-                 header_style='dim', pad_edge=False, padding=(0, 2, 0, 0))
+    if title:
+        console.print(title, style='bold')
+    grid = Table(box=None, header_style='dim', pad_edge=False, padding=(0, 2, 0, 0))
     for index, name in enumerate(columns):
         right = index in numeric
         grid.add_column(name, justify='right' if right else 'left', overflow='fold')
