@@ -16,6 +16,8 @@ from fam_bundle_ros.errors import InputError
 
 __all__ = ['main']
 
+#: What typer makes of Ctrl-C.
+_INTERRUPTED = 130
 #: Import name -> what to install for it.
 _EXTRAS = {'typer': 'tools', 'rich': 'tools', 'plotly': 'tools', 'pandas': 'tools',
            'rosbags': 'tools', 'nicegui': 'web', 'pysindy': 'against', 'sklearn': 'against'}
@@ -39,6 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status = app(args=[a for a in given if a != '--debug'], prog_name='fam_bundle',
                          standalone_mode=False)
         sys.stdout.flush()
+        if status == _INTERRUPTED:
+            return _fail('stopped', 1)
         return status if isinstance(status, int) else 0
     except BrokenPipeError:
         # the reader of a pipe (head, less) has left: nothing is wrong, nothing is to be said

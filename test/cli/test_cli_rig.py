@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -93,3 +94,20 @@ def test_demo_tells_the_whole_story(fam_bundle, domain_id, tmp_path):
     refused = fam_bundle('demo')
     assert refused.returncode == 2
     assert 'thesis.tex' in refused.stderr
+
+
+def test_ctrl_c_leaves_nothing_half_done(repository, domain_id, tmp_path):
+    """Ctrl-C in the middle of `demo` vents, says so in one line, and leaves no half report."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'fam_bundle_ros.cli', 'demo'], cwd=tmp_path, text=True,
+        stderr=subprocess.PIPE, stdout=subprocess.PIPE,
+        env={**os.environ, 'PYTHONPATH': str(repository), 'ROS_DOMAIN_ID': str(domain_id)})
+    for _ in range(600):
+        if list(tmp_path.glob('.report-*/bag/force/*')):
+            break
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert stderr.splitlines()[-1] == 'fam_bundle: stopped'
+    assert list(tmp_path.iterdir()) == []
