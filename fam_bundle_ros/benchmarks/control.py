@@ -125,7 +125,7 @@ def run_case(policy: str, scheme: str, trajectory: str, plant: str, seed: int = 
 def run_benchmark(controllers: Iterable[tuple[str, str]] = CONTROLLERS,
                   trajectories: Iterable[str] = TRAJECTORIES,
                   plants: Iterable[str] = PLANTS, seed: int = 1, bundle: Bundle | None = None,
-                  workers: int | None = None,
+                  complete: bool = False, workers: int | None = None,
                   progress: Callable[[int, int, str], None] | None = None
                   ) -> ControlBenchmark:
     """
@@ -139,6 +139,8 @@ def run_benchmark(controllers: Iterable[tuple[str, str]] = CONTROLLERS,
     seed : int
     bundle : Bundle, optional
         The controller's model; that of the paper by default.
+    complete : bool
+        Batch recruitment on every plant too, not on the nominal one only: half as long again.
     workers : int, optional
         Processes; all cores by default.
     progress : callable, optional
@@ -149,8 +151,10 @@ def run_benchmark(controllers: Iterable[tuple[str, str]] = CONTROLLERS,
     ControlBenchmark
         Rows in the order of the arguments, whatever ended first.
     """
+    controllers, trajectories = list(controllers), list(trajectories)
     cases = [(policy, scheme, trajectory, plant) for plant in plants
-             for trajectory in trajectories for policy, scheme in controllers]
+             for trajectory in trajectories for policy, scheme in controllers
+             if complete or scheme != 'batch' or plant == PLANTS[0]]
     found: dict[tuple, dict[str, Any]] = {}
     logs: dict[tuple[str, str, str, str], Log] = {}
     workers = workers or os.cpu_count() or 1

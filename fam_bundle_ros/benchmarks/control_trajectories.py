@@ -77,7 +77,7 @@ def make_trajectory(name: str, bundle: Bundle, long: bool = False) -> Trajectory
     bundle : Bundle
         Whose overlap places the demands.
     long : bool
-        Dwell for 60 s rather than 15 s.
+        Dwell for 60 s rather than 8 s.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def make_trajectory(name: str, bundle: Bundle, long: bool = False) -> Trajectory
     length = float(bundle.motor_units[0].geometry.length)
     overlap = bundle.overlap(STRAIN, 1)
     middle, limit = 0.5 * (overlap.low + overlap.high), overlap.high
-    dwell = 60.0 if long else 15.0
+    dwell = 60.0 if long else 8.0
 
     def force(path, duration):
         return Trajectory(name, 'force', duration, path.value, path.rate,

@@ -15,10 +15,9 @@ import math
 import numpy as np
 
 from fam_bundle_ros.control.allocation import Allocation, Allocator, Curves, Instant, SCHEMES
+from fam_bundle_ros.control.crossing import Crossing, crossing_pace
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig, OuterLoop
 from fam_bundle_ros.control.recruitment import (
-    Crossing,
-    crossing_pace,
     Demand,
     Heading,
     Margins,
@@ -301,7 +300,7 @@ class RecruitmentController:
         if self.config.policy != 'reversal_aware' or state == (1 if up else 0):
             return
         unit = self._order[state - 1 if up else state]
-        pace = crossing_pace(curves, unit, rate, self.config.switching)
+        pace = crossing_pace(curves, unit, rate, self.config.switching.crossing_rate)
         self._crossings[unit] = Crossing(unit, up, float(self._command.pressure[unit]), pace)
 
     def _spread(self, dt, curves: Curves, demand: float) -> Allocation:

@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which motor units are on: the state machine over RS0..RSn, and how a unit is crossed in and out.
+Which motor units are on: the state machine over RS0..RSn.
 
 Between RSk and RSk+1 lies an overlap: demands that both can give. The machine climbs at the last
 moment at which the next unit's push-back can still be made up for, and only when the demand is
 heading beyond the present state; it goes back when the demand has come to rest below the overlap.
-`Crossing` then moves the unit through its falling branch, fast, while the others compensate.
+How the unit is then moved is the business of `crossing`.
 """
 
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from fam_bundle_ros.control.allocation import Curves
+from fam_bundle_ros.control.crossing import crossing_time
 from fam_bundle_ros.errors import InputError
 
 POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
@@ -265,7 +266,7 @@ class RecruitmentMachine:
                 or self._wary):
             return ''
         ahead = force + demand.rate * crossing_time(
-            curves, curves.order[state], demand.rate, self.config)
+            curves, curves.order[state], demand.rate, self.config.crossing_rate)
         if ahead < curves.crossing[state] - 0.1 * (limit - curves.crossing[state]):
             return ''
         if force + demand.rise(self.config.horizon) <= recruit:
@@ -304,84 +305,6 @@ class RecruitmentMachine:
         self._calm = self._absent = 0.0
         self.direction = direction
         return text
-
-
-def crossing_pace(curves: Curves, unit: int, rate: float, config: SwitchingConfig) -> float:
-    """
-    Return the pressure rate at which to bring a unit through its falling branch, Pa/s.
-
-    Smoothly where there is time; faster where the demand (rising by ``rate``, N/s) would
-    meanwhile use up what the others can compensate.
-    """
-    dip = max(float(curves.dip[unit]), 0.1)
-    hurry = float(curves.bottom_pressure[unit]) * max(rate, 0.0) / dip
-    return min(max(config.crossing_rate, hurry), _HURRY * config.crossing_rate)
-
-
-def crossing_time(curves: Curves, unit: int, rate: float, config: SwitchingConfig) -> float:
-    """Return about how long it takes to bring a unit to the bottom of its branch, s."""
-    travel = float(curves.bottom_pressure[unit])
-    others = [i for i in curves.order if i != unit]
-    slope = max((curves.slope(i, curves.pressure[-1, i]) for i in others), default=0.0)
-    compensation = float(curves.dip[unit]) / slope if slope > 0.0 else 0.0
-    pace = crossing_pace(curves, unit, rate, config)
-    return 1.4 * max(travel, compensation) / pace + 2.0 * _EASE
-
-
-#: How many times faster than `SwitchingConfig.crossing_rate` a crossing may be in a hurry.
-_HURRY = 4.0
-#: Time over which a crossing gathers and loses speed, s: both units lag alike only when smooth.
-_EASE = 0.01
-
-
-class Crossing:
-    """
-    The way of one unit through its falling branch.
-
-    Parameters
-    ----------
-    unit : int
-    up : bool
-    pressure : float, Pa (gauge)
-        Where it is.
-    pace : float, Pa/s
-        See `crossing_pace`.
-    """
-
-    def __init__(self, unit: int, up: bool, pressure: float, pace: float):
-        self.unit, self.up, self.pressure = unit, up, pressure
-        self._pace = pace
-        self._speed = 0.0
-
-    def advance(self, dt: float, target: float, ratio: float, short: bool) -> bool:
-        """
-        Move on by one tick.
-
-        Parameters
-        ----------
-        dt : float, s
-        target : float, Pa (gauge)
-            Where it is to end.
-        ratio : float
-            Pressure change that the compensating unit needs per change of this one.
-        short : bool
-            The others cannot compensate: be through as fast as the valve goes.
-
-        Returns
-        -------
-        bool
-            True when it has arrived.
-        """
-        limit = self._pace / max(1.0, ratio)
-        if short:
-            limit = 20.0 * self._pace
-        distance = abs(target - self.pressure)
-        ease = self._pace / _EASE
-        speed = min(self._speed + ease * dt, limit, math.sqrt(2.0 * ease * distance) + ease * dt)
-        self._speed = limit if short else speed
-        step = min(self._speed * dt, distance)
-        self.pressure += math.copysign(step, target - self.pressure)
-        return step >= distance
 
 
 class Heading:
