@@ -179,8 +179,14 @@ class OuterLoop:
 
     @property
     def uncertainty(self) -> float:
-        """Three standard deviations of the correction, plus the model's own error, N."""
-        return 3.0 * math.sqrt(self._correction[1]) + self._model_error + 0.1
+        """
+        Return how far off the demand may be, N: the margins of the state machine.
+
+        Three standard deviations of the correction, the error of the model's fit, and a tenth of
+        the bias: it was learnt at other pressures than those at which a unit is switched.
+        """
+        return (3.0 * math.sqrt(self._correction[1]) + self._model_error
+                + 0.1 * abs(self.bias) + 0.1)
 
     def take_over(self, measurement, reference) -> None:
         """Start from the force that is there: the demand fades from it into the reference."""

@@ -196,6 +196,14 @@ def test_uncertainty_widens_the_margin(paper_bundle):
         assert machine.state == state
 
 
+def test_margins_widen_with_the_bias_that_was_found(paper_bundle):
+    """A plant that is 20 % weaker than the model leaves the controller less sure."""
+    sure, unsure = Bench(paper_bundle, 0.16), Bench(paper_bundle, 0.16)
+    unsure.bundle = paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.2)
+    margins = [bench.hold(70.0, 8.0)[-1].margins.uncertainty for bench in (sure, unsure)]
+    assert margins[1] > margins[0] + 0.3
+
+
 def test_dwell_time_keeps_from_switching_back(paper_bundle):
     """A demand that jumps to and fro is not followed faster than the dwell time."""
     curves = Allocator(paper_bundle).curves(Instant(0.16))
