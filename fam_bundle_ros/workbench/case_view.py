@@ -205,10 +205,12 @@ class CaseView:
             drawings.loops(self.session)
         return None if figure is None else drawings.for_page(figure, self.page.dark)
 
-    def move_figure(self) -> None:
-        """Let the figure that is there move to what is so now."""
-        drawn = self._drawn()
-        if drawn is not None:
+    def _redraw(self) -> None:
+        """Let the curves move to what is so now; the other figures are drawn anew."""
+        drawn = self._drawn() if self.tab == 'curves' else None
+        if drawn is None:
+            self.draw_figure()
+        else:
             self.plot.update_figure(drawn)
 
     # --- selecting -----------------------------------------------------------------------------
@@ -231,13 +233,13 @@ class CaseView:
             self.page.tell('no sample has this pressure, direction and trial together')
             self.draw_head()
             return
-        self.draw_figure()
+        self._redraw()
 
     def zoom(self, region: int | None) -> None:
         """Zoom every figure to a region, or back."""
         self.session.select(region=region, level=None, direction=None, trial=None)
         self.draw_head()
-        self.draw_figure()
+        self._redraw()
         self.side.draw()
 
     # --- long work -----------------------------------------------------------------------------
@@ -317,8 +319,5 @@ class CaseView:
         self.draw_answer()
         self.draw_ladder()
         self.draw_head()
-        if self.tab == 'curves':
-            self.move_figure()
-        else:
-            self.draw_figure()
+        self._redraw()
         self.side.draw()

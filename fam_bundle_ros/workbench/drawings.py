@@ -61,7 +61,8 @@ def for_page(drawing: go.Figure | dict[str, Any], dark: bool, move_ms: int = 0) 
     layout.update(autosize=True, margin={'l': 56, 'r': 12, 't': layout['margin'].get('t', 30),
                                          'b': 44})
     if move_ms:
-        layout['transition'] = {'duration': move_ms, 'easing': 'cubic-in-out'}
+        layout['transition'] = {'duration': move_ms, 'easing': 'cubic-in-out',
+                                'ordering': 'traces first'}
     figure['config'] = CONFIG
     return figure
 
@@ -99,6 +100,8 @@ def main_figure(session: Session, over_time: bool = False, narrow: bool = False,
          'fillcolor': palette.fade(_BEFORE, 0.25)},
         {'type': 'line', 'xref': 'x2 domain', 'yref': 'y2', 'x0': 0, 'x1': 1, 'y0': 0, 'y1': 0,
          'line': {'color': _BEFORE, 'width': 1}}]
+    # ranges that stay while models change: else the axes jump and the curves cannot move
+    layout['yaxis']['range'] = _force_range(session, rows)
     layout['yaxis2']['range'] = _error_range(session, rows)
     layout['annotations'] = [] if over_time else _isobar_names(session, level, means, rows)
     _zoom(layout, session, x, rows, narrow)
@@ -197,6 +200,16 @@ def _clock(data):
         if clock[first] < clock[first - 1]:
             clock[first:] += clock[first - 1] - clock[first] + 1.0
     return clock
+
+
+def _force_range(session, rows):
+    if not len(rows):
+        return [0.0, 1.0]
+    every = [session.data.force, *(step.prediction for step in session.steps)]
+    low = min(float(values[rows].min()) for values in every)
+    high = max(float(values[rows].max()) for values in every)
+    room = 0.05 * max(high - low, 1.0)
+    return [low - room, high + room]
 
 
 def _error_range(session, rows):

@@ -182,7 +182,7 @@ class SideView:
             self._give(page, '_report.html', 'text/html')
 
     def _give(self, content: str, ending: str, kind: str) -> None:
-        ui.download.content(content, takeaway.file_stem(self.session) + ending, kind)
+        ui.download.content(content.encode(), takeaway.file_stem(self.session) + ending, kind)
 
     async def _try(self) -> None:
         with self.place:

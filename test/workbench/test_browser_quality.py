@@ -1,0 +1,154 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""In a real browser: sizes, keyboard, contrast, dark, and what must not be reached."""
+
+import urllib.error
+import urllib.request
+
+import pytest
+
+VIEWS = ('start', 'case', 'explorer')
+# The ratio of WCAG between the text of an element and what is painted behind it.
+CONTRAST = """() => {
+  const parse = (c) => c.match(/[\\d.]+/g).map(Number);
+  const light = ([r, g, b]) => [r, g, b].map(v => v / 255).map(
+    v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (e) => { for (; e; e = e.parentElement) {
+    const c = parse(getComputedStyle(e).backgroundColor);
+    if (c.length < 4 || c[3] > 0.5) return c; } return [255, 255, 255]; };
+  const bad = [];
+  for (const e of document.querySelectorAll('.wb *')) {
+    if (![...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim())) continue;
+    if (e.closest('.plot, .skip, :disabled, option, svg') || !e.offsetParent) continue;
+    const a = light(parse(getComputedStyle(e).color)), b = light(behind(e));
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (ratio < 4.5) bad.push(`${e.textContent.trim().slice(0, 40)}: ${ratio.toFixed(2)}`);
+  }
+  return bad;
+}"""
+
+
+def show(tab, view):
+    """Bring a view on the screen."""
+    page = tab.open()
+    if view == 'case':
+        tab.click('open-first')
+        tab.drawn()
+    elif view == 'explorer':
+        tab.click('tab:explore')
+        tab.drawn()
+    return page
+
+
+@pytest.mark.parametrize('view', VIEWS)
+@pytest.mark.parametrize(('width', 'height'), [(1280, 720), (390, 844), (320, 640)])
+def test_nothing_is_cut_off(watched, view, width, height):
+    """At laptop and phone width no view is wider than the screen."""
+    page = show(watched(viewport={'width': width, 'height': height}), view)
+    page.wait_for_timeout(300)
+    assert page.evaluate('document.documentElement.scrollWidth') <= width
+
+
+def test_the_first_step_is_on_the_first_screen(watched):
+    """At 1280 x 720 and on a phone the button to begin with needs no scrolling, nor the next."""
+    for size in ({'width': 1280, 'height': 720}, {'width': 390, 'height': 844}):
+        tab = watched(viewport=size)
+        page = tab.open()
+        for mark in ('open-first', 'diagnose'):
+            box = page.wait_for_selector(f'[data-mark={mark}]').bounding_box()
+            assert box['y'] + box['height'] < size['height']
+            tab.click(mark)
+        tab.click('cancel')
+
+
+@pytest.mark.parametrize('scheme', ['light', 'dark'])
+@pytest.mark.parametrize('view', VIEWS)
+def test_words_stand_out(watched, view, scheme):
+    """All text has a contrast of 4.5 to 1 at least, light and dark, as the system asks."""
+    page = show(watched(color_scheme=scheme), view)
+    page.wait_for_timeout(300)
+    assert page.evaluate(CONTRAST) == []
+    paper = page.evaluate('getComputedStyle(document.body).backgroundColor')
+    assert (paper == 'rgb(255, 255, 255)') == (scheme == 'light')
+
+
+def test_the_theme_button_changes_page_and_figures(watched):
+    """Dark is dark for the axes of a figure too, and back again."""
+    tab = watched(color_scheme='light')
+    page = show(tab, 'case')
+    ink = "getComputedStyle(document.querySelector('.plot .xtick text')).fill"
+    before = page.evaluate(ink)
+    tab.click('theme')
+    page.wait_for_function(f'() => {ink} !== "{before}"')
+    tab.click('theme')
+    page.wait_for_function(f'() => {ink} === "{before}"')
+
+
+def test_the_story_can_be_done_by_keyboard(watched):
+    """Tab and Enter alone lead from the start page to the question and its answer."""
+    tab = watched()
+    page = tab.open()
+
+    def press_until(mark):
+        for _ in range(40):
+            page.keyboard.press('Tab')
+            if page.evaluate('document.activeElement.dataset.mark') == mark:
+                outline = page.evaluate('getComputedStyle(document.activeElement).outlineStyle')
+                assert outline == 'solid'
+                page.keyboard.press('Enter')
+                return
+        pytest.fail(f'{mark} was not reached')
+
+    press_until('open-first')
+    tab.drawn()
+    press_until('diagnose')
+    page.wait_for_selector('[data-mark=next-add]')
+    press_until('next-add')
+    page.wait_for_selector('.rung >> nth=1')
+
+
+def test_every_control_has_a_name(watched):
+    """Screen readers find words on every button, field and slider of every view."""
+    nameless = """() => [...document.querySelectorAll('button, input, select, a')].filter(e =>
+        e.offsetParent && !e.innerText?.trim() && !e.getAttribute('aria-label')
+        && !e.closest('label') && !e.closest('.q-uploader')).map(e => e.outerHTML)"""
+    for view in VIEWS:
+        assert show(watched(), view).evaluate(nameless) == []
+
+
+def test_the_sliders_teach_the_overlap(watched):
+    """Moving MU2 by keyboard makes RS2, and the figure of the free strain is there."""
+    tab = watched()
+    page = show(tab, 'explorer')
+    slider = page.locator('[data-mark="slider:mu2"]')
+    slider.focus()
+    for _ in range(8):
+        page.keyboard.press('PageUp')
+    page.wait_for_selector('text=RS2: 2 of 2')
+    assert page.locator('.plot').count() == 3
+
+
+@pytest.mark.parametrize('path', [
+    '..%2f..%2f..%2fetc/passwd', '%2e%2e/%2e%2e/etc/passwd', 'static/../../etc/passwd',
+    '_nicegui/../../../../etc/passwd', '_nicegui/3/static/..%2f..%2f..%2f..%2fetc%2fpasswd',
+    'config/data/dmsp20_static_map.csv', '_nicegui/auto/static/x', 'docs', 'openapi.json'])
+def test_no_path_of_the_browser_reaches_the_disk(server, path):
+    """Whatever the address, no file of the machine comes back."""
+    try:
+        with urllib.request.urlopen(server + path) as answer:
+            content = answer.read()
+    except urllib.error.HTTPError as error:
+        assert error.code in (400, 404, 405)
+        content = error.read()
+    assert b'root:' not in content
+    assert b'force [N]' not in content
+
+
+def test_an_upload_above_the_limit_is_refused(server):
+    """Two gigabytes are refused by their header, before anything is read."""
+    asked = urllib.request.Request(server + '_nicegui/client/x/upload/1', data=b'x', method='POST',
+                                   headers={'Content-Length': str(2 << 30)})
+    with pytest.raises(urllib.error.HTTPError) as error:
+        urllib.request.urlopen(asked)
+    assert error.value.code == 413

@@ -1,0 +1,199 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The story in a real browser: hidden friction, 6.7 N, found, added, 0.60 N.
+
+`make browser-test` keeps its pictures in docs/images.
+"""
+
+import csv
+import os
+import time
+
+import pytest
+
+from fam_bundle_ros.model import loads_model
+from fam_bundle_ros.resources import config_path
+
+CSV = config_path('data/examples/hidden_friction.csv')
+MODEL = config_path('data/examples/hidden_friction.model.yaml')
+
+
+def rungs(page):
+    """Return what the ladder says: labels and values."""
+    return [tuple(row.split('\n')) for row in page.locator('.rung').all_inner_texts()]
+
+
+def busy():
+    """Return how much slower than an idle machine this one is: processes that want each core."""
+    return max(1.0, 1.5 * os.getloadavg()[0] / (os.cpu_count() or 1))
+
+
+def settled(page, folder, name):
+    """Keep a picture once curves have come to rest and no button is pointed at."""
+    page.mouse.move(2, 400)
+    page.evaluate('scrollTo(0, 0)')
+    page.wait_for_timeout(900)
+    page.screenshot(path=folder / f'workbench_{name}.png')
+
+
+def test_the_story_from_6_7_to_0_6_newton(watched, pictures, tmp_path):
+    """A new user opens the example, asks what is missing, adds it, and takes the model home."""
+    tab = watched(device_scale_factor=1.5)
+    page = tab.open()
+    settled(page, tmp_path, 'start')
+    tab.click('open-first')
+    tab.drawn()
+    assert rungs(page) == [('model as it came', '6.7 N')]
+    assert '11 times the noise' in page.inner_text('h1')
+    settled(page, pictures, '1_see')
+
+    tab.click('diagnose')
+    page.wait_for_selector('[data-mark=next-add]')
+    assert page.inner_text('h1') == 'Found: Coulomb friction.'
+    settled(page, pictures, '2_found')
+
+    tab.click('next-add')
+    page.wait_for_selector('.rung >> nth=1')
+    assert rungs(page) == [('model as it came', '6.7 N'), ('+ Coulomb friction', '0.60 N')]
+    assert 'what is left is noise' in page.inner_text('h1')
+    settled(page, pictures, '3_added')
+
+    taken = {}
+    for kind in ('model', 'csv', 'report'):
+        with page.expect_download() as download:
+            tab.click(f'download-{kind}')
+        taken[kind] = tmp_path / download.value.suggested_filename
+        download.value.save_as(taken[kind])
+    assert taken['model'].name == 'hidden_friction.model.yaml'
+    force = loads_model(taken['model'].read_text()).effect('coulomb_friction').force
+    assert force == pytest.approx(6.66, abs=0.1)
+    with taken['csv'].open() as stream:
+        assert len(list(csv.DictReader(stream))) == 1260
+    assert taken['report'].stat().st_size > 1_000_000
+
+    tab.click('try')
+    page.wait_for_selector('text=Tracking error', timeout=120_000)
+    page.wait_for_selector('.sheet .trace')
+    settled(page, pictures, '4_controller')
+    assert '% less' in page.inner_text('.sheet')
+    tab.click('trial-close')
+
+
+def test_ones_own_files_from_upload_to_ladder(watched):
+    """Model and measurement are dropped, the friction is found and added, undo takes it back."""
+    tab = watched()
+    page = tab.open()
+    page.set_input_files('input[type=file]', MODEL)
+    page.wait_for_selector('text=is ready')
+    page.set_input_files('input[type=file]', CSV)
+    tab.drawn()
+    assert 'hidden_friction.csv' in page.inner_text('.answer')
+    tab.click('diagnose')
+    tab.click('next-add')
+    page.wait_for_selector('.rung >> nth=1')
+    tab.click('undo')
+    page.wait_for_selector('.rung >> nth=1', state='detached')
+
+
+def test_a_bad_file_is_told_and_the_page_goes_on(watched, tmp_path):
+    """The sentence names file and row; then a good file works."""
+    bad = tmp_path / 'broken run.csv'
+    bad.write_text('strain,pressure [kPa],force [N]\n0.1,100,abc\n')
+    tab = watched()
+    page = tab.open()
+    page.set_input_files('input[type=file]', bad)
+    page.wait_for_selector('text=broken run.csv, row 2')
+    page.set_input_files('input[type=file]', CSV)
+    tab.drawn()
+
+
+def test_every_figure_is_drawn_and_a_region_zooms_it(watched):
+    """Curves, maps and loops have traces; a region frames and zooms, and lets go again."""
+    tab = watched()
+    page = tab.open()
+    tab.click('example:bundle_push_back')
+    tab.drawn()
+    tab.click('figure:maps')
+    page.wait_for_selector('.plot .hm')
+    tab.click('region:0')
+    page.wait_for_selector('.plot .shapelayer path >> nth=0')
+    assert page.get_attribute('[data-mark="region:0"]', 'aria-pressed') == 'true'
+    tab.click('figure:curves')
+    tab.drawn()
+    zoomed = page.locator('.plot .point').count()
+    tab.click('region:0')
+    page.wait_for_function(f"document.querySelectorAll('.plot .point').length > {zoomed}")
+    tab.click('figure:loops')
+    tab.drawn()
+
+
+def test_hovering_a_point_shows_its_row(watched):
+    """The label under the pointer names the row of the file and its numbers."""
+    tab = watched()
+    page = tab.open()
+    tab.click('open-first')
+    tab.drawn()
+    page.wait_for_timeout(600)
+    place = page.locator('.plot .points path.point').nth(40).bounding_box()
+    page.mouse.move(place['x'] + place['width'] / 2, place['y'] + place['height'] / 2)
+    page.wait_for_selector('.hoverlayer >> text=/row \\d+/')
+
+
+def test_curves_move_from_the_old_model_to_the_new(watched):
+    """Between the old and the new place a curve is somewhere in between."""
+    tab = watched()
+    page = tab.open()
+    tab.click('open-first')
+    tab.drawn()
+    tab.click('diagnose')
+    page.wait_for_selector('[data-mark=next-add]')
+    page.wait_for_timeout(600)
+    page.evaluate("""() => {
+        window.shapes = new Set();
+        const look = () => {
+            const line = document.querySelectorAll('.plot .trace')[1]?.querySelector('.lines path');
+            if (line) window.shapes.add(line.getAttribute('d'));
+            requestAnimationFrame(look);
+        };
+        look();
+    }""")
+    tab.click('next-add')
+    page.wait_for_selector('.rung >> nth=1')
+    page.wait_for_timeout(900)
+    assert page.evaluate('window.shapes.size') > 3
+
+
+def test_two_browsers_keep_separate_sessions(watched):
+    """What one opens the other does not see; a reload keeps one's own."""
+    one, other = watched(), watched()
+    first, second = one.open(), other.open()
+    one.click('open-first')
+    one.drawn()
+    second.reload()
+    second.wait_for_selector('[data-mark=open-first]')
+    first.reload()
+    one.drawn()
+    assert first.locator('.rung').count() == 1
+
+
+def test_the_first_figure_and_every_click_come_soon(watched):
+    """First figure within 3 s of the address; a click is answered within 0.3 s."""
+    tab = watched()
+    page = tab.open()
+    tab.click('open-first')
+    tab.drawn()
+    began = time.perf_counter()
+    page.goto(tab.address)
+    tab.drawn()
+    assert time.perf_counter() - began < 3.0 * busy()
+    page.wait_for_timeout(1000)
+    for mark, sign in (('figure:maps', '.plot .hm'), ('figure:curves', '.plot .points'),
+                       ('region:0', '[data-mark="region:0"][aria-pressed=true]'),
+                       ('diagnose', '.busy')):
+        began = time.perf_counter()
+        tab.click(mark)
+        page.wait_for_selector(sign, state='attached')
+        assert time.perf_counter() - began < 0.3 * busy(), mark
+        page.wait_for_timeout(500)
+    tab.click('cancel')

@@ -1,0 +1,192 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The page, clicked through in Python by NiceGUI's simulated user: no browser needed."""
+
+import asyncio
+import re
+
+from nicegui import ui
+from nicegui.elements.upload_files import SmallFileUpload
+from nicegui.testing.user_simulation import user_simulation
+import pytest
+
+from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.workbench.cases import EXAMPLES, load_example
+from fam_bundle_ros.workbench.page import root
+
+pytestmark = pytest.mark.anyio
+DATA = config_path('data/examples/hidden_friction.csv')
+
+
+@pytest.fixture
+async def user():
+    """Yield a user who has opened the start page."""
+    async with user_simulation(root=root()) as made:
+        await opened(made)
+        yield made
+
+
+async def opened(user):
+    """Open the page as a browser with light colours and nothing that moves."""
+    user.javascript_rules[re.compile('.*matchMedia.*', re.S)] = lambda _: [False, True, False]
+    await user.open('/')
+    await user.should_see('fam_bundle', retries=30)
+
+
+async def sees(user, seen, seconds=30.0):
+    """Wait until the user sees something."""
+    await user.should_see(seen, retries=int(10 * seconds))
+
+
+async def open_first(user):
+    """Open the example that the page recommends, and wait for its ladder."""
+    user.find(marker='open-first').click()
+    await sees(user, 'rung:0')
+    await user.should_see('6.7 N')
+
+
+def upload(user, name, content):
+    """Drop a file on the page."""
+    element, = user.find(marker='upload').elements
+    return element.handle_uploads([SmallFileUpload(name, 'text/csv', content)])
+
+
+def figure(user):
+    """Return the figure on the page that has traces."""
+    return next(plot.figure for plot in user.find(ui.plotly).elements if plot.figure['data'])
+
+
+async def test_the_first_view_says_what_to_click(user):
+    """One example is marked as the one to begin with; the others and the upload are there."""
+    await user.should_see('New here?')
+    await user.should_see(marker='open-first')
+    await user.should_see(marker='upload')
+    for example in EXAMPLES:
+        await user.should_see(example.title)
+
+
+async def test_the_story_from_example_to_better_model(user):
+    """6.7 N, what is missing?, Coulomb friction, add, 0.60 N, undo."""
+    await open_first(user)
+    await sees(user, 'Where the model fails')
+    user.find(marker='diagnose').click()
+    await sees(user, 'Cancel')
+    await sees(user, 'Found: Coulomb friction.')
+    await user.should_see('probability')
+    await user.should_see('loops of a constant width')
+    user.find(marker='next-add').click()
+    await sees(user, 'what is left is noise')
+    with user.scope('rung:1'):
+        await user.should_see('+ Coulomb friction')
+        await user.should_see('0.60 N')
+    user.find(marker='undo').click()
+    await user.should_not_see('rung:1')
+    await user.should_see('Found: Coulomb friction.')
+
+
+async def test_cancel_leaves_everything_as_it_was(user):
+    """After cancel the question can be asked again, and nothing was learned."""
+    await open_first(user)
+    user.find(marker='diagnose').click()
+    await sees(user, 'Cancel')
+    user.find(marker='cancel').click()
+    await sees(user, 'What is missing?')
+    await user.should_not_see('probability')
+
+
+async def test_an_uploaded_measurement_opens(user):
+    """A dropped CSV is a case of its own; the model is assumed until one is dropped."""
+    await upload(user, 'mine.csv', DATA.read_bytes())
+    await sees(user, 'mine.csv · your own file')
+    await user.should_see('Where the model fails')
+
+
+async def test_a_model_dropped_first_is_used(user):
+    """Model, then data: the case starts from that model."""
+    await upload(user, 'start.model.yaml',
+                 config_path('data/dmsp20_static_map.model.yaml').read_bytes())
+    await sees(user, 'Model dmsp20_ideal is ready')
+    await upload(user, 'map.csv', config_path('data/dmsp20_static_map.csv').read_bytes())
+    await sees(user, '151 N')
+
+
+@pytest.mark.parametrize(('name', 'content', 'said'), [
+    ('broken.csv', b'strain,pressure [kPa],force [N]\n0,1,x\n', 'broken.csv, row 2'),
+    ('empty.csv', b'', 'empty'),
+    ('photo.png', b'\x89PNG', "'.png' is not known"),
+    ('bad.yaml', b'format: something', 'bad.yaml, line 1'),
+    ('two.csv', b'strain,pressure.mu1 [kPa],force [N]\n', 'rows')])
+async def test_a_bad_file_is_told_on_the_page(user, name, content, said):
+    """The sentence stands on the page until it is closed, and the page goes on working."""
+    await upload(user, name, content)
+    await sees(user, said, 10.0)
+    user.find(marker='close-alert').click()
+    await user.should_not_see(said)
+    await open_first(user)
+
+
+async def test_selecting_draws_the_selected(user):
+    """Choosing a pressure leaves its points alone on the figure."""
+    await open_first(user)
+    user.find(marker='pick:Pressure').trigger('change', '2')
+    await asyncio.sleep(0.3)
+    drawn = [trace for trace in figure(user)['data'] if trace['name'] == 'measured']
+    assert [len(trace['x']) > 0 for trace in drawn] == [k == 2 for k in range(7)]
+
+
+async def test_two_tabs_keep_their_own_work(user):
+    """What one user opens another does not see, and comes back when the tab is loaded again."""
+    await open_first(user)
+    tab, user.tab_id = user.tab_id, 'another-tab'
+    await opened(user)
+    await user.should_see('New here?')
+    user.tab_id = tab
+    await opened(user)
+    await sees(user, 'rung:0')
+
+
+async def test_the_explorer_moves_with_its_sliders(user):
+    """MU2 under pressure is RS2; strain zero has no dip."""
+    user.find(marker='tab:explore').click()
+    await sees(user, 'RS1: 1 of 2')
+    user.find(marker='slider:mu2').trigger('input', '200')
+    await sees(user, 'RS2: 2 of 2')
+    user.find(marker='slider:strain').trigger('input', '0')
+    await sees(user, 'no dip')
+    user.find(marker='slider:strain').trigger('input', 'nan')
+    await user.should_see('no dip')
+
+
+async def test_an_effect_of_ones_own_is_tried_and_added(user):
+    """Typing shows what a formula would do; a wrong unit is told; adding refits."""
+    await open_first(user)
+    user.find(marker='write-own').click()
+    await sees(user, 'start, with unit')
+    user.find(marker='own-formula').trigger('input', '-k * tanh(strain_rate / (v))')
+    await sees(user, 'parameter')
+    user.find(marker='own:v:value').trigger('input', '0.002 1/s')
+    user.find(marker='own:k:value').trigger('input', '5 kg')
+    await sees(user, 'must give N')
+    user.find(marker='own:k:value').trigger('input', '6 N')
+    await sees(user, 'less than the 6.7 N')
+    user.find(marker='own-add').click()
+    await sees(user, '+ my effect')
+    with user.scope('rung:1'):
+        await user.should_see('0.60 N')
+
+
+async def test_the_page_opens_with_the_case_of_the_command_line():
+    """`fam_bundle workbench DATA` shows the data at once."""
+    async with user_simulation(root=root(load_example('nothing_missing'))) as made:
+        await opened(made)
+        await sees(made, 'what is left is noise')
+
+
+async def test_downloads_arrive(user):
+    """Model file and CSV come as they are, not as an address."""
+    await open_first(user)
+    for mark, inside in (('model', b'fam-bundle-model/1'), ('csv', b'model_force [N]')):
+        waiting = asyncio.create_task(user.download.next(timeout=10.0))
+        await asyncio.sleep(0)
+        user.find(marker=f'download-{mark}').click()
+        assert inside in (await waiting).content
