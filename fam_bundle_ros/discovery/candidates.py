@@ -106,4 +106,11 @@ def starts(effect: Effect, units: int) -> list[dict[str, float]]:
                                   term.upper))
             if abs(value - term.start) > 0.2 * term.start:
                 tries.append({**own, term.key: value})
+    if effect.place is Place.LIMIT and len(terms) > 2:
+        # regions with edges have many valleys: a fixed spread of all parameters together
+        rng = np.random.default_rng(0)
+        for _ in range(16):
+            tries.append({term.key: float(np.clip(
+                term.start * np.exp(rng.uniform(-1.3, 1.3)), term.lower, term.upper))
+                for term in terms})
     return tries

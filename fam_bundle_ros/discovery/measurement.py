@@ -37,7 +37,7 @@ _RANGES = {
 _SMALLEST = {'pressure': 20e3, 'strain': 0.02, 'force': 5.0}
 #: What people write instead: (what the header probably should have said, factor to SI).
 _GUESSES = {
-    'pressure': (('kPa', 1e3), ('bar', 1e5), ('psi', 6894.757), ('Pa', 1.0), ('MPa', 1e6)),
+    'pressure': (('kPa', 1e3), ('Pa', 1.0), ('MPa', 1e6), ('bar', 1e5), ('psi', 6894.757)),
     'strain': (('%', 0.01), ('1', 1.0)),
     'force': (('N', 1.0), ('lbf', 4.448222), ('mN', 1e-3), ('kN', 1e3)),
 }
@@ -336,9 +336,12 @@ def _check_range(name: str, label: str, quantity: str, values: np.ndarray, first
         raise InputError(f'{name}, row {row + first_row}: {label} is {value / factor:.6g} {shown}'
                          f'; expected {words}{guess}'.replace(' ;', ';'))
     top = np.abs(values).max()
-    if quantity == 'pressure' and 1.0 < top < 1.5e3 and 10e3 <= top / factor * 1e3 <= high:
-        raise InputError(f'{name}: {label} reaches only {top / factor:.4g} {shown}; expected '
-                         f'{words} (did you mean kPa?)')
+    if quantity == 'pressure' and 1.0 < top < 1.5e3:
+        # hardly any pressure at all: the header's unit is too small
+        for other, scale in _GUESSES[quantity]:
+            if 20e3 <= top / factor * scale <= high:
+                raise InputError(f'{name}: {label} reaches only {top / factor:.4g} {shown}; '
+                                 f'expected {words} (did you mean {other}?)')
 
 
 def _trials(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndarray | None,

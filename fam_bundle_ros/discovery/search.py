@@ -23,7 +23,7 @@ from fam_bundle_ros.discovery.grouping import (
     strain_bins,
     varying_unit,
 )
-from fam_bundle_ros.model import Bundle, Effect
+from fam_bundle_ros.model import Bundle, Effect, Place
 
 #: A set must beat the smaller one by this much in score (1 % false alarms on simulated noise).
 GATE = 10.0
@@ -31,10 +31,14 @@ GATE = 10.0
 HEAD_MARGIN = 6.0
 MOST_EFFECTS = 4
 #: A further effect must take at least this share of what the others took: a shape that is not
-#: quite right leaves a few per cent.
+#: quite right leaves a few per cent ...
 _PATCH = 0.02
+#: ... or this, where nothing but noise is left with it.
+_PATCH_TO_NOISE = 0.004
 #: So many first effects are tried with twice as many second ones where none passes alone.
 _AHEAD = 3
+#: An effect with more starts than this may sit in a wrong one.
+_MANY_SHAPES = 5
 #: A candidate is refitted only if it could take away this much of chi2 by a linear look ...
 _SCREEN = 4.0
 #: ... and this share of what the best candidate could.
@@ -107,23 +111,45 @@ class Search:
         if not key:
             self.fits[key] = self.problem.fit(self.model, base_terms(self.model))
             return self.fits[key]
-        # the largest fitted subset gives the start; what is new is tried from several shapes
-        parent = max((k for k in self.fits if set(k) < set(key)), key=len, default=())
-        fresh = [name for name in key if name not in parent]
         bundle, terms = self.model, base_terms(self.model)
         for name in key:
             bundle = bundle.with_effect(self.effects[name])
             terms = terms + effect_terms(self.effects[name], self.model.n)
-        before = {t.key: v for t, v in zip(self.fit(parent).terms, self.fit(parent).values)}
-        tries = self.screen(parent, fresh[0])[1] if len(fresh) == 1 else [{}]
-        runs = [self.problem.fit(bundle, terms, {**before, **start}, iterations=6)
-                for start in tries[:3]]
+        runs = [self.problem.fit(bundle, terms, start, iterations=6)
+                for start in self._starts(key)]
         best = min(runs, key=lambda run: run.cost)
         start = {t.key: v for t, v in zip(terms, best.values)}
         fitted = self.problem.fit(bundle, terms, start)
         fitted.added = key
         self.fits[key] = fitted
         return fitted
+
+    def _starts(self, key: tuple[str, ...]) -> list[dict[str, float]]:
+        """
+        Return starts for a set: the largest fitted subset, and what is new in several shapes.
+
+        An effect of many shapes (buckling) is looked for anew beside every subset without it: the
+        shape that it had alone may be a trap.
+        """
+        size = max(len(k) for k in self.fits if set(k) < set(key))
+        parents = [k for k in self.fits if len(k) == size and set(k) < set(key)]
+        found: list[dict[str, float]] = []
+        for count, parent in enumerate(parents):
+            fresh = [name for name in key if name not in parent]
+            if len(fresh) > 1:
+                if not count:
+                    found.append(self._values(parent))
+                continue
+            many = len(cand.starts(self.effects[fresh[0]], self.model.n)) > _MANY_SHAPES
+            if count and (not many or self.excess(parents[0]) < 0.05 * self.problem.samples):
+                continue
+            tries = self.screen(parent, fresh[0])[1][:8 if many else 3]
+            found += [{**self._values(parent), **start} for start in tries]
+        return found
+
+    def _values(self, names: tuple[str, ...]) -> dict[str, float]:
+        fit = self.fit(names)
+        return {term.key: value for term, value in zip(fit.terms, fit.values)}
 
     def screen(self, held: Iterable[str], name: str) -> tuple[float, list[dict[str, float]]]:
         """
@@ -159,18 +185,20 @@ class Search:
             own[np.diag_indices_from(own)] += 1e-6 * size + 1e-12
             return float(right @ np.linalg.solve(own, right))
 
-        gains = []
         options = cand.starts(effect, self.model.n)
-        for values in options:
-            gains.append(reach(shift(values)[:, None]))
+        shifts = [shift(values) for values in options]
+        gains = [reach(column[:, None]) for column in shifts]
         terms = effect_terms(effect, self.model.n)
-        first = shift(options[0])
+        first = shifts[0]
         columns = [first]
         for term in terms:
             step = 0.1 * term.scale * (-1.0 if term.start + 0.1 * term.scale > term.upper else 1.0)
             columns.append(shift({**options[0], term.key: term.start + step}) - first)
         together = reach(np.stack(columns, -1))
-        order = [0, *sorted(range(1, len(options)), key=lambda k: -gains[k])]
+        # a floor has no size to scale: its starts are judged as they stand
+        worth = gains if effect.place is not Place.LIMIT else [
+            float(r @ r - (r - column) @ (r - column)) for column in shifts]
+        order = [0, *sorted(range(1, len(options)), key=lambda k: -worth[k])]
         found = max([together, *gains]), [options[k] for k in order]
         self._screened[key] = found
         return found
@@ -260,7 +288,7 @@ class Search:
         that alone it may not pass.
         """
         held = self.chosen
-        if len(held) > MOST_EFFECTS - 2 or self.excess(held) < 0.5 * self.problem.samples:
+        if len(held) > MOST_EFFECTS - 2 or self.excess(held) < 0.2 * self.problem.samples:
             return None
         ready = [n for n in self._options(held) if tuple(sorted([*held, n])) in self.fits]
         firsts = sorted(ready, key=lambda n: self.fit([*held, n]).cost)[:_AHEAD]
@@ -337,19 +365,26 @@ class Search:
         return first if worse < HEAD_MARGIN else name
 
     def _swap(self) -> None:
-        """Try every other candidate in the place of each effect but the last."""
-        for slot in range(len(self.chosen) - 1):
-            rest = self.chosen[:slot] + self.chosen[slot + 1:]
-            options = self._promising(rest)
-            if self.chosen[slot] not in options:
-                options.append(self.chosen[slot])
-            rough = min(options, key=lambda name: self.fit([*rest, name]).cost)
-            scale = Scale.of(self.problem, self.fit([*rest, rough]))
-            now = self.score(self.chosen, scale)
-            best = min(options, key=lambda name: self.score([*rest, name], scale))
-            best = self._prefer_head(rest, best, scale)
-            if best != self.chosen[slot] and self.score([*rest, best], scale) < now - 2.0:
-                self.chosen[slot] = best
+        """Try every other candidate in the place of each effect, until none does better."""
+        for _ in range(2):
+            before = list(self.chosen)
+            for slot in range(len(self.chosen)):
+                self.chosen[slot] = self._rival(slot)
+            if self.chosen == before:
+                return
+
+    def _rival(self, slot: int) -> str:
+        """Return the effect that does best in a place, the one that is there unless clearly."""
+        rest = self.chosen[:slot] + self.chosen[slot + 1:]
+        options = self._promising(rest)
+        if self.chosen[slot] not in options:
+            options.append(self.chosen[slot])
+        rough = min(options, key=lambda name: self.fit([*rest, name]).cost)
+        scale = Scale.of(self.problem, self.fit([*rest, rough]))
+        best = min(options, key=lambda name: self.score([*rest, name], scale))
+        best = self._prefer_head(rest, best, scale)
+        now = self.score(self.chosen, scale)
+        return best if self.score([*rest, best], scale) < now - 2.0 else self.chosen[slot]
 
     def _drop(self) -> None:
         while self.chosen:
@@ -367,9 +402,14 @@ class Search:
     # --- does it hold on data that the fit did not see? ----------------------------------------
 
     def excess(self, names: Iterable[str]) -> float:
-        """Return the sum of squares that a set leaves beyond the noise, in noise variances."""
+        """
+        Return the sum of squares that a set leaves beyond the noise, in noise variances.
+
+        What the best fit so far leaves is noise where it is less than the estimate says.
+        """
         fit = self.fit(names)
-        return max(fit.chi2 - (self.problem.samples - len(fit.terms)), 0.0)
+        lowest = min(other.chi2 for other in self.fits.values())
+        return max(fit.chi2 - min(self.problem.samples - len(fit.terms), lowest), 0.0)
 
     def _earned(self, held: list[str], name: str) -> bool:
         """Return whether an effect holds on blocks left out, and is more than a patch."""
@@ -397,8 +437,21 @@ class Search:
         if all(max(a, b) > 0.9 and min(a, b) < 0.1 and not 0.03 < a < 0.97 for a, b in apart):
             scale = Scale.of(self.problem, self.fit([*held, name]))
             return self.score(held, scale) - self.score([*held, name], scale) > 3 * GATE
-        first, left, now = (self.excess(names) for names in ((), held, [*held, name]))
-        return now < 0.5 * left and left - now > _PATCH * (first - left)
+        first, left = self.excess(()), self.excess(held)
+        now = min(self.excess([*shapes, name]) for shapes in self._reshaped(held))
+        if now > 0.5 * left:
+            return False
+        # to the noise and no further: a patch rarely fits so well
+        clean = now < 0.1 * self.problem.samples
+        return left - now > (_PATCH_TO_NOISE if clean else _PATCH) * (first - left)
+
+    def _reshaped(self, held: list[str]) -> list[list[str]]:
+        """Return the held effects, and the same with one of them in another of its shapes."""
+        sets = [held]
+        for slot, old in enumerate(held):
+            sets += [[*held[:slot], new, *held[slot + 1:]] for new in self.effects
+                     if new != old and cand.head(new) == cand.head(old)]
+        return sets
 
     def _odd_share(self, held: Iterable[str], name: str) -> float:
         """Return how much of what an effect adds changes sign with the motion, 0 to 1."""
