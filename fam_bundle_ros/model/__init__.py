@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a muscle and a bundle do. NumPy only, SI units, gauge pressures."""
 
-from fam_bundle_ros.model.bundle import Bundle, Motion, MotorUnit, Overlap
+from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.effects import catalogue
 from fam_bundle_ros.model.effects.base import Effect, Parameter, Place
 from fam_bundle_ros.model.geometry import Geometry
 from fam_bundle_ros.model.modelfile import dumps_model, load_model, loads_model, save_model
+from fam_bundle_ros.model.parts import Motion, MotorUnit, Overlap
 
 __all__ = ['Bundle', 'Effect', 'Geometry', 'Motion', 'MotorUnit', 'Overlap', 'Parameter', 'Place',
            'catalogue', 'dumps_model', 'load_model', 'loads_model', 'save_model']

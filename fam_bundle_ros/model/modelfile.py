@@ -15,12 +15,13 @@ import numpy as np
 import yaml
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.bundle import Bundle, MotorUnit
+from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.effects import catalogue
 from fam_bundle_ros.model.effects.base import Effect, Parameter
 from fam_bundle_ros.model.effects.expression import Expression, expression_class
 from fam_bundle_ros.model.effects.surface import MeasuredSurface
 from fam_bundle_ros.model.geometry import Geometry
+from fam_bundle_ros.model.parts import MotorUnit
 from fam_bundle_ros.units import express, parse, si_factor
 
 FORMAT = 'fam-bundle-model/1'

@@ -38,14 +38,15 @@ ENTRY_POINT_GROUP = 'fam_bundle_ros.effects'
 BUILT_IN: tuple[type[Effect], ...] = (
     mesh.Mesh, bladder.BladderElasticity, bladder.BladderPolynomial, bladder.BladderOgden,
     surface.MeasuredSurface, buckling.ResistiveBuckling, buckling.ResistivePlateau,
-    slack.TendonSlack, friction.CoulombFriction, friction.PreslidingHysteresis, friction_dahl.PreslidingDahl,
-    viscous.ViscousDamping, viscous.ViscousPower, relaxation.ViscoelasticRelaxation,
-    relaxation.RelaxationProny, relaxation_rubber.RelaxationRubber, end_caps.EndCaps,
-    end_caps.TonduFactor, braid.BraidElasticity,
-    threshold.ThresholdPressure, threshold.SoftThreshold, lag.PressureLineLag, rubber.Temperature,
-    rubber.Softening, rubber.SofteningLifetime, sensors.ForceSensorBias, sensors.ForceSensorGain,
-    sensors.PressureSensorBias, sensors.PressureSensorGain, sensors.StrainSensorOffset,
-    mismatch.MotorUnitMismatch, pneumatic.Leak, pneumatic.SupplyDroop,
+    slack.TendonSlack, friction.CoulombFriction, friction.PreslidingHysteresis,
+    friction_dahl.PreslidingDahl, viscous.ViscousDamping, viscous.ViscousPower,
+    relaxation.ViscoelasticRelaxation, relaxation.RelaxationProny,
+    relaxation_rubber.RelaxationRubber, end_caps.EndCaps, end_caps.TonduFactor,
+    braid.BraidElasticity, threshold.ThresholdPressure, threshold.SoftThreshold,
+    lag.PressureLineLag, rubber.Temperature, rubber.Softening, rubber.SofteningLifetime,
+    sensors.ForceSensorBias, sensors.ForceSensorGain, sensors.PressureSensorBias,
+    sensors.PressureSensorGain, sensors.StrainSensorOffset, mismatch.MotorUnitMismatch,
+    pneumatic.Leak, pneumatic.SupplyDroop,
 )
 
 

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from fam_bundle_ros.model.effects.base import Effect, Parameter, Place
+from fam_bundle_ros.model.effects.base import Effect, Place
 from fam_bundle_ros.model.effects.friction import PreslidingHysteresis
 from fam_bundle_ros.model.scan import affine_scan, clamp_scan
 

@@ -1,0 +1,78 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a bundle is made of, what it is put through, and where its recruitment states overlap."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fam_bundle_ros.model.geometry import Geometry
+
+
+@dataclass(frozen=True)
+class MotorUnit:
+    """
+    Muscles that share one valve.
+
+    Parameters
+    ----------
+    name : str
+    muscles : int
+        How many equal muscles it holds.
+    geometry : Geometry
+    max_pressure : float, Pa (gauge)
+    """
+
+    name: str
+    muscles: int
+    geometry: Geometry
+    max_pressure: float = 413.7e3
+
+
+@dataclass(frozen=True)
+class Motion:
+    """
+    A record of what the bundle did: the input of `Bundle.simulate` and `Bundle.predict`.
+
+    Parameters
+    ----------
+    strain : array (T,)
+    pressure : array (T, n), Pa (gauge)
+    strain_rate : array (T,), 1/s
+    time : array (T,), s, or None for a static map (no memory, no order)
+    start : array (T,) of bool
+        The first sample of each trial, where memory begins afresh.
+    """
+
+    strain: np.ndarray
+    pressure: np.ndarray
+    strain_rate: np.ndarray
+    time: np.ndarray | None = None
+    start: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """
+    Forces at one strain that two neighbouring recruitment states can both give.
+
+    Parameters
+    ----------
+    low, high : float, N
+        The overlap region; ``high`` is the largest force of the lower state.
+    dip : float, N
+        How far the force falls while the next motor unit fills: its push-back.
+    dip_pressure, onset_pressure : float, Pa (gauge)
+        Pressure of the next unit at the bottom of the dip, and where the force is back.
+    """
+
+    low: float
+    high: float
+    dip: float
+    dip_pressure: float
+    onset_pressure: float
+    width: float = field(init=False)
+
+    def __post_init__(self):
+        """Work out the width of the region."""
+        object.__setattr__(self, 'width', self.high - self.low)
