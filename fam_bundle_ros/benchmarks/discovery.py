@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.benchmarks import discovery_cases as make
+from fam_bundle_ros.benchmarks.discovery_truth import OUTSIDERS
 from fam_bundle_ros.discovery.candidates import family
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.fit import base_terms, Problem
@@ -68,7 +69,7 @@ def tasks(cases: int, sets: Iterable[str] = SETS) -> list[Task]:
                 elif group == 'parameters':
                     found.append(Task(group, kind, k, off=0.8))
                 elif group == 'outside':
-                    name = make.OUTSIDERS[k % len(make.OUTSIDERS)]
+                    name = OUTSIDERS[k % len(OUTSIDERS)]
                     found.append(Task(group, kind, k, outsider=name))
                 elif group == 'pairs' and kind in make.PAIRS:
                     pair = make.PAIRS[kind][k % len(make.PAIRS[kind])]

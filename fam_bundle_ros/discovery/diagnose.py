@@ -27,7 +27,8 @@ from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Scale, Search
-from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit, surface_share
+from fam_bundle_ros.discovery.structure import surface_share
+from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
 from fam_bundle_ros.discovery.uncertainty import confounding, estimates
 from fam_bundle_ros.model import Bundle, catalogue
 
