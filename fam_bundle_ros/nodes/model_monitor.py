@@ -95,7 +95,7 @@ class ModelMonitor(BundleNode):
             self.every(0.5, self._sensing.check_time)
 
     def _on_sample(self, sample: Sample) -> None:
-        if sample.stamp == self._stamp:
+        if sample.silent or sample.stamp == self._stamp:
             return
         dt = (sample.stamp - self._stamp) * 1e-9
         if self._stamp < 0 or not 0.0 < dt < 1.0:

@@ -108,15 +108,12 @@ class StopSignals:
     Attributes
     ----------
     received : bool
-    on_stop : callable
-        Called with the first signal.
     """
 
     def __init__(self, restore: bool = True) -> None:
         self.received = False
         self._restore = restore
         self._first = 0.0
-        self.on_stop: Callable[[], None] = lambda: None
         # Python delivers signals to the main thread only; elsewhere its owner has to stop us.
         self._able = threading.current_thread() is threading.main_thread()
         self._before: dict[int, Any] = {}
@@ -146,7 +143,6 @@ class StopSignals:
         elif now - self._first > PATIENCE:
             raise KeyboardInterrupt
         self.received = True
-        self.on_stop()
 
 
 def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int:
@@ -178,7 +174,6 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
         try:
             _init(context, argv)
             spinner = Spinner(context, make(context))
-            signals.on_stop = spinner.interrupt
             while not signals.received and context.ok():
                 spinner.spin()
         except InputError as error:

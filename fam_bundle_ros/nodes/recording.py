@@ -175,6 +175,7 @@ def record(folder: str | Path, seconds: float | None = None,
     folder : path
         New folder for the bag.
     seconds : float, optional
+        From the first message on.
     namespace : str
     domain : int, optional
         ROS domain; that of the environment by default.
@@ -200,18 +201,22 @@ def record(folder: str | Path, seconds: float | None = None,
         node = Recorder(writer, context=context, namespace=namespace)
         spinner = Spinner(context, [node])
         with StopSignals() as signals:
-            signals.on_stop = spinner.interrupt
             begin = time.monotonic()
+            heard: float | None = None
             while not signals.received:
                 node.discover()
                 spinner.spin(0.25)
-                elapsed = time.monotonic() - begin
+                now = time.monotonic()
+                if heard is None:
+                    # Finding each other takes seconds and is no part of the recording.
+                    heard = now if writer.count else None
+                    if heard is None and now - begin > _PATIENCE:
+                        raise InputError(f'no topics of a bundle under {node.get_namespace()}; '
+                                         'is the rig running, in this ROS domain?')
+                    continue
                 if progress:
-                    progress(elapsed, writer.count)
-                if not node.recorded and elapsed > _PATIENCE:
-                    raise InputError(f'no topics of a bundle under {node.get_namespace()}; is '
-                                     'the rig running, in this ROS domain?')
-                if seconds is not None and elapsed >= seconds:
+                    progress(now - heard, writer.count)
+                if seconds is not None and now - heard >= seconds:
                     break
         return writer.count
     finally:

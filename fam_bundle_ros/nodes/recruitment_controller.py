@@ -99,6 +99,8 @@ SPECS = (
 )
 #: Pa: pressures that have moved by this since a force or strain last changed must move it.
 _MOVED = 30e3
+#: s: a gap between samples is no reason to integrate over all of it.
+_LONGEST = 0.1
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
 #: References that change by more than this share of the blocked force at once are steps.
@@ -214,7 +216,9 @@ class RecruitmentNode(BundleNode):
     def _on_sample(self, sample: Sample) -> None:
         # A reference that was lost on the way leaves the last one.
         self._reference = sample.extra.get('reference') or self._reference
-        if sample.stamp != self._answered:
+        if sample.silent:
+            self._decide(sample, 1.0 / self.p['rate'])
+        elif sample.stamp != self._answered:
             dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
             self._answered = sample.stamp
             self._decide(sample, dt)
@@ -226,7 +230,8 @@ class RecruitmentNode(BundleNode):
         off = self._reason_to_be_off(sample)
         if off:
             self._state = off
-            self._take_over = True
+            if off != 'WAITING':
+                self._take_over = True
             self._command = None
             self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE'))
             return
@@ -246,7 +251,7 @@ class RecruitmentNode(BundleNode):
             self._state = 'SENSOR'
             self._ramp_down(dt, at_once=True)
             return
-        command = self.controller.update(dt, measurement, reference)
+        command = self.controller.update(min(dt, _LONGEST), measurement, reference)
         self._command = command
         self._setpoints = command.pressure.tolist()
         if command.explanation:
@@ -447,6 +452,8 @@ class _ReferenceRate:
 
 def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
     """Return the controller's settings; InputError where they do not fit together."""
+    outer: dict[str, Any] = {
+        name: _by_hand(values[f'outer.{name}']) for name, _, _ in _OUTER_FIELDS}
     return ControllerConfig(
         policy=values['policy'], scheme=values['scheme'], hold_time=values['hold_time'],
         switching=SwitchingConfig(
@@ -454,7 +461,7 @@ def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
             hysteresis=_by_hand(values['hysteresis'])),
         outer=OuterConfig(
             feed_forward=values['feed_forward'], feedback=values['feedback'],
-            **{name: _by_hand(values[f'outer.{name}']) for name, _, _ in _OUTER_FIELDS}),
+            **outer),
         load=LoadModel(**{name: values[f'load_model.{name}'] for name, _ in _LOAD_FIELDS}))
 
 

@@ -106,7 +106,6 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *,
     spinner = Spinner(context, [node])
     try:
         with StopSignals() as signals:
-            signals.on_stop = spinner.interrupt
             begin = time.monotonic()
             sensors = {node.resolve_topic_name(name) for name in (
                 interface.FORCE, interface.STRAIN, interface.pressure_topic(1))}

@@ -44,6 +44,8 @@ class Sample:
     pressure : list of float, Pa (gauge)
     extra : dict
         Values of further channels (lock-step only).
+    silent : bool
+        Nothing new is in it: time passes and nobody sends.
     """
 
     stamp: int
@@ -52,6 +54,7 @@ class Sample:
     rate: float
     pressure: list[float]
     extra: dict[str, Any]
+    silent: bool = False
 
 
 class StrainRate:
@@ -143,9 +146,7 @@ class Sensing:
                 self._complete_gate()
             return
         if self._latest and now - self._last_sample > 2.0 / self._node.p['rate']:
-            silence = round((now - self._last_sample) * 1e9)
-            self._complete(max((stamp for stamp, _ in self._latest.values()))
-                           if self._fresh else self._stamp + silence)
+            self._complete(silent=not self._fresh)
 
     def report(self, report: Report) -> None:
         """Add rate and age of every channel."""
@@ -182,7 +183,7 @@ class Sensing:
         self._latest[channel] = (stamp, value)
         self._fresh.add(channel)
         if len(self._fresh) == len(self.meters):
-            self._complete(max(stamp for stamp, _ in self._latest.values()))
+            self._complete()
 
     def _complete_gate(self) -> None:
         gate = self._gate
@@ -194,12 +195,14 @@ class Sensing:
             [gate.value(f'mu{i + 1}', math.nan) for i in range(self._units)],
             {name: gate.value(name) for name in self._extra}))
 
-    def _complete(self, stamp: int) -> None:
+    def _complete(self, silent: bool = False) -> None:
         self._fresh.clear()
-        self._last_sample = time.monotonic()
-        self._stamp = stamp
+        if not silent:
+            self._last_sample = time.monotonic()
+        stamp = self._stamp = max(stamp for stamp, _ in self._latest.values())
         missing = (stamp, math.nan)
         strain, rate = self._latest.get('strain', (stamp, (math.nan, math.nan)))[1]
         self._on_sample(Sample(
             stamp, self._latest.get('force', missing)[1], strain, rate,
-            [self._latest.get(f'mu{i + 1}', missing)[1] for i in range(self._units)], {}))
+            [self._latest.get(f'mu{i + 1}', missing)[1] for i in range(self._units)], {},
+            silent))

@@ -26,6 +26,7 @@ from fam_bundle_ros.nodes.process import Spinner, StopSignals
 from fam_bundle_ros.nodes.profile import load_profile, Points
 from fam_bundle_ros.nodes.recording import BagWriter, record, Recorder
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.rig_check import check_rig, Finding
 from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory
@@ -34,6 +35,8 @@ __all__ = ['check_rig', 'Finding', 'record', 'run_trajectory']
 
 #: s of wall time that messages on their way get at the end.
 _DRAIN = 0.3
+#: A desktop holds processes up for longer than a rig's watchdogs allow.
+_DESKTOP = {'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0}
 
 
 def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points | str | Path, *,
@@ -102,7 +105,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
         values = {**_parameters(config, hardware), 'model': model_name, 'rate': rate,
                   'lock_step': lock_step, 'wait_for_reference': lock_step,
                   'publish_clock': lock_step, 'start_enabled': True, 'start_stopped': False,
-                  'prepare': plan.prepare, **(overrides or {})}
+                  'prepare': plan.prepare, **_DESKTOP, **(overrides or {})}
         context = Context()
         context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
         return _run(context, values, plan, hardware, namespace, bag, progress)
@@ -127,8 +130,9 @@ def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: R
         spinner = Spinner(context, nodes)
         script.controller = next(n for n in nodes if isinstance(n, RecruitmentNode))
         script.interrupt = spinner.interrupt
+        if not values['lock_step']:
+            script.follow(next(n for n in nodes if isinstance(n, ReferenceGenerator)))
         with StopSignals() as signals:
-            signals.on_stop = spinner.interrupt
             while not script.ended and not signals.received:
                 spinner.spin(0.2)
                 if progress:
@@ -162,17 +166,26 @@ class _Script:
         self._rows: list[tuple[Any, ...]] = []
         self._decisions: list[tuple[float, str]] = []
         self._explained = ''
+        self._period = 0.0
+        self._generator: ReferenceGenerator | None = None
         self.controller: RecruitmentNode | None = None
         self.interrupt: Callable[[], None] = lambda: None
         #: Time of the trajectory, s.
         self.time = -plan.prepare
         self.ended = False
 
+    def follow(self, generator: ReferenceGenerator) -> None:
+        """Take the time of the trajectory from its generator."""
+        self._generator = generator
+
     def before(self, rig: Rig, time: float, period: float) -> None:
         plan = self._plan
-        self.time = time - plan.prepare
+        # In wall time the trajectory begins when the reference generator does, not the rig.
+        self.time = (time - plan.prepare if self._generator is None
+                     else self._generator.run_time)
         while self._events and self._events[0][0] <= self.time + 1e-9:
             rig.change_load(**self._events.pop(0)[1])
+        self._period = period
         if plan.imposed is not None:
             target = plan.imposed(max(self.time + period, 0.0))
             rig.impose_strain(target, abs(target - rig.truth.strain) / period)
@@ -185,7 +198,7 @@ class _Script:
         if explanation and explanation != self._explained:
             self._decisions.append((t, explanation))
         self._explained = explanation
-        self.time = time - plan.prepare
+        self.time = t + self._period
         if t >= -1e-9:
             truth, n = rig.truth, rig.bundle.n
             margins = command.margins if command else None

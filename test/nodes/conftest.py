@@ -8,12 +8,13 @@ import pytest
 
 pytest.importorskip('rclpy', reason='rclpy is not installed')
 
-from fam_bundle_ros.nodes import interface  # noqa: E402
-from fam_bundle_ros.nodes.base import BundleNode  # noqa: E402
-from fam_bundle_ros.nodes.process import Spinner  # noqa: E402
-from rcl_interfaces.srv import SetParameters  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from sensor_msgs.msg import FluidPressure  # noqa: E402
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import FluidPressure
+
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.process import Spinner
 
 #: s. Nothing here takes longer on a machine that is busy with other things.
 PATIENCE = 15.0

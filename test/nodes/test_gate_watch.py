@@ -4,9 +4,10 @@
 
 import math
 
+import pytest
+
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.watch import Health, SensorWatch, WatchConfig
-import pytest
 
 
 def test_gate_opens_only_when_all_stamps_agree():

@@ -4,11 +4,12 @@
 
 import math
 
-from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.nodes import interface
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
 
 
 def test_pressure_goes_out_absolute_and_comes_back_gauge():

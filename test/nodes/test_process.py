@@ -8,9 +8,10 @@ import subprocess
 import sys
 import time
 
-from fam_bundle_ros.nodes import interface
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
+
+from fam_bundle_ros.nodes import interface
 
 
 def start(node, *arguments):
@@ -98,7 +99,7 @@ def test_help_lists_the_parameters(domain_id):
     process = start('pressure_pid', '--help')
     text, _ = process.communicate(timeout=20)
     assert process.returncode == 0
-    assert 'gains.p = 90.0 [0..1000] (changes while running)' in text
+    assert 'gains.p = 54.0 [0..1000] (changes while running)' in text
 
 
 @pytest.mark.parametrize('name', ['bundle.launch.py', 'controller.launch.py'])

@@ -3,13 +3,14 @@
 """Trajectories: values, rates, files, messages."""
 
 from builtin_interfaces.msg import Duration
+import numpy as np
+import pytest
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.profile import load_profile, Points, profile_from
 from fam_bundle_ros.nodes.reference_generator import trajectory_profile
 from fam_bundle_ros.resources import config_names
-import numpy as np
-import pytest
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
 @pytest.mark.parametrize('name', config_names('trajectories'))
@@ -33,7 +34,8 @@ def test_ends_are_held():
     assert (profile.value(7.0), profile.rate(7.0)) == (9.0, 0.0)
 
 
-BASE = {'name': 'steps', 'format': 'fam-bundle-trajectory/1', 'quantity': 'force', 'points': [['0 s', '1 N']]}
+BASE = {'name': 'steps', 'format': 'fam-bundle-trajectory/1', 'quantity': 'force',
+        'points': [['0 s', '1 N']]}
 
 
 @pytest.mark.parametrize(('change', 'text'), [

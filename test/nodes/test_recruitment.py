@@ -3,18 +3,19 @@
 """The recruitment node, with PIDs, reference generator and simulated rig."""
 
 from diagnostic_msgs.msg import DiagnosticArray
-from fam_bundle_ros.model import load_model, save_model
-from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.bundle_bringup import make_nodes
-from fam_bundle_ros.nodes.profile import Points
-from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
-from fam_bundle_ros.resources import config_path
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import UInt8
 from std_srvs.srv import SetBool, Trigger
+
+from fam_bundle_ros.model import load_model, save_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.profile import Points
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.resources import config_path
 
 
 @pytest.fixture
@@ -97,6 +98,7 @@ def test_frozen_force_is_not_believed(graph, bundle):
     graph.set('plant_simulator', faults__frozen='force')
     graph.advance(rig, lambda: node._state in ('HOLD', 'SENSOR'), 'the watch')
     assert 'has shown exactly' in node._watches[0].reason
+    graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
 
 
 def test_switching_on_and_off_makes_no_jump(graph, bundle):
@@ -177,7 +179,7 @@ def test_setpoints_are_absolute_and_carry_the_sample_s_stamp(graph, bundle):
 
 
 def test_reference_that_is_no_number_is_refused(graph, quiet):
-    """nan on reference/force leaves the old reference."""
+    """Nan on reference/force leaves the old reference."""
     node = graph.add(RecruitmentNode(context=graph.context))
     publisher = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
 

@@ -4,6 +4,12 @@
 
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
 from fam_bundle_ros.model import load_model, save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
@@ -12,11 +18,6 @@ from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.resources import config_path
-from geometry_msgs.msg import WrenchStamped
-import numpy as np
-import pytest
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
 def test_trajectory_topic_is_sampled_with_its_rate(graph, quiet):

@@ -6,6 +6,12 @@ import hashlib
 import subprocess
 import sys
 
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from rclpy.context import Context
+from sensor_msgs.msg import FluidPressure, JointState
+
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
@@ -19,12 +25,9 @@ from fam_bundle_ros.plant import Dynamometer, SensorConfig
 from fam_bundle_ros.plant.rig import RigConfig
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
-from geometry_msgs.msg import WrenchStamped
-import numpy as np
-import pytest
-from rclpy.context import Context
-from sensor_msgs.msg import FluidPressure, JointState
 
+#: Wall-time runs share the machine with other tests: being held up is not what they are about.
+PATIENT = {'sensor_timeout': 5.0, 'setpoint_timeout': 5.0, 'command_timeout': 5.0}
 RAMP = Points('ramp', 'force', (0.0, 0.3, 1.3), (40.0, 40.0, 100.0))
 
 
@@ -91,8 +94,8 @@ def test_wall_time_tracks_too(domain_id):
 
 def test_two_bundles_side_by_side(ros_context):
     """Two namespaces in one process do not hear each other."""
-    values = {'start_stopped': False, 'start_enabled': True, 'monitor': False, 'rate': 100.0,
-              'load.kind': 'dynamometer'}
+    values = {'start_stopped': False, 'start_enabled': True, 'monitor': False,
+              'load.kind': 'dynamometer', **PATIENT}
     rigs, nodes = [], []
     for name, force in (('left', 30.0), ('right', 70.0)):
         mine = make_nodes(ros_context, name, overrides=values,
@@ -100,8 +103,11 @@ def test_two_bundles_side_by_side(ros_context):
         rigs.append(mine[-1])
         nodes += mine
     spinner = Spinner(ros_context, nodes)
-    spinner.spin(3.0)
-    forces = [rig.rig.truth.force for rig in rigs]
+    for _ in range(40):
+        spinner.spin(0.5)
+        forces = [rig.rig.truth.force for rig in rigs]
+        if forces == pytest.approx([30.0, 70.0], abs=4.0):
+            break
     spinner.close()
     assert forces == pytest.approx([30.0, 70.0], abs=4.0)
 
@@ -201,7 +207,7 @@ def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id
 
 def test_check_rig_says_what_is_wrong(domain_id):
     """Gauge pressure, strain in %, no stamps, nobody at the valves: each is one finding."""
-    source = '''
+    source = """
 import sys, time
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes import interface
@@ -220,7 +226,7 @@ class Bad(BundleNode):
         self.b.publish(interface.strain_message(self.now_ns(), 12.0, 0.0, 0.127))
         self.c.publish(interface.pressure_message(self.now_ns(), 20e3, 0.0))
 sys.exit(run(lambda context: [Bad(context)], ''))
-'''
+"""
     process = subprocess.Popen([sys.executable, '-c', source])
     try:
         findings = check_rig(seconds=0.5, domain=domain_id, patience=15.0)
