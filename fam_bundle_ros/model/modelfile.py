@@ -304,8 +304,13 @@ def loads_model(text: str, where: str = 'model', folder: Path = Path('.'),
     return reader.bundle(reader.tree(text), Path(folder), allow_python)
 
 
-def dumps_model(bundle: Bundle) -> str:
-    """Return a model file's text; `loads_model` gives the same bundle again."""
+def dumps_model(bundle: Bundle, folder: str | Path | None = None) -> str:
+    """
+    Return a model file's text; `loads_model` gives the same bundle again.
+
+    Other files that it names (tables, Python files) stand there with their whole path, or
+    relative to ``folder`` where they lie in it.
+    """
     tree: dict[str, Any] = {'format': FORMAT, 'name': bundle.name}
     if bundle.error:
         tree['error'] = express(bundle.error, 'N')
@@ -316,7 +321,10 @@ def dumps_model(bundle: Bundle) -> str:
          'geometry': {key: express(float(getattr(unit.geometry, key)), shown, 9)
                       for key, shown in _DIMENSIONS.items()},
          'max_pressure': express(unit.max_pressure, 'kPa', 9)} for unit in bundle.motor_units]
-    tree['effects'] = [_effect_entry(effect, bundle.n) for effect in bundle.effects]
+    files = dict.fromkeys(e.python_file for e in bundle.effects if e.python_file)
+    if files:
+        tree['effect_files'] = [_seen_from(folder, file) for file in files]
+    tree['effects'] = [_effect_entry(effect, bundle.n, folder) for effect in bundle.effects]
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=99)
 
 
@@ -325,13 +333,13 @@ def save_model(bundle: Bundle, path: str | Path) -> None:
     path = Path(path)
     draft = path.with_name(path.name + '.part')
     try:
-        draft.write_text(dumps_model(bundle), encoding='utf-8')
+        draft.write_text(dumps_model(bundle, path.parent), encoding='utf-8')
         draft.replace(path)
     except OSError as error:
         raise InputError(f'{path}: cannot be written ({error.strerror})') from error
 
 
-def _effect_entry(effect: Effect, units: int) -> Any:
+def _effect_entry(effect: Effect, units: int, folder: str | Path | None) -> Any:
     settings = {}
     for parameter in effect.active(units):
         key = parameter.name
@@ -346,9 +354,18 @@ def _effect_entry(effect: Effect, units: int) -> Any:
             settings[key]['interval'] = [_written(v, parameter.unit)
                                          for v in effect.intervals[key]]
     options = effect.options()
+    if isinstance(effect, MeasuredSurface):
+        options = {'table': _seen_from(folder, options['table'])}
     if isinstance(effect, Expression):
         return {effect.name: {**options, 'parameters': settings}}
     return {effect.name: {**options, **settings}} if options or settings else effect.name
+
+
+def _seen_from(folder: str | Path | None, file: str) -> str:
+    """Return a path relative to a folder that holds the file, else as it is."""
+    if folder is not None and Path(file).is_relative_to(Path(folder).resolve()):
+        return str(Path(file).relative_to(Path(folder).resolve()))
+    return file
 
 
 def _written(value: float, unit: str) -> Any:

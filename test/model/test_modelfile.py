@@ -127,7 +127,13 @@ class Glue(Effect):
     path.write_text(GOOD.replace('effects:', 'effect_files: [mine.py]\neffects:\n  - glue'))
     with pytest.raises(InputError, match='line 10: names Python files.*--allow-python'):
         load_model(path)
-    assert load_model(path, allow_python=True).effect('glue').size == 3.0
+    glued = load_model(path, allow_python=True)
+    assert glued.effect('glue').size == 3.0
+    elsewhere = tmp_path / 'sub'
+    elsewhere.mkdir()
+    save_model(glued, elsewhere / 'copy.yaml')
+    again = load_model(elsewhere / 'copy.yaml', allow_python=True)
+    assert again.force(0.1, [2e5]) == glued.force(0.1, [2e5])
 
 
 @pytest.mark.parametrize(('formula', 'message'), [

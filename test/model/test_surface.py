@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.model.effects.surface import MeasuredSurface
 
 from .conftest import units
@@ -31,6 +31,16 @@ def test_measured_points_are_met_exactly(table):
     for psi, e in ((0, 0.02), (30, 0.10), (60, 0.30), (10, 0.18)):
         assert_allclose(surface.force(e, [psi * 6894.757]), one.force(e, [psi * 6894.757]),
                         atol=1e-4)
+
+
+def test_a_model_with_a_table_can_be_saved_anywhere(table, tmp_path):
+    """Beside the table by its name, elsewhere by its whole path."""
+    _, surface = table
+    (tmp_path / 'sub').mkdir()
+    for path in (tmp_path / 'm.yaml', tmp_path / 'sub' / 'm.yaml'):
+        save_model(surface, path)
+        assert load_model(path).force(0.1, [2e5]) == surface.force(0.1, [2e5])
+    assert str(tmp_path) not in (tmp_path / 'm.yaml').read_text()
 
 
 def test_between_points_it_adds_no_overshoot(table):

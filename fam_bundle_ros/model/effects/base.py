@@ -122,6 +122,8 @@ class Effect(ABC):
     memory: ClassVar[bool] = False
     #: True when it goes by what happened in all trials of a log, not afresh in each.
     across_trials: ClassVar[bool] = False
+    #: The user's file that defines it; empty for effects of this and of installed packages.
+    python_file: ClassVar[str] = ''
 
     def __init__(self, **values: float):
         known = {p.name: p for p in self.parameters}

@@ -102,6 +102,7 @@ def from_python_file(path: Path) -> Iterator[type[Effect]]:
         raise InputError(f'{path}: defines no Effect class')
     for effect in found:
         _check_class(effect, str(path))
+        effect.python_file = str(path.resolve())
         yield effect
 
 

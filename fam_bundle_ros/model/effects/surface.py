@@ -42,13 +42,13 @@ class MeasuredSurface(Effect):
 
     def __init__(self, table: str, folder: Path = Path('.')):
         super().__init__()
-        self.table = table
-        self._path = Path(folder) / table
-        self._strain, self._pressure, self._force = _refine(*_read(self._path))
+        #: The table's file.
+        self.path = Path(folder) / table
+        self._strain, self._pressure, self._force = _refine(*_read(self.path))
         self._warned = False
 
     def options(self):
-        return {'table': self.table}
+        return {'table': str(self.path.resolve())}
 
     def contribution(self, x):
         strain, pressure = np.broadcast_arrays(x.strain, x.pressure)
@@ -58,7 +58,7 @@ class MeasuredSurface(Effect):
                                  or np.any(pressure > self._pressure[-1])):
             self._warned = True
             warnings.warn(
-                f'{self._path.name}: asked outside strain {self._strain[0]:g} to '
+                f'{self.path.name}: asked outside strain {self._strain[0]:g} to '
                 f'{self._strain[-1]:g} and pressure {self._pressure[0] / 1e3:g} to '
                 f'{self._pressure[-1] / 1e3:g} kPa; the nearest edge is used', stacklevel=2)
         i, u = _cell(self._strain, strain)
