@@ -6,9 +6,9 @@
 
 BIN := .venv/bin
 JOBS ?= 2
-export PYTHON
+export PYTHON CHROMIUM
 
-.PHONY: help install demo test test-oldest lint build clean
+.PHONY: help install demo test test-oldest browser-test lint build clean
 
 help:  ## show this list (default)
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | \
@@ -27,6 +27,11 @@ test-oldest:  ## run what the nodes import with Ubuntu 24.04's numpy, scipy, pin
 	@sh scripts/venv.sh .venv-oldest ubuntu
 	@.venv-oldest/bin/python -m pytest -n $(JOBS) \
 		test/model test/plant test/control test/nodes
+
+browser-test: install  ## run the workbench's browser tests; pictures go to docs/images
+	@sh scripts/chromium.sh
+	@CI=true FAM_BUNDLE_SCREENSHOTS=docs/images $(BIN)/python -m pytest \
+		test/workbench/test_browser_story.py test/workbench/test_browser_quality.py
 
 lint: install  ## run ruff and mypy
 	@$(BIN)/ruff check .

@@ -50,7 +50,7 @@ setup(
     extras_require={
         'tools': ['typer', 'rich', 'rosbags', 'plotly>=6', 'pandas>=2'],
         'web': ['nicegui>=3'],
-        'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis'],
+        'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'playwright'],
     },
     zip_safe=False,
     maintainer='fam_bundle_ros contributors',

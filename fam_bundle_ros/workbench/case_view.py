@@ -196,18 +196,18 @@ class CaseView:
                 return
             self.plot = parts.plot(drawn, _CAPTIONS[self.tab].split('.')[0])
 
-    def _drawn(self) -> dict[str, Any] | None:
+    def _drawn(self, move_ms: int = 0) -> dict[str, Any] | None:
         if self.tab == 'curves':
             figure: Any = drawings.main_figure(self.session, self.over_time,
                                                    self.page.narrow)
-            return drawings.for_page(figure, self.page.dark, self.page.move_ms)
+            return drawings.for_page(figure, self.page.dark, move_ms)
         figure = drawings.maps(self.session) if self.tab == 'maps' else \
             drawings.loops(self.session)
         return None if figure is None else drawings.for_page(figure, self.page.dark)
 
-    def _redraw(self) -> None:
+    def _redraw(self, move_ms: int) -> None:
         """Let the curves move to what is so now; the other figures are drawn anew."""
-        drawn = self._drawn() if self.tab == 'curves' else None
+        drawn = self._drawn(move_ms) if self.tab == 'curves' else None
         if drawn is None:
             self.draw_figure()
         else:
@@ -233,14 +233,15 @@ class CaseView:
             self.page.tell('no sample has this pressure, direction and trial together')
             self.draw_head()
             return
-        self._redraw()
+        self._redraw(0)
 
-    def zoom(self, region: int | None) -> None:
+    async def zoom(self, region: int | None) -> None:
         """Zoom every figure to a region, or back."""
         self.session.select(region=region, level=None, direction=None, trial=None)
         self.draw_head()
-        self._redraw()
         self.side.draw()
+        await asyncio.sleep(0.03)  # the button answers before the figure is worked out
+        self._redraw(0)
 
     # --- long work -----------------------------------------------------------------------------
 
@@ -319,5 +320,5 @@ class CaseView:
         self.draw_answer()
         self.draw_ladder()
         self.draw_head()
-        self._redraw()
+        self._redraw(self.page.move_ms)
         self.side.draw()

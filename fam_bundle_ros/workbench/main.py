@@ -7,6 +7,7 @@ Starts the workbench.
     run('data.csv', 'model.yaml')
 """
 
+from contextlib import suppress
 from pathlib import Path
 import secrets
 import socket
@@ -66,9 +67,11 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
         print(f'workbench: open to other machines at {address} for who knows the token')
     else:
         print(f'workbench: {address} (this machine only; Ctrl-C ends it)')
-    ui.run(host=host, port=port, title='fam_bundle workbench', reload=False, dark=None,
-           show=f'/?token={token}' if show and token else show, tailwind=False,
-           show_welcome_message=False, storage_secret=secrets.token_hex(16), favicon=_ICON)
+    # Ctrl-C is how it ends
+    with suppress(KeyboardInterrupt):
+        ui.run(host=host, port=port, title='fam_bundle workbench', reload=False, dark=None,
+               show=f'/?token={token}' if show and token else show, tailwind=False,
+               show_welcome_message=False, storage_secret=secrets.token_hex(16), favicon=_ICON)
 
 
 def first_case(data: str | Path | None, model: str | Path | None) -> Case | None:

@@ -65,12 +65,12 @@ class SideView:
         assert found is not None
         choices = session.choices()
         with parts.box('section').mark('learned'):
-            parts.text('h2', {'missing_effect': 'What is missing', 'partial': 'What is missing',
-                              'recalibrate': 'What to correct', 'adequate': 'What is missing',
-                              'unexplained': 'What the error looks like'}[found.verdict])
-            parts.text('p', parts.sentence(found.summary), 'small')
-            if len(session.steps) > session.diagnosed_at:
-                parts.text('p', 'This was found before the last step.', 'muted small')
+            later = len(session.steps) > session.diagnosed_at
+            parts.text('h2', 'What was found' if later else {
+                'recalibrate': 'What to correct', 'unexplained': 'What the error looks like',
+            }.get(found.verdict, 'What is missing'))
+            if not later or session.missing():
+                parts.text('p', parts.sentence(found.summary), 'small')
             tied = [choice for choice in choices if not choice.found and choice.rivals]
             for choice in choices:
                 if choice.found:

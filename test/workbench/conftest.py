@@ -24,7 +24,7 @@ CHROMIUM_FLAGS = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first
                   '--disable-background-networking', '--disable-component-update',
                   '--disable-sync', '--disable-default-apps', '--disable-domain-reliability']
 # Writes down every address outside this machine that the server process turns to.
-WATCH_NETWORK = '''
+WATCH_NETWORK = """
 import os, sys
 def hook(event, arguments):
     if event == 'socket.getaddrinfo':
@@ -37,7 +37,7 @@ def hook(event, arguments):
         with open(os.environ['FAM_BUNDLE_OUTSIDE'], 'a') as log:
             log.write(f'{event} {host}\\n')
 sys.addaudithook(hook)
-'''
+"""
 
 
 @pytest.fixture(scope='session')
@@ -120,8 +120,9 @@ def serving(folder, repository, *arguments):
         yield address
     finally:
         process.send_signal(signal.SIGINT)
-        process.wait(20)
+        status = process.wait(20)
         log.close()
+    assert status == 0, 'Ctrl-C must end the workbench with status 0'
 
 
 @pytest.fixture(scope='module')

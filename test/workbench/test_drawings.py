@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures show what is selected, in the colours of the theme, with as many points as a page can."""
+"""Figures show what is selected, in the colours of the theme, with no more points than help."""
 
 from dataclasses import replace
 import json

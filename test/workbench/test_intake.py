@@ -64,7 +64,8 @@ def test_garbage_fails_with_one_sentence(name, content):
         intake.measurement_from_bytes(name, content)
 
 
-@pytest.mark.parametrize('key', ['measured_surface', r'"measured\x5fsurface"', '!!str measured_surface'])
+@pytest.mark.parametrize('key', ['measured_surface', r'"measured\x5fsurface"',
+                                 '!!str measured_surface'])
 def test_a_model_that_reads_tables_fails(key):
     """An uploaded model may not name a file of the server, however the name is spelled."""
     text = MODEL.decode() + f'- {key}: {{table: /etc/passwd}}\n'
