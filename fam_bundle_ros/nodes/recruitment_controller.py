@@ -23,80 +23,26 @@ from std_srvs.srv import SetBool
 
 from fam_bundle_ros.control import (
     Command,
-    ControllerConfig,
-    LoadModel,
     Measurement,
-    OuterConfig,
     RecruitmentController,
     Reference,
-    SwitchingConfig,
 )
-from fam_bundle_ros.control.allocation import SCHEMES
-from fam_bundle_ros.control.recruitment import POLICIES
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.nodes import interface, sensing
-from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.parameters import Spec, table
+from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.recruitment_parameters import (
+    controller_config,
+    ReferenceRate,
+    SPECS,
+)
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.watch import Health, SensorWatch, WatchConfig
 
-_SWITCHING, _OUTER = SwitchingConfig(), OuterConfig()
-#: Fields of the outer loop that are parameters: name, unit, largest value.
-_OUTER_FIELDS = (
-    ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0), ('force_integral', '1/s', 1e3),
-    ('strain_gain', 'N', 1e6), ('strain_integral', 'N/s', 1e7), ('strain_damping', 'N s', 1e5),
-    ('still', 'N', 1e3), ('filter_time', 's', 10.0), ('fade_time', 's', 10.0))
-_LOAD_FIELDS = (('force', 'N at zero strain'), ('stiffness', 'N per strain'),
-                ('inertia', 'N s^2'), ('damping', 'N s'))
-
-
-def _outer_spec(name: str, unit: str, high: float) -> Spec:
-    default = getattr(_OUTER, name)
-    if default is None:
-        return Spec(f'outer.{name}', -1.0, f'of the outer loop, {unit}; -1: worked out', -1.0,
-                    high, dynamic=True)
-    return Spec(f'outer.{name}', default, f'of the outer loop, {unit}',
-                1e-4 if name.endswith('time') else 0.0, high, dynamic=True)
-
-
-SPECS = (
-    *MODEL, *LISTENER, *sensing.SPECS,
-    Spec('start_enabled', False, 'act without being enabled first'),
-    Spec('wait_for_reference', False, 'in lock-step wait for a reference of the same stamp: set '
-         'it where a reference_generator runs'),
-    Spec('policy', 'reversal_aware', 'when to switch', choices=POLICIES, dynamic=True),
-    Spec('scheme', 'orderly', 'how motor units share the force', choices=SCHEMES, dynamic=True),
-    Spec('dwell', _SWITCHING.dwell, 'least time between opposite switches, s', 0.0, 60.0,
-         dynamic=True),
-    Spec('margin', -1.0, 'switching margin by hand, N; -1: from model and noise', -1.0, 1e4,
-         dynamic=True),
-    Spec('hysteresis', -1.0, 'hysteresis by hand, N; -1: from model and noise', -1.0, 1e4,
-         dynamic=True),
-    Spec('feed_forward', True, 'use the model to meet the reference', dynamic=True),
-    Spec('feedback', True, 'correct by the measured error', dynamic=True),
-    *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
-    *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
-           dynamic=True) for name, unit in _LOAD_FIELDS),
-    Spec('reference_timeout', 0.0, 'switch to zero when the reference is older, s; 0 for never',
-         0.0, 3600.0, dynamic=True),
-    Spec('ramp_down_time', 0.5, 'time over which switching off lets the air out, s', 0.0, 60.0,
-         dynamic=True),
-    Spec('over_pressure_factor', 1.15, 'switch off above the largest pressure times this',
-         1.0, 3.0, dynamic=True),
-    Spec('force_low', -200.0, 'least possible force reading, N', -1e5, 0.0),
-    Spec('force_high', 5000.0, 'largest possible force reading, N', 0.0, 1e5),
-    Spec('strain_low', -0.2, 'least possible strain reading', -1.0, 0.0),
-    Spec('strain_high', 0.6, 'largest possible strain reading', 0.0, 1.0),
-    Spec('sensor_timeout', 0.1, 'a reading older than this is stale, s', 0.01, 10.0),
-    Spec('hold_time', 0.2, 'a bad reading holds the pressures so long, then vents, s', 0.0, 10.0),
-    Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
-    Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while pressures move is '
-         'stuck, s; 0 for instruments without noise', 0.0, 60.0),
-)
 #: Pa: pressures that have moved by this since a force or strain last changed must move it.
 _MOVED = 30e3
 #: s: a gap between samples is no reason to integrate over all of it.
@@ -133,7 +79,7 @@ class RecruitmentNode(BundleNode):
         self._latched = ''
         self._state = 'WAITING'
         self._reference: Reference | None = None
-        self._reference_rate = _ReferenceRate(
+        self._reference_rate = ReferenceRate(
             _STEP * float(self.bundle.blocked_force(self.bundle.max_pressure)))
         self._reference_meter = Meter()
         self._answered = -1
@@ -427,47 +373,6 @@ class RecruitmentNode(BundleNode):
             why = [watch.reason for watch in self._watches if watch.reason]
             report.add(ERROR if urgent else WARN, ' '.join(
                 [self._state, self._latched, '; '.join(why)]).strip())
-
-
-class _ReferenceRate:
-    """Works out how fast a force reference moves: a wrench has no room to say it."""
-
-    def __init__(self, step: float):
-        self._step = step
-        self._last: tuple[int, float] | None = None
-        self._rate = 0.0
-
-    def update(self, stamp: int, value: float) -> float:
-        """Return the rate, N/s; 0 after a step or a pause."""
-        last, self._last = self._last, (stamp, value)
-        if last is None or not 0 < stamp - last[0] <= 100_000_000:
-            if last is None or stamp != last[0]:
-                self._rate = 0.0
-            return self._rate
-        dt = (stamp - last[0]) * 1e-9
-        change = value - last[1]
-        self._rate = change / dt if abs(change - self._rate * dt) <= self._step else 0.0
-        return self._rate
-
-
-def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
-    """Return the controller's settings; InputError where they do not fit together."""
-    outer: dict[str, Any] = {
-        name: _by_hand(values[f'outer.{name}']) for name, _, _ in _OUTER_FIELDS}
-    return ControllerConfig(
-        policy=values['policy'], scheme=values['scheme'], hold_time=values['hold_time'],
-        switching=SwitchingConfig(
-            dwell=values['dwell'], margin=_by_hand(values['margin']),
-            hysteresis=_by_hand(values['hysteresis'])),
-        outer=OuterConfig(
-            feed_forward=values['feed_forward'], feedback=values['feedback'],
-            **outer),
-        load=LoadModel(**{name: values[f'load_model.{name}'] for name, _ in _LOAD_FIELDS}))
-
-
-def _by_hand(value: float) -> float | None:
-    """Return None for -1, which ROS parameters have in place of "work it out"."""
-    return None if value < 0.0 else value
 
 
 def main(args: list[str] | None = None) -> int:

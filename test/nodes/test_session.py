@@ -165,6 +165,7 @@ def test_one_process_gives_what_six_give(domain_id):
             spinner.spin(0.1)
             if all(hasher.count_publishers(topic) for topic in Hasher.TOPICS):
                 break
+        missing = [t for t in Hasher.TOPICS if not hasher.count_publishers(t)]
         # Nothing moves without a reference: this begins the run.
         spinner.add(ReferenceGenerator(context=context, profile=profile, overrides=parameters))
         for _ in range(300):
@@ -176,7 +177,7 @@ def test_one_process_gives_what_six_give(domain_id):
         statuses = [process.wait(10) for process in running]
         spinner.close()
         context.try_shutdown()
-        assert hasher.done()
+        assert hasher.done(), f'{processes} processes, not found {missing}, {len(hasher.rows)}'
         assert not any(statuses)
         hashes.append(hashlib.sha256(repr(sorted(hasher.rows.items())).encode()).hexdigest())
     assert hashes[0] == hashes[1]
