@@ -80,7 +80,7 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     values = measurement.force if residual is None else residual
     differences = second_differences(measurement, values)
     cells = visit_cells(measurement)
-    repeats, visits, correlation = _from_visits(values, cells)
+    repeats, visits, correlation, pairs = _from_visits(values, cells)
     note = ''
     if differences is None and repeats is None:
         spread = _ROBUST * float(np.median(np.abs(values - np.median(values))))
@@ -92,7 +92,8 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
                           'drift cannot be told from a model error')
     if differences is None:
         return NoiseFloor(repeats, None, repeats, visits, correlation, 'repeats')
-    if repeats < 0.8 * differences:
+    # a quarter better, and by more than two standard errors of a median deviation over the pairs
+    if repeats * (1.25 + 2.3 / np.sqrt(pairs)) < differences:
         note = ('repeats agree better than neighbours do: the force has a fine ripple that comes '
                 'back each time')
         return NoiseFloor(repeats, differences, repeats, visits, correlation, 'repeats', note)
@@ -162,8 +163,8 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
 
 
 def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray],
-                 ) -> tuple[float | None, float | None, float]:
-    """Return the repeat noise, the noise of visit means, and the correlation they imply."""
+                 ) -> tuple[float | None, float | None, float, int]:
+    """Return repeat noise, noise of visit means, the correlation they imply, pairs of visits."""
     cell, visit = cells
     count = np.bincount(visit)
     mean = np.bincount(visit, values) / count
@@ -172,7 +173,7 @@ def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray],
     order = np.argsort(where, kind='stable')
     again = np.flatnonzero(np.diff(where[order]) == 0)
     if len(again) < 12:
-        return None, None, 1.0
+        return None, None, 1.0, len(again)
     a, b = order[again], order[again + 1]
     # a visit's first sample stands for a sample met again later
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
@@ -181,7 +182,7 @@ def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray],
     scale = np.sqrt(1.0 / count[a] + 1.0 / count[b])
     spread = float(_ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
     correlation = max((spread / repeats) ** 2, 1.0) if repeats > 0 else 1.0
-    return repeats, spread, float(min(correlation, 100.0))
+    return repeats, spread, float(min(correlation, 100.0)), len(again)
 
 
 def autocorrelation_time(residual: np.ndarray, trial: np.ndarray, longest: int = 400) -> float:
