@@ -4,13 +4,14 @@
 
 import json
 
-from fam_bundle_ros.benchmarks.control import PLANTS, plant_of, run_benchmark
+import numpy as np
+import pytest
+
+from fam_bundle_ros.benchmarks.control import plant_of, PLANTS, run_benchmark
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, TRAJECTORIES
 from fam_bundle_ros.benchmarks.least_air import least_air
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import GAS_CONSTANT, POLYTROPIC, REFERENCE_TEMPERATURE
-import numpy as np
-import pytest
 
 SUMMARY = {'dip_ratio', 'transition_rms_ratio', 'air_over_least', 'air_saving',
            'tracking_ratio_all_on', 'chatter_runs'}

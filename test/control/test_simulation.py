@@ -4,11 +4,12 @@
 
 import hashlib
 
+import numpy as np
+import pytest
+
 from fam_bundle_ros.control import ControllerConfig, OuterConfig
 from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
-import numpy as np
-import pytest
 
 
 def path(times, values, kind='force', load=None, **more):
