@@ -41,13 +41,14 @@ class CaseView:
         self.job: Job | None = None
         with parts.box('div', 'case'):
             self.answer = parts.box('section', 'answer').props('role=status aria-live=polite')
-            self.ladder = parts.box('section', 'ladder').props(
-                'aria-label="error after each step"')
-            with parts.box('section'):
+            with parts.box('div', 'right'):
+                self.ladder = parts.box('section', 'ladder').props(
+                    'aria-label="error after each step"')
+                self.side = SideView(self, parts.box('aside', 'side'))
+            with parts.box('section', 'figs'):
                 self.head = parts.box('div', 'panel-head')
                 self.figure = parts.box('div')
                 self.caption = parts.text('p', '', 'caption')
-            self.side = SideView(self, parts.box('aside', 'side'))
         self.draw()
 
     # --- drawing -------------------------------------------------------------------------------

@@ -54,10 +54,11 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
     first = first_case(data, model)
     try:
         from nicegui import app, ui
-    except ImportError as error:
-        raise InputError("the workbench needs NiceGUI: pip install 'fam_bundle_ros[web,tools]'"
-                         ) from error
-    from fam_bundle_ros.workbench.page import register
+
+        from fam_bundle_ros.workbench.page import register
+    except ModuleNotFoundError as error:
+        raise InputError(f"the workbench needs {error.name}: pip install "
+                         "'fam_bundle_ros[web,tools]'") from error
 
     register(first)
     hosts = (*LOCAL, host) if host in LOCAL else ()
@@ -71,7 +72,8 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
     with suppress(KeyboardInterrupt):
         ui.run(host=host, port=port, title='fam_bundle workbench', reload=False, dark=None,
                show=f'/?token={token}' if show and token else show, tailwind=False,
-               show_welcome_message=False, storage_secret=secrets.token_hex(16), favicon=_ICON)
+               show_welcome_message=False, storage_secret=secrets.token_hex(16), favicon=_ICON,
+               reconnect_timeout=30.0)
 
 
 def first_case(data: str | Path | None, model: str | Path | None) -> Case | None:
