@@ -33,7 +33,7 @@ from fam_bundle_ros.discovery.uncertainty import confounding, estimates
 from fam_bundle_ros.model import Bundle, catalogue
 
 #: Rows that the search works on; longer logs are averaged down to about this many.
-SEARCH_ROWS = 4000
+SEARCH_ROWS = 3000
 #: Effects whose scores differ by less cannot be told apart (odds of 20 to 1).
 TIE = 6.0
 #: A shape in what is left counts from this gain in chi2 (some four hundred shapes are tried).

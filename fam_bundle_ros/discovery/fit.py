@@ -11,7 +11,7 @@ Levenberg-Marquardt with bounds, written for many fits of few parameters on the 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -139,7 +139,8 @@ class Problem:
     model : Bundle
         The model to start from; its residual shows noise and spikes.
     largest : int
-        Longer logs are averaged in blocks of neighbours down to about this many rows.
+        Longer logs are averaged in blocks of neighbours down to about this many rows, as far as
+        their motion allows, and beyond that represented by stretches from all over the log.
     noise : float, N, optional
         Standard deviation of one row's noise; by default measured.
     """
@@ -147,8 +148,11 @@ class Problem:
     def __init__(self, data: Measurement, model: Bundle, largest: int = 6000,
                  noise: float | None = None):
         self.full = data
-        self.block = max(1, int(np.ceil(len(data) / largest))) if not data.is_static else 1
-        self.data = data if self.block == 1 else average(data, self.block)
+        self.block = 1
+        self.data = data
+        if not data.is_static and len(data) > largest:
+            self.block = min(int(np.ceil(len(data) / largest)), widest_block(data))
+            self.data = average(stretches(data, largest * self.block), self.block)
         self.motion = motion(self.data)
         residual = self.data.force - predict(model, self.data)
         self.noise = noise or second_differences(self.data, residual) or 1e-9
@@ -267,6 +271,34 @@ class Problem:
         return columns
 
 
+def widest_block(data: Measurement, least: int = 8) -> int:
+    """Return how many neighbours may be averaged before the motion within them is lost."""
+    width = least
+    reach = 0.05 * float(np.ptp(data.strain))
+    while width < 4096:
+        steps = np.abs(data.strain[2 * width:] - data.strain[:-2 * width])
+        steps = steps[data.trial[2 * width:] == data.trial[:-2 * width]]
+        if not len(steps) or np.percentile(steps, 90) > reach:
+            break
+        width *= 2
+    return width
+
+
+def stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
+    """Return unbroken stretches from all over a log, each a trial, so many rows in all."""
+    if len(data) <= 1.25 * most:
+        return data
+    length = most // count
+    begins = np.linspace(0, len(data) - length, count).astype(int)
+    rows = np.concatenate([np.arange(begin, begin + length) for begin in begins])
+    piece = np.repeat(np.arange(count), length)
+    picked = data.select(rows)
+    _, trial = np.unique(np.stack([piece, picked.trial], -1), axis=0, return_inverse=True)
+    trial = np.cumsum(np.diff(trial.ravel(), prepend=trial.ravel()[0]) != 0)
+    return replace(picked, trial=trial, trial_names=tuple(
+        f'stretch {k + 1}' for k in range(int(trial.max()) + 1)))
+
+
 def average(data: Measurement, block: int) -> Measurement:
     """Return the log with so many neighbours averaged into one row, trial by trial."""
     position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
@@ -278,7 +310,6 @@ def average(data: Measurement, block: int) -> Measurement:
     def mean(values: np.ndarray) -> np.ndarray:
         return np.bincount(label, values) / count
 
-    from dataclasses import replace
     rate = mean(data.strain_rate)
     return replace(
         data, strain=mean(data.strain), force=mean(data.force), strain_rate=rate,

@@ -24,6 +24,8 @@ GATE = 10.0
 #: The first shape of a family is kept unless another one is better by this much.
 HEAD_MARGIN = 6.0
 MOST_EFFECTS = 4
+#: A further effect must be at least so large, in noise standard deviations of one row.
+_SEEN = 0.15
 #: A further effect must take at least this share of what the others took: a shape that is not
 #: quite right leaves a few per cent ...
 _PATCH = 0.02
@@ -233,6 +235,9 @@ class Search(Sets):
         what it takes is not small against what the others took - unless one is purely odd in the
         direction of motion and the other purely even: neither could leave the other's shape.
         """
+        gained = (self.fit(held).chi2 - self.fit([*held, name]).chi2) / self.problem.samples
+        if gained * self.problem.noise ** 2 < (_SEEN * self.problem.row_noise) ** 2:
+            return False
         added = self._odd_share(held, name)
         apart = [(self._odd_share([*(n for n in held if n != other), name], other), added)
                  for other in held]
