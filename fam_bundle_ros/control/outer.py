@@ -86,6 +86,9 @@ class OuterConfig:
     strain_reach : float
         Pressures are worked out for the reference strain where it is no further away than this:
         the muscles' own stiffness then pulls towards it.
+    lead_time : float, s
+        How long the pressures take to follow: feed-forward asks for where a reference that says
+        its rate will be by then.
     fade_time : float, s
         Over which a force taken over on enabling fades into the demand.
     """
@@ -101,6 +104,7 @@ class OuterConfig:
     still: float = 0.2
     filter_time: float = 0.02
     strain_reach: float = 0.03
+    lead_time: float = 0.0055
     fade_time: float = 0.2
 
     def __post_init__(self):
@@ -111,7 +115,7 @@ class OuterConfig:
             if not getattr(self, name) > 0.0:
                 raise InputError(f'{name} is {getattr(self, name)}; expected more than 0 s')
         for name in ('force_gain', 'force_integral', 'strain_gain', 'strain_integral',
-                     'strain_damping', 'strain_reach', 'still'):
+                     'strain_damping', 'strain_reach', 'still', 'lead_time'):
             value = getattr(self, name)
             if value is not None and not value >= 0.0:
                 raise InputError(f'{name} is {value}; expected 0 or more')
@@ -236,7 +240,8 @@ class OuterLoop:
     def _force_loop(self, dt, measurement, reference, saturated):
         config = self.config
         error = reference.value - self._filtered
-        known = reference.value if config.feed_forward else 0.0
+        ahead = reference.value + config.lead_time * reference.rate
+        known = ahead if config.feed_forward else 0.0
         correction = 0.0
         if config.feedback:
             correction = config.force_gain * error
