@@ -123,6 +123,15 @@ class Log:
         return pandas.DataFrame(columns)
 
 
+def load_model_of(load: Load, length: float) -> LoadModel:
+    """Return what a user would tell the controller of a load: its values at the start."""
+    if isinstance(load, Dynamometer):
+        return LoadModel()
+    strains = np.linspace(0.0, 0.25, 11)
+    table = tuple((float(e), load.holding_force(float(e), length)) for e in strains)
+    return LoadModel(inertia=load.inertia(0.1, length), table=table)
+
+
 class ClosedLoop:
     """
     A simulated rig under recruitment control.
@@ -191,7 +200,7 @@ class ClosedLoop:
         rig = Rig(self.plant, replace(self.rig_config, load=load), seed=self.seed)
         rig.faults.noise_factor = self.noise_factor
         controller = RecruitmentController(
-            self.model, replace(self.controller_config, load=self._load_model(load, rig.length)))
+            self.model, replace(self.controller_config, load=load_model_of(load, rig.length)))
         pids = [PressurePid(self.gains, self.pid_config) for _ in range(self.plant.n)]
         events = sorted(trajectory.events, key=lambda event: event[0])
         tube = self.rig_config.chamber.tube_volume
@@ -223,15 +232,6 @@ class ClosedLoop:
             if progress and tick % 256 == 0:
                 progress(t)
         return _log(rows, decisions, trajectory.kind)
-
-    @staticmethod
-    def _load_model(load, length):
-        """Tell the controller what a user would know of the load: its values at the start."""
-        if isinstance(load, Dynamometer):
-            return LoadModel()
-        strains = np.linspace(0.0, 0.25, 11)
-        table = tuple((float(e), load.holding_force(float(e), length)) for e in strains)
-        return LoadModel(inertia=load.inertia(0.1, length), table=table)
 
     @staticmethod
     def _row(t, trajectory, command, rig, valves):

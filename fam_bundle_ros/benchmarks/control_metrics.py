@@ -140,7 +140,7 @@ def summarise(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _not_reached(table):
-    """Return which targets are missed, by how much, and what is known of the reason."""
+    """Return which targets are missed, by how much, and why where no allocation could reach it."""
     said = []
     for name, entry in table.items():
         for figure, target in TARGETS.items():
@@ -148,10 +148,7 @@ def _not_reached(table):
             if found is None or (found > target if figure == 'air_saving' else found <= target):
                 continue
             why = ''
-            if name == 'load_step':
-                why = ('; the search foresees the step, a controller does not, and one muscle '
-                       'less is softer against it')
-            elif figure == 'air_saving' and entry['air_saving_bound'] < 0.02:
+            if figure == 'air_saving' and entry['air_saving_bound'] < 0.02:
                 why = (f"; no allocation saves more than {100 * entry['air_saving_bound']:.1f} % "
                        'here: at a constant strain every one needs the same sum of pressures at '
                        'the peak')

@@ -29,7 +29,7 @@ from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.rig_check import check_rig, Finding
 from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
-from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory
+from fam_bundle_ros.simulation import load_model_of, Log, Trajectory
 
 __all__ = ['check_rig', 'Finding', 'record', 'run_trajectory']
 
@@ -252,7 +252,7 @@ def _as_file(model: Bundle | str | Path, folder: str, name: str) -> str:
 
 def _parameters(config: RigConfig, rig: Rig) -> dict[str, Any]:
     """Return what a user would tell the controller about the rig."""
-    known = ClosedLoop._load_model(rig.load, rig.length)
+    known = load_model_of(rig.load, rig.length)
     return {'ambient_pressure': config.ambient_pressure,
             'supply.pressure': config.supply.pressure,
             'valve.conductance': config.valve.conductance,
