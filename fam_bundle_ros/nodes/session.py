@@ -106,14 +106,16 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
                   'lock_step': lock_step, 'wait_for_reference': lock_step,
                   'publish_clock': lock_step, 'start_enabled': True, 'start_stopped': False,
                   'prepare': plan.prepare, **_DESKTOP, **(overrides or {})}
-        context = Context()
-        context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
-        return _run(context, values, plan, hardware, namespace, bag, progress)
+        # From before the first node: a KeyboardInterrupt in a callback of rclpy would be lost.
+        with StopSignals() as signals:
+            context = Context()
+            context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
+            return _run(context, values, plan, hardware, namespace, bag, progress, signals)
 
 
 def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: Rig,
-         namespace: str, bag: str | Path | None,
-         progress: Callable[[float], None] | None) -> Log:
+         namespace: str, bag: str | Path | None, progress: Callable[[float], None] | None,
+         signals: StopSignals) -> Log:
     script = _Script(plan)
     writer: BagWriter | None = None
     spinner: Spinner | None = None
@@ -132,15 +134,14 @@ def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: R
         script.interrupt = spinner.interrupt
         if not values['lock_step']:
             script.follow(next(n for n in nodes if isinstance(n, ReferenceGenerator)))
-        with StopSignals() as signals:
-            while not script.ended and not signals.received:
-                spinner.spin(0.2)
-                if progress:
-                    progress(max(script.time, 0.0))
-                _refuse_company(nodes[0])
-            if signals.received:
-                raise KeyboardInterrupt
-            spinner.spin(_DRAIN)
+        while not script.ended and not signals.received:
+            spinner.spin(0.2)
+            if progress:
+                progress(max(script.time, 0.0))
+            _refuse_company(nodes[0])
+        if signals.received:
+            raise KeyboardInterrupt
+        spinner.spin(_DRAIN)
         return script.log()
     finally:
         if spinner is not None:
