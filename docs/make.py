@@ -110,7 +110,7 @@ def commands() -> str:
         if options:
             parts += ['\n', _rows(('option', 'default', 'meaning'), (
                 (', '.join(f'`{o}`' for o in [*p.opts, *p.secondary_opts]),
-                 {None: '', False: '', True: 'on'}.get(p.default, p.default),
+                 'on' if p.default is True else '' if p.default in (None, False) else p.default,
                  p.help or '') for p in options))]
     return ''.join(parts)
 

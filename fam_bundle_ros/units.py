@@ -43,6 +43,8 @@ def si_factor(unit: str, like: str) -> float:
         quantity = ureg.Quantity(1.0, _SPELLINGS.get(unit.strip(), unit.strip()))
     except Exception as error:  # pint raises many kinds, also its tokenizer's own
         raise InputError(f"unit '{unit}' is not known") from error
+    if not quantity._is_multiplicative:
+        raise InputError(f"unit '{unit}' has an offset; expected a difference, in {like}")
     target = ureg.Quantity(1.0, _SPELLINGS.get(like.strip(), like.strip()))
     if quantity.dimensionality != target.dimensionality:
         raise InputError(f"unit '{unit}' does not fit; expected a unit like {like}")

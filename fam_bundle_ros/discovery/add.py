@@ -21,7 +21,7 @@ from fam_bundle_ros.discovery.fit import base_terms, held_out_error, Problem
 from fam_bundle_ros.discovery.grouping import rms
 from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
-from fam_bundle_ros.discovery.predict import check_units, predict
+from fam_bundle_ros.discovery.predict import matched, predict
 from fam_bundle_ros.discovery.result import finite
 from fam_bundle_ros.discovery.search import Scale, Search
 from fam_bundle_ros.discovery.uncertainty import Estimate, estimates
@@ -97,7 +97,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
         For an unknown effect, one that the model has already, or bad data.
     """
     data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
-    check_units(model, data)
+    data = matched(model, data)
     listed = [effect] if isinstance(effect, (str, Effect)) else list(effect)
     effects = {}
     for item in listed:
@@ -198,12 +198,13 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     if not models:
         raise InputError('a ladder needs at least one model')
     steps, best = [], None
+    data = matched(models[-1], data)
     # every model is held against the same rows: those that the last one leaves
     full = Problem(data, models[-1], largest=len(data))
     kept = full.weight
     thin = full if len(data) <= SEARCH_ROWS else Problem(data, models[-1], largest=SEARCH_ROWS)
     for model in models:
-        check_units(model, data)
+        data = matched(model, data)
         fit = thin.fit(model, base_terms(model))
         refitted = rms(confirm(full, fit).residual[kept])
         added = held_out_error(thin, fit) ** 2 - rms(fit.residual[thin.weight]) ** 2

@@ -25,7 +25,7 @@ from fam_bundle_ros.discovery.grouping import (
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, visit_cells
-from fam_bundle_ros.discovery.predict import free_mask, predict
+from fam_bundle_ros.discovery.predict import free_mask, matched, predict
 from fam_bundle_ros.model import Bundle
 
 
@@ -143,9 +143,10 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     Raises
     ------
     InputError
-        Where the data has another number of pressures than the model has motor units.
+        Where data and model have other motor units.
     """
     data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
+    data = matched(model, data)
     prediction = predict(model, data)
     residual = data.force - prediction
     floor = noise or noise_floor(data, residual)

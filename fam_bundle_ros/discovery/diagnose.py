@@ -68,6 +68,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     begun = time.perf_counter()
     data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
     comparison = compare(model, data)
+    data = comparison.measurement
     problem = Problem(data, model, largest=rows)
     search = Search(problem, model, cand.candidates(model, data), progress).run()
     if progress:
@@ -285,7 +286,6 @@ def with_intervals(fit: Fit, scale: Scale) -> Bundle:
 
 def _summary(finding: _Finding, search: Search, ranking: tuple[Candidate, ...],
              tied: tuple[tuple[str, ...], ...], base: Fit) -> str:
-    names = [cand.head(name) for name in search.chosen]
     moved = {key.partition('.')[2]: value for key, value in base.moved().items()
              if abs(value) > 0.2}
     far = ', '.join(f'{key} {value:+.1f}' for key, value in moved.items())
@@ -306,7 +306,6 @@ def _summary(finding: _Finding, search: Search, ranking: tuple[Candidate, ...],
     if finding.verdict == 'partial':
         return (f'{text} explains {100 * finding.explained:.0f} % of the error, but its shape is '
                 'not quite right')
-    del ranking, names
     return f'{text} is missing and explains the error down to the noise'
 
 

@@ -308,7 +308,11 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     time = np.asarray(time, float)
     rate, rate_noise = rates.strain_rate(time, strain, index)
     if strain_rate is not None:
-        rate = np.asarray(strain_rate, float) if order is None else np.asarray(strain_rate)[order]
+        rate = np.asarray(strain_rate, float)
+        if not np.isfinite(rate).all():
+            raise InputError(f'{name}, row {int(np.argmin(np.isfinite(rate))) + first_row}: '
+                             'strain_rate is not a number')
+        rate = rate if order is None else rate[order]
     direction = rates.direction(rate, rate_noise)
     return Measurement(name, strain, pressure, force, index, time, rate, rate_noise, direction,
                        trial_names, tuple(motor_units), '', tuple(notes))
@@ -352,7 +356,7 @@ def _trials(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndarra
             return np.zeros(rows, int), ('0',), None
         back = np.diff(time) <= 0
         # a clock that restarts a few times is a file of several trials; many times is disorder
-        if back.sum() > max(1, rows // 50):
+        if back.sum() > max(1, rows // 50) or (np.diff(time) == 0).any():
             raise _disorder(name, time, np.zeros(rows, int), ('0',), first_row)
         index = np.concatenate([[0], np.cumsum(back)])
         return index, tuple(str(i) for i in range(index[-1] + 1)), None

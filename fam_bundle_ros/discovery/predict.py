@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a model says the load cell would have shown in a measurement."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from fam_bundle_ros.discovery.measurement import Measurement
@@ -23,17 +25,33 @@ def motion(data: Measurement) -> Motion:
     return Motion(strain, pressure, data.strain_rate, data.time, data.start)
 
 
-def check_units(model: Bundle, data: Measurement) -> None:
+def matched(model: Bundle, data: Measurement) -> Measurement:
     """
-    Raise InputError unless data and model have the same motor units.
+    Return the data with their pressure columns in the order of the model's motor units.
 
-    Names need not agree (a log may call them otherwise); their number must.
+    Columns are matched by name; columns ``mu1`` ... ``mun``, as ROS topics count them, by number.
+
+    Raises
+    ------
+    InputError
+        Where data and model have other motor units.
     """
-    columns = data.pressure.shape[1]
-    if columns != model.n:
+    own = [unit.name for unit in model.motor_units]
+    names = list(data.motor_units)
+    if len(names) != model.n:
         raise InputError(
-            f'{data.name}: {columns} pressure column{"s" * (columns > 1)}; expected {model.n}, '
-            f'one for each motor unit of model {model.name}')
+            f'{data.name}: {len(names)} pressure column{"s" * (len(names) > 1)}; expected '
+            f'{model.n}, one for each motor unit of model {model.name}')
+    if model.n == 1 or names == own:
+        return data
+    counted = [f'mu{i + 1}' for i in range(model.n)]
+    order = own if set(names) == set(own) else counted
+    strange = [name for name in names if name not in order]
+    if strange:
+        raise InputError(f'{data.name}: column pressure.{strange[0]}; model {model.name} has the '
+                         f'motor units {", ".join(own)}')
+    columns = [names.index(name) for name in order]
+    return replace(data, pressure=data.pressure[:, columns], motor_units=tuple(own))
 
 
 def predict(model: Bundle, data: Measurement) -> np.ndarray:
@@ -43,10 +61,9 @@ def predict(model: Bundle, data: Measurement) -> np.ndarray:
     Raises
     ------
     InputError
-        Where data and model do not have the same number of motor units.
+        Where data and model have other motor units.
     """
-    check_units(model, data)
-    return model.predict(motion(data))
+    return model.predict(motion(matched(model, data)))
 
 
 def free_mask(model: Bundle, data: Measurement) -> np.ndarray:

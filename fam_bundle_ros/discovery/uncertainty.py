@@ -102,7 +102,7 @@ def estimates(fit: Fit, scale: Scale) -> list[Estimate]:
         width = term.upper - term.lower
         if half > 0.45 * width or (term.prior is not None and spread[j] > 0.97):
             flag = 'dead: the data do not move it'
-        elif min(value - term.lower, term.upper - value) < 1e-6 * width and term.prior is None:
+        elif min(value - term.lower, term.upper - value) < 1e-6 * width:
             flag = 'at bound'
         else:
             others = cov[j] / np.maximum(spread * spread[j], 1e-300)

@@ -139,6 +139,7 @@ class Bundle:
         unit_forces : array (n,) or (k, n), N
         state : dict
         """
+        self._check_width(pressure)
         pressure = np.asarray(pressure, float)[None]
         time = state['time'] + dt if state['begun'] else 0.0
         x = Sample(np.array([[strain]]), pressure, np.array([[strain_rate]]), self.geometry,
@@ -169,8 +170,14 @@ class Bundle:
         return self._count * np.broadcast_to(force, motion.pressure.shape)
 
     def _sample(self, strain, pressure, strain_rate):
+        self._check_width(pressure)
         return Sample(np.asarray(strain, float)[..., None], np.asarray(pressure, float),
                       np.asarray(strain_rate, float)[..., None], self.geometry)
+
+    def _check_width(self, pressure):
+        if np.shape(pressure)[-1:] != (self.n,):
+            raise InputError(f'{self.name}: pressure has shape {np.shape(pressure)}; expected '
+                             f'{self.n} motor units on the last axis')
 
     # --- gauges --------------------------------------------------------------------------------
 

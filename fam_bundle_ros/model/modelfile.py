@@ -123,6 +123,8 @@ class _Reader:
         error = self.quantity(tree['error'], 'N', 'error', tree.lines['error']) \
             if 'error' in tree else 0.0
         notes = _undecorate(tree.get('notes') or {})
+        if not isinstance(notes, dict):
+            raise self.error(tree.lines['notes'], 'notes must be a mapping')
         if 'description' in tree:
             notes = {'description': str(tree['description']), **notes}
         try:
@@ -132,6 +134,8 @@ class _Reader:
 
     def python_effects(self, tree, folder, allow_python):
         files = tree.get('effect_files') or []
+        if not isinstance(files, list):
+            raise self.error(tree.lines['effect_files'], 'effect_files must be a list')
         if files and not allow_python:
             raise self.error(tree.lines['effect_files'],
                              'names Python files, which would be run; allow it with '
@@ -203,8 +207,10 @@ class _Reader:
 
     def expression(self, name, settings):
         self.known(settings, ('expression', 'place', 'parameters'), name)
-        listed = self.known(settings.get('parameters') or _empty(settings.line),
-                            tuple(settings.get('parameters') or ()), f'parameters of {name}')
+        listed = settings.get('parameters') or _empty(settings.line)
+        if not isinstance(listed, _Map):
+            raise self.error(settings.lines['parameters'],
+                             f'parameters of {name} must be a mapping of name to value')
         place = settings.get('place')
         if place is None:
             place = 'loss' if 'strain_rate' in settings['expression'] else 'force'
@@ -247,6 +253,12 @@ class _Reader:
                     for end, default in (('lower', parameter.lower), ('upper', parameter.upper)))
                 if low > high:
                     raise self.error(at, f'{label}: lower is above upper')
+                for end in (low, high):
+                    try:
+                        parameter.check(end)
+                    except InputError as error:
+                        raise self.error(at, f'{label}: a model file may narrow the bounds: '
+                                         f'{error}') from error
                 bounds[key] = (low, high)
                 if 'interval' in setting:
                     if not isinstance(setting['interval'], list) or len(setting['interval']) != 2:

@@ -31,17 +31,19 @@ def affine_scan(gain, offset, start):
     """
     gain, offset = np.broadcast_arrays(gain, offset)
     if len(offset) == 1:
-        return gain * start + offset
+        return np.where(gain == 0.0, 0.0, gain * start) + offset
     gains, offsets = _blocks(gain, 1.0), _blocks(offset, 0.0)
     for k in range(1, len(gains)):
-        offsets[k] += gains[k] * offsets[k - 1]
+        # a reset (gain 0) forgets all, also what is not a number
+        offsets[k] += np.where(gains[k] == 0.0, 0.0, gains[k] * offsets[k - 1])
         gains[k] *= gains[k - 1]
+    forgets = gains == 0.0
     carry = np.empty_like(offsets[0])
     value = start
     for block in range(len(carry)):
         carry[block] = value
-        value = gains[-1, block] * value + offsets[-1, block]
-    return _record(gains * carry + offsets, len(offset))
+        value = np.where(forgets[-1, block], 0.0, gains[-1, block] * value) + offsets[-1, block]
+    return _record(np.where(forgets, 0.0, gains * carry) + offsets, len(offset))
 
 
 def clamp_scan(lower, upper, start):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise floor three ways, errors by group, and regions in words."""
 
+from dataclasses import replace
 import json
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 
 from fam_bundle_ros.discovery import compare, noise_floor, read_measurement
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model import Bundle, load_model
+from fam_bundle_ros.resources import config_path
 
 
 def test_noise_floor_is_the_noise_whatever_the_model_lacks(sweeps, paper_muscle):
@@ -84,3 +86,15 @@ def test_other_motor_units_than_the_models_fail(practice, paper_muscle):
     """A log of two motor units against a model of one is refused by name."""
     with pytest.raises(InputError, match='2 pressure columns; expected 1'):
         compare(paper_muscle, read_measurement(practice('p10')[0]))
+
+
+def test_pressure_columns_go_to_the_units_that_they_name():
+    """Exchanged columns change nothing; a column of no unit is an error."""
+    model = load_model(config_path('data/examples/bundle_push_back.model.yaml'))
+    first, second = model.motor_units
+    model = Bundle('unequal', [first, replace(second, muscles=2)], model.effects)
+    data = read_measurement(config_path('data/examples/bundle_push_back.csv'))
+    swapped = replace(data, pressure=data.pressure[:, ::-1], motor_units=('mu2', 'mu1'))
+    assert compare(model, swapped).error_N == compare(model, data).error_N
+    with pytest.raises(InputError, match='column pressure.left; model unequal has the motor unit'):
+        compare(model, replace(data, motor_units=('left', 'mu2')))

@@ -87,6 +87,14 @@ def test_an_added_effect_leaves_the_model_it_was_added_to_alone(muscle):
     assert other.without_effect('coulomb_friction').force(0.1, [2e5]) == muscle.force(0.1, [2e5])
 
 
+def test_a_pressure_for_another_number_of_units_is_refused(paper_bundle):
+    """Nothing is broadcast silently."""
+    with pytest.raises(InputError, match=r'shape \(3,\); expected 2 motor units'):
+        paper_bundle.force(0.1, [1e5, 1e5, 1e5])
+    with pytest.raises(InputError, match=r'expected 2 motor units'):
+        paper_bundle.step(paper_bundle.start_state(), 0.01, 0.1, [1e5])
+
+
 def test_names_must_differ(muscle):
     """Two effects of one name would overwrite each other."""
     with pytest.raises(InputError, match='effect mesh is named twice'):

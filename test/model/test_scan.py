@@ -30,6 +30,17 @@ def test_affine_scan_is_the_loop_and_can_be_cut_anywhere(record, cut):
         assert_allclose(rest, whole[cut:], atol=1e-12)
 
 
+def test_a_reset_forgets_what_is_not_a_number():
+    """One bad row of a trial does not reach the next one, in a long record or step by step."""
+    gain = np.where(np.arange(40) == 20, 0.0, 0.5)
+    offset = np.ones(40)
+    offset[3] = np.nan
+    result = affine_scan(gain, offset, 0.0)
+    assert np.all(np.isnan(result[3:20]))
+    assert_allclose(result[20:], affine_scan(gain[20:], offset[20:], np.nan))
+    assert np.all(np.isfinite(result[20:]))
+
+
 @given(records)
 def test_clamp_scan_is_the_loop(record):
     """y[k] = clip(y[k-1], lower, upper): a play operator, exactly."""

@@ -134,7 +134,7 @@ class Effect(ABC):
         self.values: dict[str, float] = {
             name: p.check(float(values.get(name, p.default * p.scale)))
             for name, p in known.items()}
-        #: Bounds that the model file narrows or widens (SI), by parameter name.
+        #: Bounds that the model file narrows (SI), by parameter name.
         self.bounds: dict[str, tuple[float, float]] = {}
         #: 95 % intervals that a fit has left (SI), by parameter name.
         self.intervals: dict[str, tuple[float, float]] = {}
