@@ -66,7 +66,7 @@ SPECS = (
     Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while the valve is open is '
          'stuck, s; 0 for never', 0.0, 60.0),
 )
-#: A gap between readings longer than this is no sample period, s.
+#: A gap between readings longer than this, to either side, is no sample period, s.
 _GAP = 0.5
 
 
@@ -165,6 +165,10 @@ class PressurePidNode(BundleNode):
         if self._stopped and not message.data:
             self._latched = ''
         self._stopped = bool(message.data)
+        if self._stopped and not self.lock_step:
+            # At once, whether or not a reading comes to be answered.
+            self._command = self._vent('E_STOP', '')
+            self._publish(self.now_ns(), self._command)
 
     # --- lock-step -----------------------------------------------------------------------------
 
@@ -207,19 +211,29 @@ class PressurePidNode(BundleNode):
 
     def _answer(self, stamp: int, pressure: float) -> None:
         """Answer a reading with a valve command of the same stamp."""
-        dt = (stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
-        if dt < 0.0 or dt > _GAP:
+        first = self._answered < 0
+        dt = 0.0 if first else (stamp - self._answered) * 1e-9
+        if self.lock_step and dt == 0.0 and not first:
+            # Time stands still: who asks again gets the same answer.
+            self._publish(stamp, self._command)
+            return
+        # In wall time a stamp that stands still says nothing new, whatever the reading shows.
+        new = self.lock_step or first or dt > 0.0 or dt < -_GAP
+        if not new:
+            self.say('stamp', f'mu{self.unit}: the stamp of the pressure does not advance; the '
+                     'reading counts as stale')
+        elif dt < 0.0 or dt > _GAP:
             # The clock was set, or the rig was away: filters know nothing any more.
             self.pid.reset()
-        if dt != 0.0 or self._answered < 0:
+        if new:
             self._answered = stamp
-            forced = self._judge(self._now(stamp), pressure)
-            if forced is not None:
-                self.pid.reset()
-                self._command = forced
-            else:
-                assert self._setpoint is not None
-                self._command = self._regulate(self._setpoint[1], pressure, dt)
+        forced = self._judge(self._now(stamp), pressure, new)
+        if forced is not None:
+            self.pid.reset()
+            self._command = forced
+        elif new:
+            assert self._setpoint is not None
+            self._command = self._regulate(self._setpoint[1], pressure, dt)
         self._publish(stamp, self._command)
 
     def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
@@ -230,9 +244,13 @@ class PressurePidNode(BundleNode):
             min(max(setpoint, 0.0), self._max_pressure), pressure, dt, supply, volume,
             slope * rate if math.isfinite(rate) else 0.0))
 
-    def _judge(self, now: float, pressure: float | None) -> float | None:
-        """Return a command that safety asks for, or None where the loop may act."""
-        health = (self._watch.check(now) if pressure is None
+    def _judge(self, now: float, pressure: float | None, new: bool = True) -> float | None:
+        """
+        Return a command that safety asks for, or None where the loop may act.
+
+        A reading that is not new counts for over-pressure only.
+        """
+        health = (self._watch.check(now) if pressure is None or not new
                   else self._watch.see(now, pressure, self._must_move(pressure)))
         limit = self._max_pressure * self.p['over_pressure_factor']
         setpoint = self._setpoint

@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pressure PID node with the simulated rig."""
 
+import time
+
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from fam_bundle_ros.errors import InputError
@@ -154,6 +157,45 @@ def test_silence_is_vented_in_wall_time(graph, silent):
     count = len(commands)
     graph.until(lambda: (feed(silent), commands[-1].effort[0] == -1.0)[1], 'exhaust', 3.0)
     assert 0.0 in {m.effort[0] for m in commands[count:]}
+
+
+@pytest.mark.parametrize(('event', 'state', 'within'), [
+    ('stamp', 'SENSOR', 0.6), ('e_stop', 'E_STOP', 0.0), ('pressure', 'OVER_PRESSURE', 0.0),
+    ('setpoint', 'NO_SETPOINT', 0.5)])
+def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
+    """A driver whose stamp is frozen: nothing goes on filling, and every danger is seen."""
+    # Only what the case is about may come first.
+    patient = {'sensor_timeout': 0.1 if event == 'stamp' else 10.0,
+               'setpoint_timeout': 0.2 if event == 'setpoint' else 10.0}
+    node = PressurePidNode(1, context=graph.context, overrides=patient)
+    graph.add(node)
+    commands = []
+    node._publish = lambda stamp, command: commands.append(command)
+    stamp = graph.probe.now_ns()
+
+    def read(at, value=100e3):
+        node._on_pressure(interface.pressure_message(at, value, 101325.0))
+
+    def want():
+        node._on_setpoint(interface.pressure_message(stamp, 300e3, 101325.0))
+    want()
+    for k in range(20):
+        read(stamp + k * 5_000_000, 100e3 + k)
+    assert (node._state, commands[-1] > 0.0) == ('ACTIVE', True)
+    begin = time.monotonic()
+    if event == 'e_stop':
+        node._on_e_stop(Bool(data=True))
+        assert commands[-1] == -1.0
+    while True:
+        if event != 'setpoint':
+            want()
+        read(stamp + 95_000_000, 990e3 if event == 'pressure' else 100e3)
+        if node._state == state or time.monotonic() - begin > within:
+            break
+        time.sleep(0.005)
+    assert (node._state, commands[-1]) == (state, -1.0)
+    if event == 'stamp':
+        assert 0.0 in commands
 
 
 def test_motor_unit_that_is_not_there_fails(ros_context):
