@@ -102,6 +102,9 @@ class SensorWatch:
         moving : bool
             Whether the quantity must be changing now, so that an exact repeat is suspicious.
         """
+        if self._seen is not None and now < self._seen:
+            # The clock was set: what was seen belongs to another time.
+            self.reset()
         config = self.config
         since = now - self._seen if self._seen is not None else 0.0
         stuck = 0.0 < config.stuck_time <= self._moving

@@ -103,6 +103,13 @@ def test_single_dropouts_do_not_vent(watch):
     assert Health.VENT not in healths
 
 
+def test_clock_that_was_set_back_begins_anew(watch):
+    """After a jump back a bad reading is held and vented as ever, not held for ever."""
+    feed(watch, 100.0, 100.5, lambda k: 10.0 + k)
+    assert feed(watch, 0.0, 0.1, lambda k: 10.0 + k)[-1] == Health.GOOD
+    assert feed(watch, 0.1, 0.5, lambda k: math.nan)[-1] == Health.VENT
+
+
 def test_exact_repeats_are_stuck_only_while_it_must_move(watch):
     """A quantised reading at rest is not stuck; one that stands still under load is."""
     assert set(feed(watch, 0.0, 2.0, lambda k: 7.0)) == {Health.GOOD}
