@@ -19,15 +19,15 @@ import tempfile
 from fam_bundle_ros.cli import main as fam_bundle
 
 HERE = Path(__file__).resolve().parent
-PRACTICE = HERE.parent / 'test' / 'data' / 'practice'
+EXAMPLES = HERE.parent / 'config' / 'data' / 'examples'
 
 #: Command (its page goes to PAGE, or into FOLDER) -> figures: key, file name, width in pixels.
 PICTURES = (
     (('map', 'spie2021', '--out', 'PAGE'),
      (('isobars', 'isobars', 860), ('space', 'force_strain_space', 980),
       ('free_strain', 'free_strain', 860))),
-    (('diagnose', str(PRACTICE / 'p03.csv'), '--model', str(PRACTICE / 'p03.model.yaml'),
-      '--out', 'PAGE'),
+    (('diagnose', str(EXAMPLES / 'hidden_friction.csv'), '--model',
+      str(EXAMPLES / 'hidden_friction.model.yaml'), '--out', 'PAGE'),
      (('maps', 'residual_maps', 980), ('loops', 'loops', 980), ('ladder', 'ladder', 860),
       ('candidates', 'candidates', 860))),
     (('diagnose', 'dmsp20_static_map', '--model', 'dmsp20_static_map', '--out', 'PAGE'),

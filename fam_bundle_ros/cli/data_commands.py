@@ -120,11 +120,15 @@ def diagnose(
         from fam_bundle_ros.report.page import write_page
         write_page(out, diagnosis_page(result, _files(data, model)))
         wrote(out)
+    save_json(json_file, result.to_dict())
+    if save is not None and result.verdict == 'unexplained':
+        console.print(f'{save} is not written: no effect explains the error, and parameters bent '
+                      'to hide it are no model', soft_wrap=True)
+        raise typer.Exit(1)
     if save is not None:
         from fam_bundle_ros.model import save_model
         save_model(result.best, save)
         wrote(save)
-    save_json(json_file, result.to_dict())
 
 
 def convert(

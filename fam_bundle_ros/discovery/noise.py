@@ -53,9 +53,11 @@ class NoiseFloor:
     def __str__(self) -> str:
         def show(number: float | None) -> str:
             return '-' if number is None else f'{number:.3g} N'
-        text = (f'noise floor {self.value:.3g} N ({self.basis}; second differences '
-                f'{show(self.differences)}, repeats {show(self.repeats)}, visits '
-                f'{show(self.visits)})')
+        found = {'second differences': self.differences, 'repeats': self.repeats,
+                 'visits': self.visits}
+        others = ', '.join(f'{name} {show(value)}' for name, value in found.items()
+                           if name != self.basis)
+        text = f'noise floor {self.value:.3g} N by {self.basis} ({others})'
         return text + (f'\n  {self.note}' if self.note else '')
 
     def to_dict(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ IDEAL, BLADDER, RESISTIVE, NEGLECTED = (
 
 OWN_FORM = ('The paper names the regions of the resistive force (post-buckling, post-collapse) '
             'but this project did not have its formulas: the resistive curve is our own, derived '
-            'form, with constants chosen so that figure 4 is met.')
+            'form, with constants chosen to come nearest to figure 4.')
 KLUTE_HANNAFORD = ('“Klute–Hannaford” is braid plus Mooney–Rivlin bladder '
                    'continued below zero.')
 

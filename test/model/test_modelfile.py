@@ -88,7 +88,7 @@ def test_a_model_is_written_whole_or_not_at_all(tmp_path):
     ('5 N*s', '5 N', r'drag.k: .*lower|drag'),
     ('upper: 20 N', 'upper: 200 N', 'force: a model file may narrow the bounds'),
     ('{data: rig.csv}', 'hello', 'line 4: notes must be a mapping'),
-    ('parameters: {k: {value: 5 N*s, lower: 0 N*s,\n           upper: 100 N*s}}', 'parameters: [k]',
+    ('{k: {value: 5 N*s, lower: 0 N*s,\n           upper: 100 N*s}}', '[k]',
      'line 15: parameters of drag must be a mapping'),
     ('name: small', 'name: small\nname: big', "line 3: 'name' stands twice"),
     ('name: small', 'name: [a', 'line 3: is not YAML|line 4: is not YAML'),

@@ -26,7 +26,7 @@ class ResistiveBuckling(Effect):
     name = 'resistive_buckling'
     summary = 'resistive force past free strain: buckling plateau, then collapse'
     source = ('regions named by Kim, Mazzoleni and Bryant 2021, SPIE 11586; formulas derived '
-              '(three-hinge column), constants chosen so that their figure 4 is met')
+              '(three-hinge column), constants chosen to come nearest to their figure 4')
     place = Place.LIMIT
     family = 'resistive'
     signature = _SIGNATURE
