@@ -22,6 +22,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.cli.demo import demo
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import config_path
 
 PANEL = 'Rig and ROS 2'
 
@@ -49,7 +50,8 @@ def run(
                                                    )] = None,
     policy: Annotated[str | None, typer.Option(help='neglect, hysteresis or reversal_aware.'
                                                )] = None,
-    rig: Annotated[bool, typer.Option('--rig', help='A real rig is there: do not simulate one.'
+    rig: Annotated[bool, typer.Option('--rig', help='A real rig is there: do not simulate one;'
+                                         ' needs --params-file.'
                                       )] = False,
     params_file: Annotated[Path | None, typer.Option(metavar='FILE', help='ROS parameter file.'
                                                      )] = None,
@@ -62,6 +64,9 @@ def run(
     """
     if params_file is not None and not params_file.is_file():
         raise InputError(f'{params_file}: no such parameter file')
+    if rig and params_file is None and '--params-file' not in context.args:
+        raise InputError('--rig needs --params-file: copy '
+                         f"{config_path('rig.yaml')} and fill in what your rig has")
     own = [item for name, value in (
         ('model', None if model is None else _file(model)),
         ('plant_model', None if plant_model is None else _file(plant_model)),
@@ -72,6 +77,7 @@ def run(
     if own or given:
         arguments += ['--ros-args', *given, *own, '--']
     from fam_bundle_ros.nodes import bundle_bringup
+    console.print(f"running on {'a real' if rig else 'a simulated'} rig; Ctrl-C vents and stops")
     raise typer.Exit(bundle_bringup.main(arguments))
 
 

@@ -89,7 +89,8 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
 def main(args: list[str] | None = None) -> int:
     """Run all nodes; the exit status."""
     argv = list(sys.argv if args is None else args)
-    if '--params-file' not in argv:
+    # Its settings start at once and loop a trajectory: never for a rig that is real.
+    if '--params-file' not in argv and not any('simulate:=false' in a.lower() for a in argv):
         # In front, so that what the user gives wins.
         argv[1:1] = ['--ros-args', '--params-file', str(config_path('simulation.yaml')), '--']
     return run(make_nodes, f'{__doc__}\nParameters:\n{table(SPECS)}', argv)

@@ -111,3 +111,18 @@ def test_ctrl_c_leaves_nothing_half_done(repository, domain_id, tmp_path):
     assert process.returncode == 1
     assert stderr.splitlines()[-1] == 'fam_bundle: stopped'
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_real_rig_is_never_run_with_the_settings_of_the_simulation(fam_bundle, monkeypatch):
+    """`run --rig` asks for the rig's own parameters; without them nothing starts by itself."""
+    result = fam_bundle('run', '--rig')
+    assert result.returncode == 2
+    assert '--rig needs --params-file' in result.stderr
+    given = []
+    monkeypatch.setattr('fam_bundle_ros.nodes.bundle_bringup.run',
+                        lambda make, usage, argv: given.append(argv) or 0)
+    from fam_bundle_ros.nodes.bundle_bringup import main
+    main(['bundle_bringup', '--ros-args', '-p', 'simulate:=false'])
+    main(['bundle_bringup'])
+    assert 'simulation.yaml' not in ' '.join(given[0])
+    assert 'simulation.yaml' in ' '.join(given[1])
