@@ -17,6 +17,7 @@ import numpy as np
 from fam_bundle_ros.control.allocation import Allocation, Allocator, Curves, Instant, SCHEMES
 from fam_bundle_ros.control.crossing import Crossing, crossing_pace
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig, OuterLoop
+from fam_bundle_ros.control.rate import QuietRate
 from fam_bundle_ros.control.recruitment import (
     Demand,
     Heading,
@@ -184,6 +185,7 @@ class RecruitmentController:
         """Start afresh: RS0, nothing learnt."""
         self._machine.reset(bundle_state(self.config, self.bundle.n))
         self._memory = self.bundle.start_state()
+        self._rate = QuietRate()
         self._crossings: dict[int, Crossing] = {}
         self._since_crossing = math.inf
         self._wanted, self._limits = Heading(np.zeros(1)), Heading(np.zeros(self.bundle.n + 1))
@@ -249,12 +251,16 @@ class RecruitmentController:
         self._lost = 0.0
 
         before = self._memory
+        # The strain loop damps with the rate as measured; the model has no use for its noise.
+        rate = self._rate.update(dt, measurement.strain_rate)
         believed, self._memory = self._allocator.step(
-            before, dt, measurement.strain, pressure, measurement.strain_rate)
+            before, dt, measurement.strain, pressure, rate)
         settled = not self._crossings and self._since_crossing > 0.05
         target = self.outer.update(dt, measurement, believed, reference, settled,
                                    self._command.saturated)
-        instant = Instant(target.strain, target.strain_rate,
+        # A force reference says nothing of the strain: there it is the measured rate that counts.
+        asked = reference.kind == 'strain' and self.config.outer.feed_forward
+        instant = Instant(target.strain, target.strain_rate if asked else rate,
                           before if self.bundle.has_memory else None, dt)
         curves = self._allocator.curves(instant)
 

@@ -1,0 +1,82 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The strain rate that a model is asked about: the measured one without the noise that it has at rest.
+
+Dry friction turns the sign of the rate into newtons. At rest the sign of a measured rate is noise.
+"""
+
+from collections import deque
+import math
+
+#: s: of the filter before anything else; second differences span twice two of these.
+_FILTER_TIME = 0.01
+#: s: in which the noise is learnt.
+_LEARN_TIME = 1.0
+#: Half width of the play and of the dead zone, in standard deviations: noise needs four to pass.
+_WIDTH = 2.0
+#: 1/s: a change of this size is believed to be noise, whatever was seen before.
+_USUAL = 1e-3
+
+
+class QuietRate:
+    """
+    Strain rate with a band of noise left out; the band is learnt from the readings.
+
+    A play as wide as the noise drops what wavers and a dead zone of the same width drops what the
+    play keeps of a motion that is over. So a rate counts from two widths on, and until it is back
+    at zero: between them it does not chatter. A rate without noise passes with a filter's lag.
+
+    Examples
+    --------
+    >>> sense = QuietRate()
+    >>> rates = [sense.update(4e-3, 2e-3 * (-1) ** k) for k in range(500)]
+    >>> max(map(abs, rates[-250:]))
+    0.0
+    >>> rates = [sense.update(4e-3, 0.1 + 2e-3 * (-1) ** k) for k in range(100)]
+    >>> bool(0.09 < rates[-1] < 0.11)
+    True
+    """
+
+    def __init__(self):
+        self._smooth: float | None = None
+        self._kept = self._mean = 0.0
+        self._seen = 0
+        self._past: deque[tuple[float, float]] = deque()
+        self._time = 0.0
+
+    @property
+    def noise(self) -> float:
+        """Return the standard deviation of the filtered rate's noise, 1/s."""
+        # Of a second difference of values that are not correlated, from its mean size.
+        return self._mean * math.sqrt(0.5 * math.pi / 6.0)
+
+    def update(self, dt: float, rate: float) -> float:
+        """Return the rate to be believed, 1/s; 0 until the noise is known (0.04 s)."""
+        before = rate if self._smooth is None else self._smooth
+        self._smooth = before + (1.0 - math.exp(-dt / _FILTER_TIME)) * (rate - before)
+        self._learn(dt, self._smooth)
+        width = _WIDTH * self.noise
+        self._kept = min(max(self._kept, self._smooth - width), self._smooth + width)
+        if not self._seen:
+            return 0.0
+        # 0 up to one width, all of it from two on.
+        size = abs(self._kept)
+        return math.copysign(min(size, 2.0 * max(size - width, 0.0)), self._kept)
+
+    def _learn(self, dt, smooth):
+        """Follow the mean size of second differences: steady motion has none."""
+        self._time += dt
+        past = self._past
+        past.append((self._time, smooth))
+        span = 4.0 * _FILTER_TIME - 1e-9
+        if len(past) < 3 or self._time - past[0][0] < span:
+            return
+        while len(past) > 3 and self._time - past[1][0] >= span:
+            past.popleft()
+        middle = past[len(past) // 2][1]
+        change = abs(smooth - 2.0 * middle + past[0][1])
+        self._seen += 1
+        gain = max(1.0 - math.exp(-dt / _LEARN_TIME), 1.0 / self._seen)
+        # One that is far out of the ordinary is a motion that begins or ends.
+        self._mean += gain * (min(change, 4.0 * self._mean + _USUAL) - self._mean)

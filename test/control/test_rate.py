@@ -1,0 +1,71 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The strain rate that the controller's model is asked about, and friction in that model."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control.rate import QuietRate
+from fam_bundle_ros.plant import Dynamometer
+from fam_bundle_ros.simulation import ClosedLoop, Trajectory
+
+DT = 4e-3
+
+
+@pytest.mark.parametrize('noise', [1e-4, 6e-3, 3e-2])
+def test_noise_at_rest_is_no_motion(noise):
+    """Whatever the size of the noise, a standing muscle counts as standing."""
+    readings = np.random.default_rng(1).normal(0.0, noise, 2500)
+    sense = QuietRate()
+    believed = np.array([sense.update(DT, float(r)) for r in readings])
+    assert np.mean(believed[125:] != 0.0) < 0.01
+    assert abs(believed).max() < noise
+
+
+def test_sign_changes_once_per_reversal():
+    """A noisy swing through zero is seen to turn once per half period, and soon."""
+    random = np.random.default_rng(2)
+    time = DT * np.arange(2500)
+    true = 0.1 * np.cos(0.8 * np.pi * time)
+    sense = QuietRate()
+    believed = np.array([sense.update(DT, float(r))
+                         for r in true + random.normal(0.0, 6e-3, time.size)])
+    signs = np.sign(believed)[125:]
+    turned = np.flatnonzero(np.diff(signs[signs != 0.0]))
+    assert len(turned) == len(np.flatnonzero(np.diff(np.sign(true[125:]))))
+    assert np.mean(signs != np.sign(true[125:])) < 0.1
+    fast = abs(true) > 0.05
+    assert np.sqrt(np.mean((believed - true)[fast] ** 2)) < 0.012
+
+
+def test_a_rate_without_noise_passes():
+    """Clean readings pass with no more than the lag of the filter."""
+    sense = QuietRate()
+    believed = [sense.update(DT, 0.05 * math.sin(DT * k)) for k in range(1000)]
+    assert believed[-1] == pytest.approx(0.05 * math.sin(DT * 999 - 0.01), abs=1e-3)
+
+
+def test_friction_in_the_model_costs_nothing_at_rest(paper_bundle):
+    """A constant force at a constant strain is as quiet with Coulomb friction as without."""
+    model = paper_bundle.with_effect('coulomb_friction', force=6.0)
+    log = ClosedLoop(model).run(Trajectory('hold', 'force', 3.0, lambda t: 40.0, lambda t: 0.0,
+                                           Dynamometer(0.12)))
+    rest = log.time > 1.0
+    assert abs(log.error[rest]).max() < 0.2
+    assert log.setpoint[rest].std(axis=0).max() < 500.0
+    assert log.air[-1] - log.air[rest][0] < 1e-6
+
+
+def test_friction_in_the_model_still_helps_in_motion(paper_bundle):
+    """While the strain swings, a model with the rig's friction tracks far better than without."""
+    plant = paper_bundle.with_effect('coulomb_friction', force=6.0)
+    swing = Trajectory('swing', 'force', 5.0, lambda t: 70.0 + 40.0 * np.sin(np.pi * t / 4.0),
+                       lambda t: 10.0 * np.pi * np.cos(np.pi * t / 4.0), Dynamometer(0.1),
+                       imposed=lambda t: 0.1 + 0.04 * np.sin(0.8 * np.pi * max(t, 0.0)))
+    errors = []
+    for model in (paper_bundle, plant):
+        log = ClosedLoop(plant, model=model).run(swing)
+        errors.append(np.sqrt(np.mean(log.error[log.time > 1.0] ** 2)))
+    assert errors[1] < 0.35 * errors[0]
