@@ -12,6 +12,7 @@ import pytest
 from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.resources import config_path
 
 
 def start(node, *arguments):
@@ -52,7 +53,8 @@ def test_killed_controller_leaves_no_pressure(graph):
     from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
     rig = graph.add(PlantSimulator(context=graph.context, overrides={
         'start_stopped': False, 'load.kind': 'dynamometer'}))
-    process = start('bundle_bringup', '--ros-args', '-p', 'simulate:=false')
+    process = start('bundle_bringup', '--ros-args', '--params-file',
+                    str(config_path('simulation.yaml')), '-p', 'simulate:=false')
     graph.until(lambda: rig.rig.truth.pressure[0] > 50e3, 'pressure', 20.0)
     process.kill()
     process.wait()
