@@ -47,6 +47,8 @@ from fam_bundle_ros.nodes.watch import Health, SensorWatch, WatchConfig
 _MOVED = 30e3
 #: s: a gap between samples is no reason to integrate over all of it.
 _LONGEST = 0.1
+#: s: a stamp that goes back by less is a channel's clock beside another's; else it was set.
+_CLOCK_SET = 0.5
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
 #: References that change by more than this share of the blocked force at once are steps.
@@ -83,6 +85,7 @@ class RecruitmentNode(BundleNode):
             _STEP * float(self.bundle.blocked_force(self.bundle.max_pressure)))
         self._reference_meter = Meter()
         self._answered = -1
+        self._decided = time.monotonic()
         self._setpoints = [0.0] * n
         self._command: Command | None = None
         self._published_state = -1
@@ -162,10 +165,13 @@ class RecruitmentNode(BundleNode):
     def _on_sample(self, sample: Sample) -> None:
         # A reference that was lost on the way leaves the last one.
         self._reference = sample.extra.get('reference') or self._reference
-        if sample.silent:
-            self._decide(sample, 1.0 / self.p['rate'])
-        elif sample.stamp != self._answered:
-            dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
+        dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
+        now = time.monotonic()
+        if not self.lock_step and -_CLOCK_SET < dt <= 0.0:
+            # Stamps stand still and time does not: watches and ramps must go on.
+            dt = now - self._decided
+        self._decided = now
+        if not self.lock_step or sample.stamp != self._answered:
             self._answered = sample.stamp
             self._decide(sample, dt)
         self._publish(sample.stamp)

@@ -196,10 +196,12 @@ class Sensing:
             {name: gate.value(name) for name in self._extra}))
 
     def _complete(self, silent: bool = False) -> None:
+        # A silent channel whose clock runs ahead must not hold the time of the others up.
+        stamp = self._stamp = max((self._latest[name][0] for name in self._fresh),
+                                  default=self._stamp)
         self._fresh.clear()
         if not silent:
             self._last_sample = time.monotonic()
-        stamp = self._stamp = max(stamp for stamp, _ in self._latest.values())
         missing = (stamp, math.nan)
         strain, rate = self._latest.get('strain', (stamp, (math.nan, math.nan)))[1]
         self._on_sample(Sample(

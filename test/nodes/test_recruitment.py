@@ -178,6 +178,38 @@ def test_setpoints_are_absolute_and_carry_the_sample_s_stamp(graph, bundle):
     assert sum(share) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize('stamps', ['ahead', 'frozen', 'zero'])
+def test_dead_force_is_seen_whatever_the_stamps(graph, stamps):
+    """In wall time neither a dead channel's clock nor stamps that stand still stop the watches."""
+    node = graph.add(RecruitmentNode(context=graph.context, overrides={
+        'start_enabled': True, 'sensor_timeout': 0.3}))
+    streams = [graph.probe.create_publisher(kind, topic, 10) for kind, topic in (
+        (WrenchStamped, 'force'), (JointState, 'strain'), (FluidPressure, 'mu1/pressure'),
+        (FluidPressure, 'mu2/pressure'), (WrenchStamped, 'reference/force'))]
+    start = graph.probe.now_ns()
+    dead = []
+
+    def feed():
+        stamp = {'ahead': graph.probe.now_ns(), 'frozen': start, 'zero': 0}[stamps]
+        noise = graph.probe.now_ns() % 97
+        # Ahead by more than the test lasts.
+        ahead = 3_600_000_000_000 if stamps == 'ahead' else 0
+        messages = (interface.force_message(stamp + ahead, 30.0 + noise * 1e-3),
+                    interface.strain_message(stamp, 0.1 + noise * 1e-6, 0.0, 0.127),
+                    interface.pressure_message(stamp, 3e3 + noise, 101325.0),
+                    interface.pressure_message(stamp, 1e3 + noise, 101325.0),
+                    interface.force_message(stamp, 40.0))
+        for stream, message in list(zip(streams, messages))[len(dead):]:
+            stream.publish(message)
+    # Fast enough that the node never finds nothing new.
+    graph.probe.every(0.002, feed)
+    graph.until(lambda: node._state == 'ACTIVE' and node.setpoints[0] > 20e3, 'pressure')
+    dead.append('force')
+    graph.until(lambda: node._state == 'HOLD', 'HOLD', 3.0)
+    graph.until(lambda: node._state == 'SENSOR' and not any(node.setpoints), 'vent', 5.0)
+    assert 'force: nothing for' in node._watches[0].reason
+
+
 def test_reference_that_is_no_number_is_refused(graph, quiet):
     """Nan on reference/force leaves the old reference."""
     node = graph.add(RecruitmentNode(context=graph.context))
