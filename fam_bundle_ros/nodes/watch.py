@@ -102,9 +102,7 @@ class SensorWatch:
         moving : bool
             Whether the quantity must be changing now, so that an exact repeat is suspicious.
         """
-        if self._seen is not None and now < self._seen:
-            # The clock was set: what was seen belongs to another time.
-            self.reset()
+        self._notice_reset(now)
         config = self.config
         since = now - self._seen if self._seen is not None else 0.0
         stuck = 0.0 < config.stuck_time <= self._moving
@@ -128,6 +126,7 @@ class SensorWatch:
 
     def check(self, now: float) -> Health:
         """Return the health now; call it too while nothing comes."""
+        self._notice_reset(now)
         config = self.config
         if self._seen is None:
             return self.health
@@ -153,3 +152,8 @@ class SensorWatch:
         self.reason = reason
         self.health = (Health.VENT if self._out else Health.HOLD) if reason else Health.GOOD
         return self.health
+
+    def _notice_reset(self, now: float) -> None:
+        if self._seen is not None and now < self._seen:
+            # The clock was set: what was seen belongs to another time.
+            self.reset()
