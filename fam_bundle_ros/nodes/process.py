@@ -79,13 +79,21 @@ class Spinner:
     def close(self) -> None:
         """Let every node publish its safe state, then destroy them; the context stays."""
         for node in self.nodes:
-            node.stop()
+            self._try(node, node.stop)
         deadline = time.monotonic() + FAREWELL
         for node in self.nodes:
-            node.flush(deadline)
+            self._try(node, lambda node=node: node.flush(deadline))
         self.executor.shutdown()
         for node in self.nodes:
             node.destroy_node()
+
+    @staticmethod
+    def _try(node: BundleNode, action: Callable[[], None]) -> None:
+        """Act; what goes wrong is logged and keeps no other node from being vented."""
+        try:
+            action()
+        except Exception as error:
+            node.get_logger().error(f'while it ended: {type(error).__name__}: {error}')
 
     def _check(self) -> None:
         if time.monotonic() >= self._deadline:

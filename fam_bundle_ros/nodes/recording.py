@@ -8,6 +8,7 @@ Needs the package rosbags (extra ``tools``), not rosbag2.
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
+import shutil
 import struct
 import time
 from typing import Any
@@ -74,8 +75,11 @@ class BagWriter:
         self.count += 1
 
     def close(self) -> None:
-        """Finish the bag: without this it cannot be read."""
+        """Finish the bag: without this it cannot be read. An empty one is removed."""
         self._writer.close()
+        if not self.count:
+            # We made the folder; left behind, it would stand in the way of the next try.
+            shutil.rmtree(self.folder)
 
 
 def _qos(latched: bool) -> Any:
@@ -220,8 +224,12 @@ def record(folder: str | Path, seconds: float | None = None,
                     break
         return writer.count
     finally:
-        if spinner is not None:
-            spinner.close()
-        if writer is not None:
-            writer.close()
-        context.try_shutdown()
+        try:
+            if spinner is not None:
+                spinner.close()
+        finally:
+            try:
+                if writer is not None:
+                    writer.close()
+            finally:
+                context.try_shutdown()

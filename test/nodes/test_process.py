@@ -61,6 +61,26 @@ def test_killed_controller_leaves_no_pressure(graph):
     graph.until(lambda: rig.rig.truth.pressure.max() < 5e3, 'vented', 3.0)
 
 
+def test_node_that_cannot_stop_leaves_the_others_vented(ros_context):
+    """An exception in one farewell reaches neither the other nodes nor the caller."""
+    from fam_bundle_ros.nodes.base import BundleNode
+    from fam_bundle_ros.nodes.process import Spinner
+    ended = []
+
+    class Node(BundleNode):
+        def stop(self):
+            ended.append(self.get_name())
+            if self.get_name() == 'first':
+                raise ValueError('no')
+
+        def flush(self, deadline):
+            ended.append('flush')
+            raise RuntimeError('gone')
+    nodes = [Node(name, (), context=ros_context) for name in ('first', 'second')]
+    Spinner(ros_context, nodes).close()
+    assert ended == ['first', 'second', 'flush', 'flush']
+
+
 @pytest.mark.parametrize(('node', 'argument', 'text'), [
     ('plant_simulator', 'rate:=1.0e9', 'parameter rate is 1000000000.0; expected a number'),
     ('pressure_pid', 'gains.p:=3', 'parameter gains.p is 3; expected a number with a decimal '

@@ -244,8 +244,9 @@ sys.exit(run(lambda context: [Bad(context)], ''))
 
 
 def test_record_without_a_bundle_fails(domain_id, tmp_path, monkeypatch):
-    """Nothing there: one sentence, and no waiting forever."""
+    """Nothing there: one sentence, no waiting forever, and nothing in the way of a next try."""
     pytest.importorskip('rosbags')
     monkeypatch.setattr('fam_bundle_ros.nodes.recording._PATIENCE', 0.5)
     with pytest.raises(InputError, match='no topics of a bundle under /bundle'):
         record(tmp_path / 'bag', 5.0, domain=domain_id)
+    assert not (tmp_path / 'bag').exists()
