@@ -21,6 +21,9 @@ from fam_bundle_ros.model import Bundle
 SCHEMES = ('orderly', 'batch', 'all_on')
 #: Pressures by which a cell of the table is divided for the last refinement.
 _FINE = 9
+#: A unit that could only pull less than when vented comes back when it could pull more by this
+#: share of its push-back, and by so many N: strain noise must not fill and empty it in turn.
+_WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -81,10 +84,13 @@ class Curves:
         Units in the order of recruitment: RSk has the first k of them.
     pushes_back : bool
         False for a controller that reckons without resistive forces: none below zero.
+    asleep : ndarray (n,) of bool, optional
+        Units that were of no use in the tick before: see `useful`.
     """
 
     def __init__(self, bundle: Bundle, instant: Instant, pressure: np.ndarray,
-                 order: Sequence[int], pushes_back: bool = True):
+                 order: Sequence[int], pushes_back: bool = True,
+                 asleep: np.ndarray | None = None):
         self._bundle, self._instant, self._pushes_back = bundle, instant, pushes_back
         self.order = tuple(order)
         self.pressure = pressure
@@ -93,14 +99,22 @@ class Curves:
         columns = np.arange(units)
         # The last of the smallest: where a slack or threshold makes the curve flat, its end.
         tied = self.force <= self.force.min(axis=0) + 1e-9
+        bottom = count - 1 - np.argmax(tied[::-1], axis=0)
+        #: N at zero pressure (n,).
+        self.rest_force = self.force[0]
+        gain = self.force[-1] - self.rest_force
+        wake = np.zeros(units) if asleep is None else np.where(asleep, np.maximum(
+            _WAKE_SHARE * (self.rest_force - self.force[bottom, columns]), _WAKE_FORCE), 0.0)
+        #: Which units (n,) can pull more than when vented: past the free strain none can, their
+        #: curves only fall. The others have no branch to be on and stay empty.
+        self.useful = gain > wake
         #: Index (n,) of the beginning of the rising branch.
-        self.bottom = count - 1 - np.argmax(tied[::-1], axis=0)
+        self.bottom = np.where(self.useful, bottom, 0)
         #: N and Pa there (n,).
         self.bottom_force = self.force[self.bottom, columns]
         self.bottom_pressure = pressure[self.bottom, columns]
-        #: N at zero pressure and at the limit (n,).
-        self.rest_force = self.force[0]
-        self.top_force = self.force[-1]
+        #: N at the limit (n,).
+        self.top_force = np.where(self.useful, self.force[-1], self.rest_force)
         #: How far the force falls while the unit fills (n,), N.
         self.dip = self.rest_force - self.bottom_force
 
@@ -111,7 +125,7 @@ class Curves:
     @cached_property
     def top(self) -> np.ndarray:
         """Return the largest force of RS0..RSn, shape (n + 1,), N."""
-        gain = np.maximum(self.top_force - self.rest_force, 0.0)[list(self.order)]
+        gain = (self.top_force - self.rest_force)[list(self.order)]
         return self.rest_force.sum() + np.concatenate([[0.0], np.cumsum(gain)])
 
     @cached_property
@@ -161,7 +175,7 @@ class Curves:
         for unit in units:
             if missing <= 0.0:
                 break
-            room = max(self.top_force[unit] - self.bottom_force[unit], 0.0)
+            room = self.top_force[unit] - self.bottom_force[unit]
             if missing >= room:
                 if room > 0.0:
                     pressure[unit] = self.pressure[-1, unit]
@@ -175,9 +189,9 @@ class Curves:
 
     def share(self, demand: float, units: Sequence[int],
               fixed: dict[int, float] | None = None) -> Allocation:
-        """Give the units one common pressure (at most their limit); else as `fill`."""
+        """Give the units of use one common pressure (at most their limit); else as `fill`."""
         pressure, force = self._begin(fixed)
-        units = list(units)
+        units = [i for i in units if self.useful[i]]
         if not units:
             return Allocation(pressure, force, demand - float(force.sum()))
         common = self.pressure[:, units].max(axis=1)
@@ -277,9 +291,9 @@ class Allocator:
             forces = np.maximum(forces, 0.0)
         return float(np.add.reduce(forces)), after
 
-    def curves(self, instant: Instant) -> Curves:
-        """Return the curves of this tick."""
-        return Curves(self._model, instant, self._grid, self.order, not self._neglect)
+    def curves(self, instant: Instant, asleep: np.ndarray | None = None) -> Curves:
+        """Return the curves of this tick; ``asleep`` as for `Curves`."""
+        return Curves(self._model, instant, self._grid, self.order, not self._neglect, asleep)
 
 
 def allocate(bundle: Bundle, demand: float, strain: float, state: int,

@@ -186,6 +186,7 @@ class RecruitmentController:
         self._machine.reset(bundle_state(self.config, self.bundle.n))
         self._memory = self.bundle.start_state()
         self._rate = QuietRate()
+        self._asleep: np.ndarray | None = None
         self._crossings: dict[int, Crossing] = {}
         self._since_crossing = math.inf
         self._wanted, self._limits = Heading(np.zeros(1)), Heading(np.zeros(self.bundle.n + 1))
@@ -262,7 +263,8 @@ class RecruitmentController:
         asked = reference.kind == 'strain' and self.config.outer.feed_forward
         instant = Instant(target.strain, target.strain_rate if asked else rate,
                           before if self.bundle.has_memory else None, dt)
-        curves = self._allocator.curves(instant)
+        curves = self._allocator.curves(instant, self._asleep)
+        self._asleep = ~curves.useful
 
         explanation = ''
         if self.config.scheme != 'all_on':

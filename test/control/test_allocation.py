@@ -76,6 +76,31 @@ def test_what_is_missing_is_said(paper_bundle):
     assert low.missing == pytest.approx(-3.0, abs=1e-6)
 
 
+@pytest.mark.parametrize('scheme', ['orderly', 'batch', 'all_on'])
+def test_a_unit_that_can_only_push_stays_empty(paper_bundle, scheme):
+    """Past the free strain no demand fills a unit: vented it pulls most, and that is said."""
+    rest = float(paper_bundle.force(0.3, np.zeros(2)))
+    for demand in (-50.0, 10.0, 200.0):
+        found = allocate(paper_bundle, demand, 0.3, 2, scheme=scheme)
+        assert not found.pressure.any()
+        assert found.missing == pytest.approx(demand - rest)
+
+
+def test_noise_does_not_fill_and_empty_a_unit_at_the_strain_where_it_stops_pulling(paper_bundle):
+    """Noise of 5e-5 around the strain where a unit becomes useless changes its mind once."""
+    allocator = Allocator(paper_bundle)
+    strains = np.linspace(0.18, 0.3, 1201)
+    flip = next(e for e in strains if not allocator.curves(Instant(float(e))).useful[0])
+    random, asleep, seen = np.random.default_rng(3), None, []
+    for strain in random.normal(flip, 5e-5, 400):
+        curves = allocator.curves(Instant(float(strain)), asleep)
+        asleep = ~curves.useful
+        seen.append(curves.fill(100.0, (0,)).pressure[0])
+    assert np.count_nonzero(np.diff(seen)) <= 1
+    back = allocator.curves(Instant(float(flip) - 0.01), asleep)
+    assert back.fill(100.0, (0,)).pressure[0] == paper_bundle.max_pressure[0]
+
+
 def test_top_of_a_state_agrees_with_the_models_overlap(paper_bundle):
     """Top, crossing and dip are the model's own overlap region."""
     for strain in (0.08, 0.12, 0.16, 0.2):

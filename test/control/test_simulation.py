@@ -116,6 +116,21 @@ def test_bundles_of_more_units_run_through_all_states(bundles, units):
     assert rms(log.error) < 1.0
 
 
+@pytest.mark.parametrize('scheme', ['orderly', 'all_on'])
+def test_past_the_free_strain_the_units_are_vented(paper_bundle, scheme):
+    """Drawn where no muscle can pull, the bundle does not push against the demand."""
+    log = ClosedLoop(paper_bundle, controller=ControllerConfig(scheme=scheme)).run(Trajectory(
+        'past', 'force', 4.0, lambda t: 40.0, lambda t: 0.0, Dynamometer(0.12),
+        imposed=lambda t: 0.12 + 0.08 * min(max(t - 1.0, 0.0), 2.0)))
+    end = log.time > 3.5
+    assert log.force[end].min() > -2.0
+    assert not log.setpoint[end].any()
+    assert set(log.saturated[end]) == {'high'}
+    # Each unit is given up once.
+    emptied = (log.setpoint[1:] == 0.0) & (log.setpoint[:-1] > 0.0)
+    assert np.all(emptied.sum(axis=0) <= 1)
+
+
 def test_log_becomes_a_frame(paper_bundle):
     """One column per channel and motor unit, one row per tick."""
     pytest.importorskip('pandas')
