@@ -261,8 +261,8 @@ class RecruitmentController:
                                    self._command.saturated)
         # A force reference says nothing of the strain: there it is the measured rate that counts.
         asked = reference.kind == 'strain' and self.config.outer.feed_forward
-        instant = Instant(target.strain, target.strain_rate if asked else rate,
-                          before if self.bundle.has_memory else None, dt)
+        # With the memory even where no effect has one: it holds the clock.
+        instant = Instant(target.strain, target.strain_rate if asked else rate, before, dt)
         curves = self._allocator.curves(instant, self._asleep)
         self._asleep = ~curves.useful
 

@@ -131,6 +131,15 @@ def test_past_the_free_strain_the_units_are_vented(paper_bundle, scheme):
     assert np.all(emptied.sum(axis=0) <= 1)
 
 
+def test_effects_of_time_are_allocated_for(paper_bundle):
+    """Muscles that warm up are given the pressure of now: feed-forward alone stays on the force."""
+    warm = paper_bundle.with_effect('temperature', rise=100.0, time_constant=10.0)
+    config = ControllerConfig(outer=OuterConfig(feedback=False))
+    log = ClosedLoop(warm, controller=config).run(
+        path([0.0, 6.0], [30.0, 30.0], load=Dynamometer(0.16)))
+    assert abs(log.error[-100:].mean()) < 0.3
+
+
 def test_log_becomes_a_frame(paper_bundle):
     """One column per channel and motor unit, one row per tick."""
     pytest.importorskip('pandas')
