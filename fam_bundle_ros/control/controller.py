@@ -221,6 +221,12 @@ class RecruitmentController:
                 if measurement.pressure[unit] > max(0.9 * curves.bottom_pressure[unit], 2e3):
                     state = k + 1
             self._machine.reset(state)
+        pressure = np.nan_to_num(np.asarray(measurement.pressure, float), nan=0.0)
+        active = np.zeros(self.bundle.n, bool)
+        active[list(self._order[:self._machine.state])] = True
+        # Until the first tick, and in it, these are what was commanded.
+        self._command = replace(self._command, state=self._machine.state, active=active,
+                                pressure=np.clip(pressure, 0.0, self._allocator.max_pressure))
         self.outer.take_over(measurement, reference)
 
     def update(self, dt: float, measurement: Measurement, reference: Reference) -> Command:
@@ -386,6 +392,8 @@ class RecruitmentController:
         """Keep the last pressures for a while, then vent."""
         self._lost += dt
         if self._lost <= self.config.hold_time:
+            # A decision is told once, in the tick in which it was taken.
+            self._command = replace(self._command, explanation='')
             return self._command
         if self._command.state or self._command.pressure.any():
             lost = self._lost

@@ -265,6 +265,25 @@ def test_enabling_starts_from_the_pressures_that_are_there(paper_bundle):
         assert np.max(np.abs(first - pressure)) < 12e3
 
 
+def test_enabling_holds_the_pressures_until_time_goes_on(paper_bundle):
+    """A first tick without a time step repeats what was taken over, not a vented bundle."""
+    bench = Bench(paper_bundle, 0.1)
+    measurement = Measurement(30.0, 0.1, 0.0, np.array([200e3, 0.0]))
+    bench.controller.enable(measurement, Reference('force', 40.0))
+    command = bench.controller.update(0.0, measurement, Reference('force', 40.0))
+    assert command.pressure == pytest.approx([200e3, 0.0])
+    assert command.state == 1 and list(command.active) == [True, False]
+
+
+def test_a_decision_is_told_once_though_readings_are_lost(paper_bundle):
+    """Ticks that hold the last command do not say its reason again."""
+    bench = Bench(paper_bundle, 0.1)
+    assert bench.update(40.0).explanation.startswith('recruit MU1')
+    lost = Measurement(np.nan, 0.1, 0.0, np.zeros(2))
+    held = [bench.controller.update(DT, lost, Reference('force', 40.0)) for _ in range(3)]
+    assert [command.explanation for command in held] == ['', '', '']
+
+
 def test_lost_readings_hold_then_vent_then_recover(paper_bundle):
     """NaN holds the pressures for a moment, then vents; good readings bring control back."""
     bench = Bench(paper_bundle, 0.16)
