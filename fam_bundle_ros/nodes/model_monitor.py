@@ -9,6 +9,7 @@ a residual above the noise says that something is missing, ``fam_bundle diagnose
 """
 
 from collections import deque
+from collections.abc import Mapping
 import math
 from typing import Any
 
@@ -16,6 +17,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.context import Context
 
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
@@ -89,7 +91,7 @@ class ModelMonitor(BundleNode):
         bundle = self._live.bundle
         self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
                                 self._on_sample)
-        self.p.on_change(self, lambda values: bundle_from(values['model']), self._change)
+        self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report)
         if self.lock_step:
             self.every(0.5, self._sensing.check_time)
@@ -108,6 +110,11 @@ class ModelMonitor(BundleNode):
         self._residual.publish(interface.force_message(sample.stamp, residual))
         if math.isfinite(residual):
             self._residuals.append(residual)
+
+    def _check(self, values: Mapping[str, Any]) -> None:
+        n, units = bundle_from(values['model']).n, self._live.bundle.n
+        if n != units:
+            raise InputError(f"{values['model']} has {n} motor units; this bundle has {units}")
 
     def _change(self, changes: dict[str, Any]) -> None:
         if 'model' in changes:

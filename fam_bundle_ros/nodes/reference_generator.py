@@ -33,6 +33,8 @@ SPECS = (
     Spec('rate', 200.0, 'most references per second; never more than the rig sends samples',
          1.0, 2000.0),
 )
+#: ns: a stamp that goes back by less is another sensor's or late; else the clock was set.
+_CLOCK_SET = 1_000_000_000
 
 
 class ReferenceGenerator(BundleNode):
@@ -95,6 +97,9 @@ class ReferenceGenerator(BundleNode):
         if stamp == self._stamp and not repeated:
             return
         self._sample_meter.tick()
+        if not self.lock_step and 0 < self._stamp - stamp < _CLOCK_SET:
+            # Sensors whose stamps differ a little: references never go back in time.
+            return
         self._stamp = stamp
         # A little early is in time: samples do not come at exact multiples of the period.
         if self.lock_step or not 0 <= (stamp - self._sent) * 1e-9 < 1.0 / self.p['rate'] - 2e-4:

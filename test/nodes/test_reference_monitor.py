@@ -10,7 +10,8 @@ import pytest
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from fam_bundle_ros.model import load_model, save_model
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.model_monitor import ModelMonitor, noise_floor
@@ -60,6 +61,33 @@ def test_trajectory_starts_when_somebody_takes_it(graph, quiet):
     seen = graph.listen('reference/force', WrenchStamped)
     graph.until(lambda: seen, 'the reference')
     assert seen[0].wrench.force.x < 5.5
+
+
+def test_sensors_with_stamps_apart_give_one_reference_per_sample(graph):
+    """Force 2 ms after strain: no reference goes back in time; a clock that was set does."""
+    node = graph.add(ReferenceGenerator(context=graph.context,
+                                        profile=Points('p', 'force', (0.0,), (5.0,))))
+    sent = []
+    node._send = sent.append
+    start = 10_000_000_000
+    for k in range(100):
+        stamp = start + k * 5_000_000
+        node._on_sample('strain', interface.strain_message(stamp + 2_000_000, 0.1, 0.0, 0.127))
+        node._on_sample('force', interface.force_message(stamp, 30.0))
+    assert len(sent) == 100
+    assert sent == sorted(sent)
+    node._on_sample('force', interface.force_message(1_000_000_000, 30.0))
+    assert sent[-1] == 1_000_000_000
+
+
+def test_monitor_refuses_a_model_of_other_motor_units(graph, tmp_path):
+    """As recruitment does: the readings that it listens to would not fit."""
+    node = graph.add(ModelMonitor(context=graph.context))
+    model = load_model(config_path('models/spie2021.yaml'))
+    other = tmp_path / 'one.yaml'
+    save_model(Bundle('one', model.motor_units[:1], model.effects), other)
+    with pytest.raises(InputError, match='has 1 motor units; this bundle has 2'):
+        node._check({'model': str(other)})
 
 
 def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
