@@ -178,19 +178,22 @@ class PressurePid:
 
         Notes
         -----
-        A reading or a setpoint that is not finite shuts the valve; what then has to happen
+        A setpoint or any reading that is not finite, or a volume of 0, shuts the valve; what then has to happen
         (hold, vent) is the caller's decision.
         """
-        if not (math.isfinite(setpoint) and math.isfinite(pressure)):
+        volume = self.config.volume if volume is None else volume
+        supply = self.config.supply if supply is None else supply
+        # A sum is finite only when every term is.
+        if not (math.isfinite(setpoint + pressure + supply + volume + volume_rate)
+                and volume > 0.0):
             self.reset()
             self.diagnostics = PidDiagnostics()
             return 0.0
         if not dt > 0.0:
             return self._command
         config, gains = self.config, self.gains
-        volume = config.volume if volume is None else volume
         absolute = pressure + config.ambient
-        source = (config.supply if supply is None else supply) + config.ambient
+        source = supply + config.ambient
         filling = config.valve.flow(1.0, absolute, source, config.ambient)
         venting = config.valve.flow(-1.0, absolute, source, config.ambient)
         fastest = pressure_rate(absolute, volume, volume_rate, filling)

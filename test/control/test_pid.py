@@ -120,6 +120,16 @@ def test_a_lost_reading_shuts_the_valve_and_leaves_no_trace(bad):
     assert math.isfinite(pid.update(200e3, 150e3, 1e-3))
 
 
+@pytest.mark.parametrize('lost', [{'supply': math.nan}, {'volume': math.nan}, {'volume': 0.0},
+                                  {'volume_rate': math.nan}, {'supply': math.inf}])
+def test_a_lost_supply_or_volume_shuts_the_valve_and_leaves_no_trace(lost):
+    """What the flow is reckoned from counts like the pressure: never a command that is NaN."""
+    pid = PressurePid(config=CONFIG)
+    pid.update(200e3, 150e3, 1e-3)
+    assert pid.update(200e3, 150e3, 1e-3, **lost) == 0.0
+    assert math.isfinite(pid.update(200e3, 150e3, 1e-3))
+
+
 def test_a_clock_that_jumps_back_repeats_the_command():
     """Nothing is integrated over a time step that is not positive."""
     pid = PressurePid(config=CONFIG)
