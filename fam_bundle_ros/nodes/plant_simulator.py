@@ -169,7 +169,8 @@ class PlantSimulator(BundleNode):
                      f'{age:.3f} s ago, received just now; at most '
                      f"{self.p['command_timeout']:g} s is taken")
             return
-        self._commands[unit], self._command_stamps[unit] = command, stamp
+        # One from the future is worth as much as one of now: it counts from when it came.
+        self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
 
     def _retry(self) -> None:
@@ -236,7 +237,8 @@ class PlantSimulator(BundleNode):
         if stamp is None:
             return -1.0
         age = (self._stamp - stamp) * 1e-9
-        if age <= self.p['command_timeout']:
+        # Below zero after the clock was set back.
+        if abs(age) <= self.p['command_timeout']:
             return self._commands[unit]
         self.say(f'silent {unit}', f'mu{unit + 1} is vented: its last valve command is stamped '
                  f'{age:.3f} s ago and came {time.monotonic() - self._received[unit]:.3f} s ago; '
@@ -367,7 +369,7 @@ class PlantSimulator(BundleNode):
             else:
                 stamp = self._command_stamps[i]
                 waiting = stamp is None
-                lost = stamp is not None and (
+                lost = stamp is not None and abs(
                     self._stamp - stamp) * 1e-9 > self.p['command_timeout']
             if waiting or lost:
                 report.add(WARN, f"mu{i + 1}: {'WAITING for' if waiting else 'lost its'} "

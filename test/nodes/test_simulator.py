@@ -144,6 +144,21 @@ def test_stale_command_is_refused(graph, quiet):
     assert rig._refused > 0
 
 
+def test_command_from_the_future_does_not_last(graph, quiet):
+    """A sender whose clock runs ahead and that dies leaves no valve open."""
+    rig = graph.add(PlantSimulator(context=graph.context, overrides=quiet))
+    send = command(graph, 1)
+    ahead = 3_600_000_000_000
+    graph.until(lambda: (send(graph.probe.now_ns() + ahead, 0.5),
+                         rig.rig.truth.pressure[0] > 100e3)[1], 'pressure')
+    for _ in range(10):
+        send(graph.probe.now_ns() + ahead, 0.0)
+        graph.spin()
+    assert rig.rig.truth.pressure[0] > 50e3
+    graph.until(lambda: rig.rig.truth.pressure[0] < 5e3, 'vented', 3.0)
+    assert not rig.rig.e_stopped
+
+
 def test_starts_stopped_and_runs_after_reset(graph, rig):
     """As on rigs: valves do nothing before e_stop_reset."""
     rig = rig(start_stopped=True)
