@@ -9,6 +9,7 @@ executables, one executor, a record of every topic, and the run as a `Log` like 
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 import tempfile
 from typing import Any
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 from rclpy.context import Context
 
+from fam_bundle_ros.control import LoadModel
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, save_model
 from fam_bundle_ros.nodes import interface
@@ -97,11 +99,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
         plant = bundle_from(_as_file(plant_model, scratch, 'plant')
                             if plant_model is not None else model_name)
         config = rig or RigConfig()
-        hardware = Rig(plant, RigConfig(
-            load=plan.load, valve=config.valve, chamber=config.chamber, supply=config.supply,
-            sensors=config.sensors, step=config.step,
-            ambient_pressure=config.ambient_pressure, trip_pressure=config.trip_pressure),
-            seed=seed)
+        hardware = Rig(plant, replace(config, load=plan.load), seed=seed)
         values = {**_parameters(config, hardware), 'model': model_name, 'rate': rate,
                   'lock_step': lock_step, 'wait_for_reference': lock_step,
                   'publish_clock': lock_step, 'start_enabled': True, 'start_stopped': False,
@@ -144,11 +142,15 @@ def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: R
         spinner.spin(_DRAIN)
         return script.log()
     finally:
-        if spinner is not None:
-            spinner.close()
-        if writer is not None:
-            writer.close()
-        context.try_shutdown()
+        try:
+            if spinner is not None:
+                spinner.close()
+        finally:
+            try:
+                if writer is not None:
+                    writer.close()
+            finally:
+                context.try_shutdown()
 
 
 def _refuse_company(node: BundleNode) -> None:
@@ -203,10 +205,10 @@ class _Script:
         if t >= -1e-9:
             truth, n = rig.truth, rig.bundle.n
             margins = command.margins if command else None
-            overlap = ((margins.recruit - margins.width, margins.recruit) if margins
+            overlap = ((margins.limit - margins.width, margins.limit) if margins
                        else (np.nan, np.nan))
             self._rows.append((
-                self.time, plan.value(max(t, 0.0)), command.demand if command else 0.0,
+                self.time, plan.value(self.time), command.demand if command else 0.0,
                 truth.strain, truth.force, truth.supply, truth.pressure,
                 np.array(self.controller.setpoints), np.array(commands),
                 command.state if command else 0, command.share if command else np.zeros(n),
@@ -254,11 +256,22 @@ def _as_file(model: Bundle | str | Path, folder: str, name: str) -> str:
 def _parameters(config: RigConfig, rig: Rig) -> dict[str, Any]:
     """Return what a user would tell the controller about the rig."""
     known = load_model_of(rig.load, rig.length)
+    force, stiffness = _line(known)
     return {'ambient_pressure': config.ambient_pressure,
             'supply.pressure': config.supply.pressure,
             'valve.conductance': config.valve.conductance,
             'valve.dead_band': config.valve.dead_band,
             'tube_volume': config.chamber.tube_volume,
-            'load_model.force': float(known.force),
-            'load_model.stiffness': float(known.stiffness),
+            'load_model.force': force,
+            'load_model.stiffness': stiffness,
             'load_model.inertia': float(known.inertia)}
+
+
+def _line(known: LoadModel) -> tuple[float, float]:
+    """Return force at zero strain and stiffness, N, fitted to a table: parameters are numbers."""
+    if not known.table:
+        return float(known.force), float(known.stiffness)
+    strain, force = np.array(known.table).T
+    # The parameters take nothing below zero, nor does a fit that is zero but for rounding.
+    slope = max(float(np.polyfit(strain, force, 1)[0]), 0.0)
+    return max(float(np.mean(force - slope * strain)), 0.0), slope

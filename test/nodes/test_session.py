@@ -12,6 +12,7 @@ import pytest
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 
+from fam_bundle_ros.control import LoadModel
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
@@ -20,8 +21,8 @@ from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
-from fam_bundle_ros.nodes.session import check_rig, record, run_trajectory
-from fam_bundle_ros.plant import Dynamometer, SensorConfig
+from fam_bundle_ros.nodes.session import _parameters, check_rig, record, run_trajectory
+from fam_bundle_ros.plant import Dynamometer, MassSpring, Rig, SensorConfig
 from fam_bundle_ros.plant.rig import RigConfig
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
@@ -54,9 +55,25 @@ def test_ros_agrees_with_the_loop_without_ros(domain_id):
     library = ClosedLoop(bundle, rig=RigConfig(sensors=SensorConfig.ideal()), period=5e-3,
                          pid_period=5e-3).run(plan)
     assert ros.time == pytest.approx(library.time)
+    assert ros.reference == pytest.approx(library.reference)
+    known = np.isfinite(library.overlap).all(axis=1) & (ros.state == library.state)
+    # No time has passed before the first sample of a node: its first switch is a tick apart.
+    known[:2] = False
+    assert known.sum() > 100
+    assert ros.overlap[known] == pytest.approx(library.overlap[known], abs=2.0)
     settled = ros.time > 0.3
     assert np.sqrt(np.mean((ros.force - library.force)[settled] ** 2)) < 0.5
     assert abs(len(ros.switches) - len(library.switches)) <= 1
+
+
+def test_controller_is_told_of_the_load():
+    """The load's holding force reaches the node parameters as force and stiffness."""
+    rig = Rig(load_model(config_path('models/spie2021.yaml')),
+              RigConfig(load=MassSpring(mass=5.0, stiffness_against=800.0)))
+    told = _parameters(RigConfig(), rig)
+    line = LoadModel(told['load_model.force'], told['load_model.stiffness'])
+    assert line.holding_force(0.1) == pytest.approx(rig.load.holding_force(0.1, rig.length))
+    assert line.stiffness == pytest.approx(800.0 * rig.length)
 
 
 def test_bag_holds_every_sample(domain_id, tmp_path):
