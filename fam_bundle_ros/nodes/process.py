@@ -8,6 +8,7 @@ command could be published, and an exception raised inside a callback could leav
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 import os
 import signal
 import sys
@@ -82,7 +83,7 @@ class Spinner:
             self._try(node, node.stop)
         deadline = time.monotonic() + FAREWELL
         for node in self.nodes:
-            self._try(node, lambda node=node: node.flush(deadline))
+            self._try(node, partial(node.flush, deadline))
         self.executor.shutdown()
         for node in self.nodes:
             node.destroy_node()
