@@ -13,8 +13,8 @@ import math
 _FILTER_TIME = 0.01
 #: s: in which the noise is learnt.
 _LEARN_TIME = 1.0
-#: Half width of the play and of the dead zone, in standard deviations: noise needs four to pass.
-_WIDTH = 2.0
+#: Half width of the play and of the dead zone, in sd: noise needs five of them to pass.
+_WIDTH = 2.5
 #: 1/s: a change of this size is believed to be noise, whatever was seen before.
 _USUAL = 1e-3
 
