@@ -178,8 +178,8 @@ class PressurePid:
 
         Notes
         -----
-        A setpoint or any reading that is not finite, or a volume of 0, shuts the valve; what then has to happen
-        (hold, vent) is the caller's decision.
+        A setpoint or any reading that is not finite, or a volume of 0, shuts the valve; what
+        then has to happen (hold, vent) is the caller's decision.
         """
         volume = self.config.volume if volume is None else volume
         supply = self.config.supply if supply is None else supply

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The strain rate that a model is asked about: the measured one without the noise that it has at rest.
+The strain rate that a model is asked about: as measured, without the noise that it has at rest.
 
 Dry friction turns the sign of the rate into newtons. At rest the sign of a measured rate is noise.
 """

@@ -132,7 +132,7 @@ def test_past_the_free_strain_the_units_are_vented(paper_bundle, scheme):
 
 
 def test_effects_of_time_are_allocated_for(paper_bundle):
-    """Muscles that warm up are given the pressure of now: feed-forward alone stays on the force."""
+    """Muscles that warm up get the pressure of now: feed-forward alone stays on the force."""
     warm = paper_bundle.with_effect('temperature', rise=100.0, time_constant=10.0)
     config = ControllerConfig(outer=OuterConfig(feedback=False))
     log = ClosedLoop(warm, controller=config).run(
