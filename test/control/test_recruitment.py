@@ -272,7 +272,8 @@ def test_enabling_holds_the_pressures_until_time_goes_on(paper_bundle):
     bench.controller.enable(measurement, Reference('force', 40.0))
     command = bench.controller.update(0.0, measurement, Reference('force', 40.0))
     assert command.pressure == pytest.approx([200e3, 0.0])
-    assert command.state == 1 and list(command.active) == [True, False]
+    assert command.state == 1
+    assert list(command.active) == [True, False]
 
 
 def test_a_decision_is_told_once_though_readings_are_lost(paper_bundle):
