@@ -129,7 +129,7 @@ def load_model_of(load: Load, length: float) -> LoadModel:
         return LoadModel()
     strains = np.linspace(0.0, 0.25, 11)
     table = tuple((float(e), load.holding_force(float(e), length)) for e in strains)
-    return LoadModel(inertia=load.inertia(0.1, length), table=table)
+    return LoadModel(inertia=load.inertia(0.1, length), damping=load.drag(length), table=table)
 
 
 class ClosedLoop:

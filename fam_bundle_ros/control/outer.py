@@ -17,7 +17,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
 #: Damping that the strain loop adds, of critical.
-_DAMPING_RATIO = 0.3
+_DAMPING_RATIO = 0.5
 #: Inertia reckoned with where none is known, N s^2: about 2.5 kg on a muscle of 127 mm.
 _USUAL_INERTIA = 0.3
 
@@ -77,7 +77,7 @@ class OuterConfig:
     strain_integral : float, N/s
     strain_damping : float, N s, optional
         On the error of the strain rate; by default what damps the load's inertia on the muscles'
-        stiffness by a ratio of 0.3.
+        stiffness by a ratio of 0.5.
     still : float, N
         Corrections of a strain loop change only by more than this, or by more than the noise
         that is found in them, up to three times this: no air for sensor noise.
@@ -258,10 +258,11 @@ class OuterLoop:
         rate_error = reference.rate - measurement.strain_rate
         known, strain, rate = 0.0, measurement.strain, measurement.strain_rate
         if config.feed_forward:
-            known = (load.holding_force(reference.value) + load.damping * reference.rate
+            ahead = reference.value + config.lead_time * reference.rate
+            known = (load.holding_force(ahead) + load.damping * reference.rate
                      + load.inertia * self._acceleration(dt, reference.rate))
             reach = config.strain_reach
-            strain = min(max(reference.value, strain - reach), strain + reach)
+            strain = min(max(ahead, strain - reach), strain + reach)
             rate = reference.rate
         correction = 0.0
         if config.feedback:

@@ -18,6 +18,8 @@ from fam_bundle_ros.control.allocation import Curves
 from fam_bundle_ros.control.crossing import crossing_time
 from fam_bundle_ros.errors import InputError
 
+#: s: by so much a demand that rises may be ahead of its reference; it falls back when it stops.
+_LEAD = 0.01
 POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
 
 
@@ -171,6 +173,9 @@ class RecruitmentMachine:
         self._calm = 0.0
         self._absent = 0.0
         self._reserve = 0.0
+        # How far below the release level the demand was when the last unit was recruited ahead of
+        # need, N: a demand that then stops, and never fell, releases nothing.
+        self._ahead = 0.0
         # Since it was last below the release level: did the demand need the last unit?
         self._needed = True
         # A unit was recruited for a demand that then turned back: look ahead no more.
@@ -200,7 +205,7 @@ class RecruitmentMachine:
         if state < self.units:
             # Off is no state to be saturated in; beyond a working state the demand must be sure.
             recruit = top[state] + (margin if state else -margin)
-        release = self._release_level(curves, state, margin, band)
+        release = self._release_level(curves, state, margin, band) - self._ahead
         width = float(top[state] - crossing[state]) if state < self.units else math.nan
         self.margins = Margins(float(recruit), float(release), float(top[state]), width,
                                demand.uncertainty)
@@ -209,10 +214,14 @@ class RecruitmentMachine:
         if state < self.units and (neglect or self._may(+1)):
             reason = self._reason_up(curves, demand, recruit)
             if reason:
+                least = demand.force - band - min(_LEAD * max(demand.rate, 0.0), width)
+                self._ahead = max(self._release_level(curves, state + 1, margin, band) - least,
+                                  0.0)
                 return self._switch(+1, f'recruit {self._names[state]}: {reason}')
         if state > 0 and demand.force < release and (neglect or self._may(-1)):
             reason = self._reason_down(curves, demand, release)
             if reason:
+                self._ahead = 0.0
                 return self._switch(-1, f'release {self._names[state - 1]}: {reason}')
         return ''
 

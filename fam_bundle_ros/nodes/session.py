@@ -264,7 +264,8 @@ def _parameters(config: RigConfig, rig: Rig) -> dict[str, Any]:
             'tube_volume': config.chamber.tube_volume,
             'load_model.force': force,
             'load_model.stiffness': stiffness,
-            'load_model.inertia': float(known.inertia)}
+            'load_model.inertia': float(known.inertia),
+            'load_model.damping': float(known.damping)}
 
 
 def _line(known: LoadModel) -> tuple[float, float]:

@@ -50,6 +50,10 @@ class Load(ABC):
     def inertia(self, strain: float, length: float) -> float:
         """Return force per strain acceleration, N s^2: what a strain loop sees in motion."""
 
+    @abstractmethod
+    def drag(self, length: float) -> float:
+        """Return the load's own viscous force per strain rate, N s."""
+
 
 @dataclass(frozen=True)
 class Dynamometer(Load):
@@ -113,15 +117,15 @@ class Dynamometer(Load):
         """Return infinity."""
         return math.inf
 
+    def drag(self, length: float) -> float:
+        """Return 0: what the machine loses is its own affair."""
+        return 0.0
+
 
 class _OneBody(Load):
     """A load with one degree of freedom, described by forces along the bundle."""
 
     stops: tuple[float, float]
-
-    @abstractmethod
-    def _damping(self, length: float) -> float:
-        """Return the load's own viscous drag in N per strain rate."""
 
     def start(self, length: float) -> Motion:
         """Return (strain, strain rate): at rest on the lower end stop."""
@@ -142,7 +146,7 @@ class _OneBody(Load):
         strain, rate = motion[0], motion[1]
         inertia = self.inertia(strain, length)
         rate = ((rate + dt * (force - self.holding_force(strain, length)) / inertia)
-                / (1.0 + dt * self._damping(length) / inertia))
+                / (1.0 + dt * self.drag(length) / inertia))
         return (strain, self._against_stop(strain, rate)) + motion[2:]
 
     def _against_stop(self, strain: float, rate: float) -> float:
@@ -201,7 +205,8 @@ class MassSpring(_OneBody):
         """Return mass times length, N s^2."""
         return self.mass * length
 
-    def _damping(self, length: float) -> float:
+    def drag(self, length: float) -> float:
+        """Return the guide's damping times length, N s."""
         return self.damping * length
 
 
@@ -295,7 +300,8 @@ class SeriesSpringMass(_OneBody):
         """Return the inertia of fitting and mass moving together, N s^2."""
         return (self.mass + self.fitting_mass) * length
 
-    def _damping(self, length: float) -> float:
+    def drag(self, length: float) -> float:
+        """Return the guide's damping times length, N s."""
         return self.damping * length
 
 
@@ -357,7 +363,8 @@ class Arm(_OneBody):
         """Return the moment of inertia as felt along the bundle, N s^2."""
         return self.moment_of_inertia * length / self.moment_arm ** 2
 
-    def _damping(self, length: float) -> float:
+    def drag(self, length: float) -> float:
+        """Return the joint's damping as felt along the bundle, N s."""
         return self.damping * length / self.moment_arm ** 2
 
 

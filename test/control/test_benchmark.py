@@ -9,7 +9,7 @@ import pytest
 
 from fam_bundle_ros.benchmarks.control import plant_of, PLANTS, run_benchmark
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, TRAJECTORIES
-from fam_bundle_ros.benchmarks.least_air import least_air
+from fam_bundle_ros.benchmarks.least_air import filling_air, least_air
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import GAS_CONSTANT, POLYTROPIC, REFERENCE_TEMPERATURE
 
@@ -78,3 +78,19 @@ def test_least_air_of_one_filling_is_the_air_in_the_chambers(paper_bundle):
     volume = float(paper_bundle.gas_volume(0.16)[0]) + 5e-6
     expected = pressure_sum * volume / (POLYTROPIC * GAS_CONSTANT * REFERENCE_TEMPERATURE)
     assert found == pytest.approx(expected, rel=0.01)
+
+
+def test_no_run_needs_less_than_the_least_air(paper_bundle):
+    """Two ways to the same forces, slow and at a constant strain: both draw at least the bound."""
+    rng = np.random.default_rng(5)
+    time = np.linspace(0.0, 8.0, 1601)
+    second = np.interp(time, np.linspace(0.0, 8.0, 6), rng.uniform(80e3, 200e3, 6))
+    first = np.interp(time, np.linspace(0.0, 8.0, 6), rng.uniform(200e3, 340e3, 6))
+    pressure = np.stack([first, second], axis=-1)
+    force = paper_bundle.force(np.full(1601, 0.14), pressure)
+    volume = float(paper_bundle.gas_volume(0.14)[0]) + 5e-6
+    drawn = filling_air(paper_bundle, pressure[0], 0.14) + np.maximum(
+        np.diff(pressure, axis=0), 0.0).sum() * volume / (
+            POLYTROPIC * GAS_CONSTANT * REFERENCE_TEMPERATURE)
+    least = least_air(paper_bundle, time, force, np.full(1601, 0.14))
+    assert 0.5 * drawn < least <= drawn

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state machine and the controller, without a plant: pressures follow at once."""
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -77,6 +77,9 @@ def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
 
 @given(units=st.sampled_from([2, 3, 6]), strain=st.floats(0.0, 0.2),
        shares=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=5), rate=st.floats(40.0, 300.0))
+# Recruited ahead of need, and then the demand stops: at rest it counts as needed all the same.
+@example(units=6, strain=0.125, shares=[0.0, 0.03125], rate=40.0)
+@example(units=6, strain=0.125, shares=[0.0, 0.001953125], rate=126.0)
 @settings(deadline=None, max_examples=15)
 def test_monotone_demand_gives_monotone_recruitment(bundles, units, strain, shares, rate):
     """A demand that only rises never releases, one that only falls never recruits."""
