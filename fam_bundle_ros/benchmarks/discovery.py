@@ -29,6 +29,7 @@ from fam_bundle_ros.benchmarks.discovery_truth import OUTSIDERS
 from fam_bundle_ros.discovery.candidates import family
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.fit import base_terms, Problem
+from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import finite
 
 SETS = ('single', 'other', 'clean', 'parameters', 'outside', 'pairs', 'small')
@@ -86,9 +87,7 @@ def run(task: Task) -> dict[str, Any]:
     begun = time.process_time()
     result = diagnose(case.model, case.data)
     seconds = time.process_time() - begun
-    problem = Problem(case.data, case.model)
-    base = problem.fit(case.model, base_terms(case.model))
-    visible = float(np.sqrt(max(base.chi2 / problem.samples - 1.0, 0.0)))
+    visible = left_to_see(case)
     named = set(result.effects)
     right = [{name, *also} for name, also in zip(case.hidden, case.also_right)]
     ranking = [entry.effect for entry in result.ranking]
@@ -120,6 +119,13 @@ def run(task: Task) -> dict[str, Any]:
     }
     row.update(_parameters(case, result))
     return finite(row)
+
+
+def left_to_see(case: make.Case) -> float:
+    """Return what the refitted model without the hidden effect misses, rms in noise sd."""
+    base = Problem(case.data, case.model).fit(case.model, base_terms(case.model))
+    missed = predict(base.model, case.data) - case.shown_force
+    return float(np.sqrt(np.mean(missed ** 2))) / case.noise
 
 
 def _parameters(case: make.Case, result: Any) -> dict[str, Any]:

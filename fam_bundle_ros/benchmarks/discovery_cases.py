@@ -32,7 +32,7 @@ from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 
 @dataclass
 class Case:
-    """One synthetic measurement and the truth about it."""
+    """One synthetic measurement and the truth about it; ``shown_force`` (T,) is without noise."""
 
     name: str
     kind: str
@@ -42,6 +42,7 @@ class Case:
     also_right: tuple[tuple[str, ...], ...]
     verdicts: tuple[str, ...]
     noise: float
+    shown_force: np.ndarray
     form: str = 'same'
     parameters: dict[str, float] = field(default_factory=dict)
     size: float = 0.0
@@ -218,6 +219,7 @@ def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 's
     for part in parts:
         if part.shown:
             force, strain, pressure = part.shown(force, strain, pressure)
+    shown_force = force
     force = force + noise_of(noise, sd, record, rng)
     strain = strain + 1e-4 * rng.standard_normal(len(strain))
     pressure = pressure + 350.0 * rng.standard_normal(pressure.shape)
@@ -237,5 +239,6 @@ def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 's
         with_it = true_force(record, rig, parts)
         absorbed = float(np.std(with_it - clean) / sd)
     return Case(data.name, kind, model, data, hidden,
-                tuple(SAME_PHYSICS.get(name, ()) for name in hidden), verdicts, sd, form,
+                tuple(SAME_PHYSICS.get(name, ()) for name in hidden), verdicts, sd, shown_force,
+                form,
                 {f'{p.name}.{k}': v for p in parts for k, v in p.parameters.items()}, absorbed)
