@@ -69,3 +69,22 @@ def test_friction_in_the_model_still_helps_in_motion(paper_bundle):
         log = ClosedLoop(plant, model=model).run(swing)
         errors.append(np.sqrt(np.mean(log.error[log.time > 1.0] ** 2)))
     assert errors[1] < 0.35 * errors[0]
+
+
+@pytest.mark.parametrize('speed', [0.002, 0.004, 0.01])
+def test_friction_in_the_model_is_no_worse_however_slow(paper_bundle, speed):
+    """Creeping to and fro, where the measured rate is mostly noise: never worse than without."""
+    plant = paper_bundle.with_effect('coulomb_friction', force=6.0)
+
+    def imposed(t):
+        return 0.1 + speed * float(np.interp(max(t, 0.0) % 6.0, [0.0, 1.5, 4.5, 6.0],
+                                             [0.0, 1.5, -1.5, 0.0]))
+    creep = Trajectory('creep', 'force', 7.0, lambda t: 40.0, lambda t: 0.0, Dynamometer(0.1),
+                       imposed=imposed)
+    errors = []
+    for model in (paper_bundle, plant):
+        log = ClosedLoop(plant, model=model, seed=2).run(creep)
+        errors.append(np.sqrt(np.mean(log.error[log.time > 1.0] ** 2)))
+    assert errors[1] < 1.02 * errors[0]
+    if speed > 0.003:
+        assert errors[1] < 0.8 * errors[0]
