@@ -39,6 +39,9 @@ SHOWN = tuple((policy, 'orderly', 'ramp', 'nominal')
     ('reversal_aware', 'all_on', 'arm_spline', 'nominal'),
     ('reversal_aware', 'orderly', 'load_step', 'nominal'),
 )
+#: And runs whose air is compared.
+COMPARED = tuple(('reversal_aware', scheme, trajectory, 'nominal')
+                 for trajectory in TRAJECTORIES for scheme in ('orderly', 'all_on'))
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class ControlBenchmark:
     summary : dict
         For ``reversal_aware``; see `control_metrics.summarise`.
     logs : dict
-        Logs of some runs by (policy, scheme, trajectory, plant), for plots.
+        Those of `SHOWN` and `COMPARED`, by (policy, scheme, trajectory, plant), for plots.
     """
 
     rows: list[dict[str, Any]]
@@ -175,4 +178,4 @@ def _run(case, seed, bundle):
     """Run a case in a worker; bring the log only where it is wanted, it is large."""
     policy, scheme, trajectory, plant = case
     row, log = run_case(policy, scheme, trajectory, plant, seed, bundle)
-    return row, log if case in SHOWN else None
+    return row, log if case in SHOWN + COMPARED else None

@@ -69,6 +69,8 @@ def benchmark_control(
               title='against all on', numeric=(1, 2, 3, 4))
     console.print(f'{len(result.rows)} runs; chatter in '
                   f'{sum(row["chatter"] for row in result.rows)}')
+    for name, sentences in result.summary['not_reached'].items():
+        console.print(f'not reached on {name}: ' + '; '.join(sentences), highlight=False)
     over_ros = _over_ros(seed, result.rows) if ros else []
     if over_ros:
         table(('ramp, reversal_aware, orderly', 'rms (N)', 'largest (N)', 'switches', 'air (mg)'),

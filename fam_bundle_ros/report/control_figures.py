@@ -14,7 +14,7 @@ from fam_bundle_ros.report.paper import force_strain_space
 from fam_bundle_ros.report.paper_plots import state_regions
 from fam_bundle_ros.simulation import Log
 
-__all__ = ['compared', 'run', 'track']
+__all__ = ['air', 'compared', 'run', 'track']
 
 #: More points than this in one line only slow the page down.
 MOST_POINTS = 2500
@@ -131,6 +131,17 @@ def compared(logs: Mapping[str, Log], window: tuple[float, float] | None = None)
     drawing.update_yaxes(title_text=f'error {unit}', row=2, col=1)
     drawing.update_xaxes(title_text='time (s)', row=2, col=1)
     drawing.update_xaxes(range=list(window or (float(first.time[0]), float(first.time[-1]))))
+    return drawing
+
+
+def air(logs: Mapping[str, Log]) -> go.Figure:
+    """Draw the air drawn from the supply over time (mg), one line per controller by its name."""
+    drawing = plotting.figure('time (s)', 'air drawn (mg)', height=320)
+    for k, (name, log) in zip(reversed(range(len(logs))), logs.items(), strict=True):
+        keep = _thin(len(log.time))
+        drawing.add_trace(plotting.line(log.time[keep], 1e6 * log.air[keep], name,
+                                        palette.CONTROLLERS[k % 4], width=1.8,
+                                        hovertemplate='%{y:.1f} mg'))
     return drawing
 
 

@@ -58,6 +58,17 @@ def test_rates_of_trajectories_are_their_derivatives(paper_bundle, name):
         assert trajectory.rate(t) == pytest.approx(slope, rel=1e-3, abs=1e-3)
 
 
+def test_what_is_not_reached_is_said_with_its_reason(subset):
+    """At a constant strain no allocation saves air on a ramp that needs all units at its top."""
+    summary = subset[0].summary
+    assert summary['air_saving'] < 0.01
+    assert summary['by_trajectory']['ramp']['air_saving_bound'] < 0.01
+    assert set(summary['not_reached']) <= {'ramp'}
+    for sentence in summary['not_reached'].get('ramp', []):
+        assert 'saving of air' in sentence
+        assert 'same sum of pressures' in sentence
+
+
 def test_unknown_names_fails(paper_bundle):
     """Names that are not there are refused with those that are."""
     with pytest.raises(InputError, match='expected one of ramp'):
