@@ -98,10 +98,10 @@ def diagnose(
     console.print(f"error {error['model']:.3g} N as it is, {error['recalibrated']:.3g} N "
                   f"recalibrated, {error['best']:.3g} N at best; noise floor "
                   f'{result.noise.value:.3g} N ({result.noise.basis})')
-    if result.ranking:
+    if result.shortlist:
         table(('candidate', 'probability', 'error (N)', 'why'),
               [(effect_name(c.effect), f'{c.probability:.2f}', c.error_N, c.reason)
-               for c in result.ranking[:6]], numeric=(1, 2))
+               for c in result.shortlist], numeric=(1, 2))
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
     if result.parameters:

@@ -56,6 +56,9 @@ def add(
     bundle = open_model(model, allow_python)
     wanted: list[Any] = list(effects or [])
     if source is not None:
+        if not wanted:
+            raise InputError(f'--from {source} without an effect; expected the names of those to '
+                             'take from it')
         library = open_model(source, allow_python)
         wanted = [library.effect(effect) for effect in wanted]
     if out.suffix not in ('.yaml', '.yml'):

@@ -17,7 +17,7 @@ import json
 from typing import Any
 
 from fam_bundle_ros.discovery.diagnose import confirm, SEARCH_ROWS, with_intervals
-from fam_bundle_ros.discovery.fit import base_terms, held_out_error, Problem
+from fam_bundle_ros.discovery.fit import base_terms, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
 from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
@@ -117,9 +117,9 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     scale = Scale.of(full, final)
     kept = full.weight
     label = name or '_'.join([model.name, *names])
-    new = with_intervals(final, scale)
+    new = with_intervals(final, scale, kept)
     return Added(new.named(label), tuple(names), rms(full.residual(model)[kept]),
-                 rms(final.residual[kept]), held_out_error(full, final),
+                 rms(final.residual[kept]), held_out_of_whole(full, final, problem, fit),
                  noise_floor(data.select(kept), final.residual[kept]),
                  tuple(estimates(final, scale)))
 
@@ -206,12 +206,12 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     for model in models:
         data = matched(model, data)
         fit = thin.fit(model, base_terms(model))
-        refitted = rms(confirm(full, fit).residual[kept])
-        added = held_out_error(thin, fit) ** 2 - rms(fit.residual[thin.weight]) ** 2
+        confirmed = confirm(full, fit)
+        refitted = rms(confirmed.residual[kept])
         steps.append({
             'step': model.name, 'error_N': rms((data.force - predict(model, data))[kept]),
             'refitted_N': refitted,
-            'held_out_N': float(max(refitted ** 2 + added, 0.0) ** 0.5),
+            'held_out_N': held_out_of_whole(full, confirmed, thin, fit),
             'effects': [effect.name for effect in model.effects], 'rows': int(kept.sum())})
         if best is None or steps[-1]['refitted_N'] < best[0]:
             best = (steps[-1]['refitted_N'], fit.model)

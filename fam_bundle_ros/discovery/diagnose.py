@@ -7,12 +7,12 @@ Which effect is the model missing? Verdict, effects, ties, and what to measure n
     print(result)
 
 The search (`search`) refits every candidate together with the model's own parameters on blocks of
-neighbours; what it chose is confirmed on every row. This module turns the search into words.
+neighbours; what it chose is confirmed on every row. This module turns the search into a verdict
+with numbers, `words` into sentences.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 import time
 from typing import Any
 
@@ -20,8 +20,7 @@ import numpy as np
 
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
-from fam_bundle_ros.discovery.experiment import best_experiment, without_force
-from fam_bundle_ros.discovery.fit import Fit, held_out_error, Problem
+from fam_bundle_ros.discovery.fit import Fit, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
 from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor
@@ -30,6 +29,7 @@ from fam_bundle_ros.discovery.search import Progress, Scale, Search
 from fam_bundle_ros.discovery.structure import surface_share
 from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
 from fam_bundle_ros.discovery.uncertainty import confounding, estimates
+from fam_bundle_ros.discovery.words import Finding, next_experiment, notes_on, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 
 #: Rows that the search works on; longer logs are averaged down to about this many.
@@ -85,54 +85,42 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     kept = full.weight
     keep_nominal = finding.verdict == 'adequate'
     return Diagnosis(
-        verdict=finding.verdict, summary=_summary(finding, search, ranking, tied, base),
+        verdict=finding.verdict, summary=summarise(finding, search, tied, base),
         model=model, measurement=data, comparison=comparison,
         effects=tuple(cand.head(name) for name in chosen), shapes=tuple(chosen),
         error_N={'model': rms(comparison.residual[kept]), 'recalibrated': rms(
             base.residual[kept]), 'best': rms(final.residual[kept])},
         noise=floor, ranking=ranking, tied=tied, located=comparison.located,
-        next_experiment=_next(problem, search, finding, tied, data),
+        next_experiment=next_experiment(problem, search, finding, tied, data),
         parameters=tuple(estimates(final, scale)), moved=final.moved(),
-        best=model if keep_nominal else with_intervals(final, scale),
+        best=model if keep_nominal else with_intervals(final, scale, kept),
         recalibrated=base.model, shapes_left=tuple(finding.left.templates),
-        notes=(data.notes + _notes(data, floor, base, final)
+        notes=(data.notes + notes_on(data, floor, base, final)
                + _reshaped(problem, search, finding)),
         rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
         ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
 
 
-@dataclass
-class _Finding:
-    verdict: str
-    left: Described
-    explained: float = 1.0
-
-    @property
-    def named(self) -> bool:
-        """Whether the effects of the search are part of the answer."""
-        return self.verdict in ('missing_effect', 'partial')
-
-
 # --- verdict -----------------------------------------------------------------------------------
 
-def _verdict(problem: Problem, search: Search) -> _Finding:
+def _verdict(problem: Problem, search: Search) -> Finding:
     base, final = search.fit(()), search.fit(search.chosen)
     left = describe(problem, final)
     structured = _structured(problem, final, left)
     if not search.chosen:
         if structured:
-            return _Finding('unexplained', left, 0.0)
-        return _Finding('recalibrate' if _moved(problem, search) else 'adequate', left)
+            return Finding('unexplained', left, 0.0)
+        return Finding('recalibrate' if _moved(problem, search) else 'adequate', left)
     before = search.excess(())
     explained = 1.0 - search.excess(search.chosen) / max(before, 1e-9)
     if not structured:
-        return _Finding('missing_effect', left, explained)
+        return Finding('missing_effect', left, explained)
     shape = _outsider(problem, search, final)
     if shape is not None:
-        return _Finding('unexplained', shape, explained)
+        return Finding('unexplained', shape, explained)
     if explained < 0.7:
-        return _Finding('unexplained', describe(problem, base), explained)
-    return _Finding('partial', left, explained)
+        return Finding('unexplained', describe(problem, base), explained)
+    return Finding('partial', left, explained)
 
 
 def _structured(problem: Problem, fit: Fit, left: Described) -> bool:
@@ -258,17 +246,18 @@ def _ladder(full: Problem, model: Bundle, search: Search, chosen: list[str],
     for count in range(len(chosen) + 1):
         fit = search.fit(chosen[:count])
         here = confirm(full, fit)
-        error = rms(here.residual[kept])
-        # the search may have averaged neighbours: what leaving out adds is added to a row's error
-        added = held_out_error(search.problem, fit) ** 2 - rms(
-            fit.residual[search.problem.weight]) ** 2
         steps.append({'step': 'recalibrated' if not count else f'+ {chosen[count - 1]}',
-                      'error_N': error, 'held_out_N': float(np.sqrt(max(error ** 2 + added, 0)))})
+                      'error_N': rms(here.residual[kept]),
+                      'held_out_N': held_out_of_whole(full, here, search.problem, fit)})
     return steps
 
 
-def with_intervals(fit: Fit, scale: Scale) -> Bundle:
-    """Return the fitted model with its error and the intervals of its effects' parameters."""
+def with_intervals(fit: Fit, scale: Scale, kept: np.ndarray) -> Bundle:
+    """
+    Return the fitted model with its error and the intervals of its effects' parameters.
+
+    The error is that of the rows ``kept`` (T,) of bool: spikes are the rig's, not the model's.
+    """
     found: dict[str, dict[str, tuple[float, float]]] = {}
     for estimate in estimates(fit, scale):
         owner, _, name = estimate.key.partition('.')
@@ -279,73 +268,10 @@ def with_intervals(fit: Fit, scale: Scale) -> Bundle:
         known.intervals = {**effect.intervals, **found.get(effect.name, {})}
         effects.append(known)
     model = fit.model
-    return Bundle(model.name, model.motor_units, effects, rms(fit.residual), model.notes)
+    return Bundle(model.name, model.motor_units, effects, rms(fit.residual[kept]), model.notes)
 
 
-# --- words -------------------------------------------------------------------------------------
-
-def _summary(finding: _Finding, search: Search, ranking: tuple[Candidate, ...],
-             tied: tuple[tuple[str, ...], ...], base: Fit) -> str:
-    moved = {key.partition('.')[2]: value for key, value in base.moved().items()
-             if abs(value) > 0.2}
-    far = ', '.join(f'{key} {value:+.1f}' for key, value in moved.items())
-    if finding.verdict == 'adequate':
-        return 'the model explains the data down to their noise'
-    if finding.verdict == 'recalibrate':
-        return (f"the model's own parameters explain the error (tolerances moved: "
-                f'{far or "little"}); no effect is missing')
-    if finding.verdict == 'unexplained':
-        shape = finding.left.templates[0].words if finding.left.templates else 'no plain shape'
-        return ('the error has a structure that no effect of the catalogue explains; it looks '
-                f'like this: {shape}')
-    shapes = [f'{cand.head(name)} (shape: {name})' if name != cand.head(name) else name
-              for name in search.chosen]
-    text = ' and '.join(shapes)
-    if tied:
-        text += '; these data cannot tell apart ' + '; '.join(', '.join(g) for g in tied)
-    if finding.verdict == 'partial':
-        return (f'{text} explains {100 * finding.explained:.0f} % of the error, but its shape is '
-                'not quite right')
-    return f'{text} is missing and explains the error down to the noise'
-
-
-def _next(problem: Problem, search: Search, finding: _Finding,
-          tied: tuple[tuple[str, ...], ...], data: Measurement) -> str:
-    """Return the experiment that would tell most."""
-    if finding.named and tied:
-        chosen = search.chosen
-        slot = [cand.head(name) for name in chosen].index(tied[0][0])
-        rest = chosen[:slot] + chosen[slot + 1:]
-        rival = min((key for key in search.fits if len(key) == len(chosen)
-                     and set(rest) <= set(key)
-                     and tied[0][1] in {cand.head(n) for n in key}),
-                    key=lambda key: search.score(key, search.scale))
-        best, _ = best_experiment(problem, search.fit(chosen), search.fit(rival), search.scale)
-        if best is None:
-            return (f'no force test of the menu separates {tied[0][0]} from {tied[0][1]}; '
-                    + without_force(chosen[slot], tied[0][1]))
-        return (f'{best.words}: separates {tied[0][0]} from {tied[0][1]} '
-                f'(by {np.sqrt(best.separation):.0f} noise sd)')
-    if finding.verdict == 'unexplained':
-        shape = finding.left.templates[0].words if finding.left.templates else 'the error'
-        return (f'measure where the error is largest again, in finer steps and at two speeds '
-                f'({shape})')
-    if finding.verdict == 'recalibrate':
-        return 'measure radius and braid angle with a calliper: they explain the error'
-    runner = _runner_up(search)
-    if finding.named and runner is not None:
-        best, _ = best_experiment(problem, search.fit(search.chosen), search.fit(runner),
-                                  search.scale)
-        other = cand.head(next(n for n in runner if n not in search.chosen))
-        if best is not None:
-            return f'{best.words}: the firmest check of {cand.head(search.chosen[-1])} against ' \
-                   f'{other}'
-    if data.is_static:
-        return 'log a sweep up and down with time: friction and memory cannot be seen in a map'
-    return 'none needed within this range; widen it (past free strain, another speed) to go on'
-
-
-def _reshaped(problem: Problem, search: Search, finding: _Finding) -> tuple[str, ...]:
+def _reshaped(problem: Problem, search: Search, finding: Finding) -> tuple[str, ...]:
     """Return a note where another shape of an effect that the model has would do better."""
     if finding.verdict not in ('unexplained', 'partial'):
         return ()
@@ -364,38 +290,4 @@ def _reshaped(problem: Problem, search: Search, finding: _Finding) -> tuple[str,
             notes.append(f'{shape.name} instead of {old} would leave '
                          f'{rms(after.residual[kept]):.3g} N instead of '
                          f'{rms(before.residual[kept]):.3g} N')
-    return tuple(notes)
-
-
-def _runner_up(search: Search) -> tuple[str, ...] | None:
-    if not search.chosen:
-        return None
-    rest = set(search.chosen[:-1])
-    last = cand.head(search.chosen[-1])
-    keys = [key for key in search.fits if len(key) == len(search.chosen) and rest <= set(key)
-            and all(cand.head(n) != last for n in set(key) - rest)]
-    return min(keys, key=lambda key: search.score(key, search.scale), default=None)
-
-
-def _notes(data: Measurement, floor: Any, base: Fit, final: Fit) -> tuple[str, ...]:
-    notes = []
-    if floor.note:
-        notes.append(floor.note)
-    far = [f'{key} {value:+.1f}' for key, value in final.moved().items()
-           if abs(value) > 3.0 and key.startswith('geometry')]
-    if far:
-        notes.append('the refit moved geometry beyond what tolerances allow: ' + ', '.join(far)
-                     + ' tolerances')
-    far = [f'{key} {value:+.1f}' for key, value in base.moved().items()
-           if abs(value) > 3.0 and key.startswith('geometry')]
-    if far and base is not final:
-        notes.append('recalibration alone would move ' + ', '.join(far) + ' tolerances')
-    if not data.is_static and len(data.trial_names) >= 3:
-        means = np.array([data.pressure[data.trial == k].sum(-1).mean()
-                          for k in range(len(data.trial_names))])
-        spread = np.array([np.ptp(data.pressure[data.trial == k].sum(-1)).max()
-                           for k in range(len(data.trial_names))])
-        if np.all(np.diff(means) > 0) and spread.max() < 0.2 * np.ptp(means):
-            notes.append('isobars were run in ascending order: pressure and time cannot be told '
-                         'apart')
     return tuple(notes)

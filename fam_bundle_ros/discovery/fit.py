@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fam_bundle_ros.discovery.grouping import blocks, reversals
+from fam_bundle_ros.discovery.grouping import blocks, reversals, rms
 from fam_bundle_ros.discovery.measurement import Measurement
 from fam_bundle_ros.discovery.noise import autocorrelation_time, second_differences
 from fam_bundle_ros.discovery.predict import motion, predict
@@ -367,6 +367,17 @@ def held_out_residual(problem: Problem, fit: Fit, scheme: str = '') -> np.ndarra
     finally:
         problem.weight = used
     return residual
+
+
+def held_out_of_whole(whole: Problem, refitted: Fit, thin: Problem, fit: Fit) -> float:
+    """
+    Return the error of refits on blocks left out, N rms, for a fit confirmed on every row.
+
+    Blocks are left out of ``thin``, which may have averaged neighbours: what leaving out adds to
+    the error of ``fit`` there is added to that of ``refitted`` on the rows of ``whole``.
+    """
+    added = held_out_error(thin, fit) ** 2 - rms(fit.residual[thin.weight]) ** 2
+    return float(np.sqrt(max(rms(refitted.residual[whole.weight]) ** 2 + added, 0.0)))
 
 
 def held_out_error(problem: Problem, fit: Fit, scheme: str = '') -> float:

@@ -132,9 +132,9 @@ class Diagnosis:
                  f"error {self.error_N['model']:.3g} N as it is, "
                  f"{self.error_N['recalibrated']:.3g} N recalibrated, "
                  f"{self.error_N['best']:.3g} N at best; {self.noise}"]
-        if self.ranking:
+        if self.shortlist:
             lines.append('candidates')
-            for entry in self.ranking[:6]:
+            for entry in self.shortlist:
                 lines.append(f'  {entry.effect:<26} p {entry.probability:5.2f}  '
                              f'{entry.error_N:8.3g} N   {entry.reason}')
         for group in self.tied:
@@ -150,6 +150,12 @@ class Diagnosis:
             lines += [f'  {region}' for region in self.located]
         lines.append(f'next: {self.next_experiment}')
         return '\n'.join(lines + [f'note: {note}' for note in self.notes])
+
+    @property
+    def shortlist(self) -> tuple[Candidate, ...]:
+        """The first six of ``ranking`` that are named or have a probability worth showing."""
+        return tuple(entry for entry in self.ranking
+                     if entry.effect in self.effects or entry.probability >= 0.005)[:6]
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, lists and text; the keys of DESIGN.md and some more."""

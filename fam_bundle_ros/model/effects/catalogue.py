@@ -70,8 +70,14 @@ def get(name: str) -> type[Effect]:
     """Return an effect class; InputError with the nearest names when there is none."""
     classes = available()
     if name not in classes:
-        import difflib
-        near = difflib.get_close_matches(name, classes, n=2)
+        from difflib import SequenceMatcher
+
+        def likeness(known: str) -> float:
+            # 'colomb' is meant to be coulomb_friction: words of a name count like the whole
+            return max(SequenceMatcher(None, name, part).ratio()
+                       for part in (known, *known.split('_')))
+        near = [known for known in sorted(classes, key=likeness, reverse=True)[:2]
+                if likeness(known) >= 0.7]
         hint = f'; did you mean {" or ".join(near)}?' if near else ''
         raise InputError(f"effect '{name}' is not known{hint} (fam_bundle effects lists them)")
     return classes[name]
