@@ -105,7 +105,12 @@ def tune(
     scheduled: Annotated[bool, typer.Option(help='Whether the loop is told the volume.')] = True,
     json_file: JsonFile = None,
 ) -> None:
-    """Work out the gains of the pressure loop and show the margins that they leave."""
+    """
+    Work out the gains of the pressure loop and show the margins that they leave.
+
+    A reading that comes over a topic is a period old: the defaults of the node pressure_pid are
+    those of a sample period and a delay of 5 ms each.
+    """
     from fam_bundle_ros.control import tuning
     result = tuning.tune(
         sample_period=quantity(sample_period, 's', '--sample-period'),

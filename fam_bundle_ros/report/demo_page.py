@@ -118,7 +118,8 @@ def _headline(found: Mapping[str, Any]) -> list[Headline]:
     steps = found['model']['steps']
     cards.append(Headline('Model error, measured muscle',
                           f'{steps[0]["error_N"]:.3g} → {steps[-1]["error_N"]:.3g} N',
-                          f'held out {_held(steps[-1])}; noise floor '
+                          f'verdict {found["model"]["verdict"].replace("_", " ")}; held out '
+                          f'{_held(steps[-1])}; noise floor '
                           f'{found["model"]["noise_floor_N"]:.3g} N'))
     return cards
 

@@ -8,11 +8,14 @@ import pytest
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
+import yaml
 
+from fam_bundle_ros.control import tune
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
-from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode, SPECS
+from fam_bundle_ros.resources import config_path
 
 
 @pytest.fixture
@@ -27,6 +30,17 @@ def pair(graph, quiet):
         graph.add(*pids, rig)
         return rig, pids
     return start
+
+
+def test_default_gains_are_those_of_tune_at_200_hz_over_topics():
+    """A reading at 200 Hz that is a period old: what the node starts with, and rig.yaml says."""
+    pytest.importorskip('control')
+    gains = tune(sample_period=5e-3, transport_delay=5e-3).gains
+    defaults = {spec.name: spec.default for spec in SPECS}
+    rig = yaml.safe_load(config_path('rig.yaml').read_text())['/**']['ros__parameters']
+    for values in (defaults, rig):
+        assert values['gains.p'] == pytest.approx(gains.p, rel=0.01)
+        assert values['gains.i'] == pytest.approx(gains.i, rel=0.01)
 
 
 def test_pressure_reaches_the_setpoint(graph, pair):
