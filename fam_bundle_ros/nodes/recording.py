@@ -7,6 +7,7 @@ Needs the package rosbags (extra ``tools``), not rosbag2.
 """
 
 from collections.abc import Callable, Iterable
+from contextlib import closing, ExitStack
 from pathlib import Path
 import shutil
 import struct
@@ -196,40 +197,29 @@ def record(folder: str | Path, seconds: float | None = None,
     InputError
         When nothing of the interface is there within 10 s.
     """
-    context = Context()
-    context.init(domain_id=domain)
-    writer: BagWriter | None = None
-    spinner: Spinner | None = None
-    try:
-        writer = BagWriter(folder)
+    with ExitStack() as ending:
+        context = Context()
+        context.init(domain_id=domain)
+        ending.callback(context.try_shutdown)
+        writer = ending.enter_context(closing(BagWriter(folder)))
         node = Recorder(writer, context=context, namespace=namespace)
-        spinner = Spinner(context, [node])
-        with StopSignals() as signals:
-            begin = time.monotonic()
-            heard: float | None = None
-            while not signals.received:
-                node.discover()
-                spinner.spin(0.25)
-                now = time.monotonic()
-                if heard is None:
-                    # Finding each other takes seconds and is no part of the recording.
-                    heard = now if writer.count else None
-                    if heard is None and now - begin > _PATIENCE:
-                        raise InputError(f'no topics of a bundle under {node.get_namespace()}; '
-                                         'is the rig running, in this ROS domain?')
-                    continue
-                if progress:
-                    progress(now - heard, writer.count)
-                if seconds is not None and now - heard >= seconds:
-                    break
+        spinner = ending.enter_context(closing(Spinner(context, [node])))
+        signals = ending.enter_context(StopSignals())
+        begin = time.monotonic()
+        heard: float | None = None
+        while not signals.received:
+            node.discover()
+            spinner.spin(0.25)
+            now = time.monotonic()
+            if heard is None:
+                # Finding each other takes seconds and is no part of the recording.
+                heard = now if writer.count else None
+                if heard is None and now - begin > _PATIENCE:
+                    raise InputError(f'no topics of a bundle under {node.get_namespace()}; '
+                                     'is the rig running, in this ROS domain?')
+                continue
+            if progress:
+                progress(now - heard, writer.count)
+            if seconds is not None and now - heard >= seconds:
+                break
         return writer.count
-    finally:
-        try:
-            if spinner is not None:
-                spinner.close()
-        finally:
-            try:
-                if writer is not None:
-                    writer.close()
-            finally:
-                context.try_shutdown()

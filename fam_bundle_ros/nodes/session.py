@@ -9,6 +9,7 @@ executables, one executor, a record of every topic, and the run as a `Log` like 
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import closing, ExitStack
 from dataclasses import replace
 from pathlib import Path
 import tempfile
@@ -115,19 +116,18 @@ def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: R
          namespace: str, bag: str | Path | None, progress: Callable[[float], None] | None,
          signals: StopSignals) -> Log:
     script = _Script(plan)
-    writer: BagWriter | None = None
-    spinner: Spinner | None = None
-    try:
+    with ExitStack() as ending:
+        ending.callback(context.try_shutdown)
         nodes: list[BundleNode] = []
         if bag is not None:
-            writer = BagWriter(bag)
+            writer = ending.enter_context(closing(BagWriter(bag)))
             recorder = Recorder(writer, context=context, namespace=namespace)
             recorder.add(interface.topics(hardware.bundle.n))
             nodes.append(recorder)
         nodes = make_nodes(context, namespace, overrides=values,
                            simulator={'rig': hardware, 'script': script},
                            generator={'profile': plan}) + nodes
-        spinner = Spinner(context, nodes)
+        spinner = ending.enter_context(closing(Spinner(context, nodes)))
         script.controller = next(n for n in nodes if isinstance(n, RecruitmentNode))
         script.interrupt = spinner.interrupt
         if not values['lock_step']:
@@ -141,16 +141,6 @@ def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: R
             raise KeyboardInterrupt
         spinner.spin(_DRAIN)
         return script.log()
-    finally:
-        try:
-            if spinner is not None:
-                spinner.close()
-        finally:
-            try:
-                if writer is not None:
-                    writer.close()
-            finally:
-                context.try_shutdown()
 
 
 def _refuse_company(node: BundleNode) -> None:
