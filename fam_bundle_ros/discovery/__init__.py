@@ -15,8 +15,9 @@ from fam_bundle_ros.discovery.add import add_effect, Added, Ladder, ladder, orde
 from fam_bundle_ros.discovery.compare import compare, Comparison
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
-from fam_bundle_ros.discovery.measurement import Measurement, read_measurement, write_csv
+from fam_bundle_ros.discovery.measurement import Measurement, write_csv
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.discovery.reading import read_measurement
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 
 __all__ = ['add_effect', 'Added', 'Candidate', 'compare', 'Comparison', 'diagnose', 'Diagnosis',

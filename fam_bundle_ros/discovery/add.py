@@ -19,9 +19,9 @@ from typing import Any
 from fam_bundle_ros.discovery.diagnose import confirm, SEARCH_ROWS, with_intervals
 from fam_bundle_ros.discovery.fit import base_terms, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.discovery.predict import matched, predict
+from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.result import finite
 from fam_bundle_ros.discovery.search import Scale, Search
 from fam_bundle_ros.discovery.uncertainty import Estimate, estimates
@@ -96,7 +96,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     InputError
         For an unknown effect, one that the model has already, or bad data.
     """
-    data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
+    data = as_measurement(measurement)
     data = matched(model, data)
     listed = [effect] if isinstance(effect, (str, Effect)) else list(effect)
     effects = {}
@@ -194,7 +194,7 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     InputError
         Without a model, or where data and a model have other motor units.
     """
-    data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
+    data = as_measurement(measurement)
     if not models:
         raise InputError('a ladder needs at least one model')
     steps, best = [], None
@@ -231,7 +231,7 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
     dict of str to list of float
         Such as ``{'end_caps, coulomb_friction': [6.7, 5.3, 0.7]}``; the first is recalibration.
     """
-    data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
+    data = as_measurement(measurement)
     problem = Problem(data, model, largest=SEARCH_ROWS)
     search = Search(problem, model, {name: _effect(name) for name in effects})
     kept = problem.weight

@@ -23,9 +23,10 @@ from fam_bundle_ros.discovery.grouping import (
     varying_unit,
 )
 from fam_bundle_ros.discovery.locate import locate, Region
-from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
+from fam_bundle_ros.discovery.measurement import Measurement
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, visit_cells
 from fam_bundle_ros.discovery.predict import free_mask, matched, predict
+from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.model import Bundle
 
 
@@ -145,7 +146,7 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     InputError
         Where data and model have other motor units.
     """
-    data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
+    data = as_measurement(measurement)
     data = matched(model, data)
     prediction = predict(model, data)
     residual = data.force - prediction

@@ -22,8 +22,8 @@ from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.fit import Fit, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.measurement import Measurement, read_measurement
 from fam_bundle_ros.discovery.noise import noise_floor
+from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Scale, Search
 from fam_bundle_ros.discovery.structure import surface_share
@@ -66,7 +66,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     Diagnosis
     """
     begun = time.perf_counter()
-    data = measurement if isinstance(measurement, Measurement) else read_measurement(measurement)
+    data = as_measurement(measurement)
     comparison = compare(model, data)
     data = comparison.measurement
     problem = Problem(data, model, largest=rows)
