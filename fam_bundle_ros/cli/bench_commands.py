@@ -71,7 +71,7 @@ def benchmark_control(
                   f'{sum(row["chatter"] for row in result.rows)}')
     for name, sentences in result.summary['not_reached'].items():
         console.print(f'not reached on {name}: ' + '; '.join(sentences), highlight=False)
-    over_ros = _over_ros(seed, result.rows) if ros else []
+    over_ros = _over_ros(seed) if ros else []
     if over_ros:
         table(('ramp, reversal_aware, orderly', 'rms (N)', 'largest (N)', 'switches', 'air (mg)'),
               [(row['through'], row['tracking_rms'], row['largest_error'], row['switches'],
@@ -171,28 +171,32 @@ def _diagnose_seconds(length: int) -> float:
     return time.process_time() - begin
 
 
-def _over_ros(seed: int, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return one row of the benchmark as it was run, and the same over ROS in lock-step."""
+def _over_ros(seed: int) -> list[dict[str, Any]]:
+    """Return one run of the benchmark by calls and over ROS in lock-step, at the same rate."""
     from fam_bundle_ros.benchmarks.control_metrics import metrics
     from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
+    from fam_bundle_ros.control import PidGains
     from fam_bundle_ros.plant import RigConfig
-    chosen = {'policy': 'reversal_aware', 'scheme': 'orderly', 'trajectory': 'ramp',
-              'plant': 'nominal'}
-    own = [row for row in rows if chosen.items() <= row.items()]
-    if not own:
-        return []
+    from fam_bundle_ros.simulation import ClosedLoop, pid_config
     try:
         from fam_bundle_ros.nodes.session import run_trajectory
     except ModuleNotFoundError as error:
         notes.print(f'no row over ROS: {error.name} is not there')
         return []
-    bundle = open_model('spie2021')
+    bundle, rig, period = open_model('spie2021'), RigConfig(), 2e-3
+    # The gains that the benchmark has, and in both the rate that all nodes share.
+    gains, config = PidGains(), pid_config(rig, period)
+    trajectory = make_trajectory('ramp', bundle)
     with notes.status('one row over ROS, lock-step'):
-        # the rate of the pressure loops in the benchmark, so that the two can be laid side by side
-        log = run_trajectory(bundle, make_trajectory('ramp', bundle), rate=500.0, seed=seed,
-                             log_level='warn')
-    row = {**chosen, **metrics(log, bundle, RigConfig(), search=False)}
-    return [{**own[0], 'through': 'Python calls'}, {**row, 'through': 'ROS 2 topics'}]
+        logs = {'Python calls': ClosedLoop(bundle, rig=rig, period=period, pid_period=period,
+                                           gains=gains, pid=config, seed=seed).run(trajectory),
+                'ROS 2 topics': run_trajectory(
+                    bundle, trajectory, rig=rig, rate=1.0 / period, seed=seed, log_level='warn',
+                    overrides={'gains.p': gains.p, 'gains.i': gains.i, 'gains.d': gains.d,
+                               'quiet_error': config.quiet_error, 'flow_lag': config.flow_lag})}
+    return [{'policy': 'reversal_aware', 'scheme': 'orderly', 'trajectory': 'ramp',
+             'plant': 'nominal', **metrics(log, bundle, rig, search=False), 'through': through}
+            for through, log in logs.items()]
 
 
 def _speeds() -> dict[str, tuple[float, str, str]]:

@@ -20,13 +20,15 @@ __all__ = ['air', 'compared', 'run', 'track']
 MOST_POINTS = 2500
 #: More stretches of states than this are not named one by one.
 _MOST_NAMES = 14
+#: ... and more than this are drawn as a line: chatter has thousands.
+_MOST_TINTED = 150
 
 
 def run(log: Log) -> go.Figure:
     """
     Draw a run over time: tracking, error, pressures, recruitment state.
 
-    The state is the strip below and the tint behind the tracking.
+    The state is the strip below and the tint behind the tracking; a line where it chatters.
     """
     drawing = make_subplots(4, 1, shared_xaxes=True, row_heights=[0.40, 0.17, 0.33, 0.10],
                             vertical_spacing=0.035)
@@ -55,10 +57,28 @@ def run(log: Log) -> go.Figure:
         drawing.add_trace(plotting.line(time, log.setpoint[keep, unit] / 1e3, f'{name} asked for',
                                         colour, 'dot', 1.2, legendgroup=name, showlegend=False,
                                         hovertemplate='%{y:.1f} kPa'), row=3, col=1)
+    _strip(drawing, log, keep)
+    for row, title in ((1, what), (2, f'error ({what.partition("(")[2]}'), (3, 'pressure (kPa)'),
+                       (4, 'state')):
+        drawing.update_yaxes(title_text=title, row=row, col=1)
+    drawing.update_xaxes(range=[float(log.time[0]), float(log.time[-1])])
+    drawing.update_xaxes(title_text='time (s)', showgrid=False, row=4, col=1)
+    drawing.update_layout(hovermode='x')
+    return drawing
+
+
+def _strip(drawing: go.Figure, log: Log, keep: Any) -> None:
+    """Draw the recruitment state into the lowest panel, and behind the tracking."""
+    time, stretches = log.time[keep], _stretches(log)
+    if len(stretches) > _MOST_TINTED:
+        drawing.add_trace(plotting.line(log.time, log.state, 'state', plotting.INK, width=0.6,
+                                        showlegend=False, line_shape='hv',
+                                        hovertemplate='RS%{y}'), row=4, col=1)
+        drawing.update_yaxes(dtick=1, row=4, col=1)
+        return
     # plotly leaves shapes out of a panel without a trace: one that is not seen
     drawing.add_trace(go.Scatter(x=time, y=log.state[keep], mode='none', showlegend=False,
                                  name='state', hovertemplate='RS%{y}'), row=4, col=1)
-    stretches = _stretches(log)
     for start, end, state in stretches:
         tint = palette.recruitment_state(state).light
         drawing.add_vrect(start, end, row=4, col=1, line_width=0, layer='below',
@@ -71,13 +91,6 @@ def run(log: Log) -> go.Figure:
                            palette.NEUTRAL['paper'].light, row=4, col=1)
     drawing.update_yaxes(range=[0.0, 1.0], showticklabels=False, ticks='', showgrid=False,
                          row=4, col=1)
-    for row, title in ((1, what), (2, f'error ({what.partition("(")[2]}'), (3, 'pressure (kPa)'),
-                       (4, 'state')):
-        drawing.update_yaxes(title_text=title, row=row, col=1)
-    drawing.update_xaxes(range=[float(log.time[0]), float(log.time[-1])])
-    drawing.update_xaxes(title_text='time (s)', showgrid=False, row=4, col=1)
-    drawing.update_layout(hovermode='x')
-    return drawing
 
 
 def track(log: Log, model: Bundle, reading: str = 'included') -> go.Figure:
