@@ -14,14 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.control.controller import (
-    ControllerConfig,
-    Measurement,
-    RecruitmentController,
-    Reference,
-)
+from fam_bundle_ros.control.controller import ControllerConfig, RecruitmentController
 from fam_bundle_ros.control.outer import LoadModel
 from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
+from fam_bundle_ros.control.signals import Measurement, Reference
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
 

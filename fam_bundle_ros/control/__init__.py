@@ -3,16 +3,11 @@
 """Recruitment, allocation and pressure control of a bundle. No ROS here."""
 
 from fam_bundle_ros.control.allocation import allocate, Allocation, Allocator, Curves, Instant
-from fam_bundle_ros.control.controller import (
-    Command,
-    ControllerConfig,
-    Measurement,
-    RecruitmentController,
-    Reference,
-)
+from fam_bundle_ros.control.controller import ControllerConfig, RecruitmentController
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.pid import PidConfig, PidDiagnostics, PidGains, PressurePid
 from fam_bundle_ros.control.recruitment import Margins, RecruitmentMachine, SwitchingConfig
+from fam_bundle_ros.control.signals import Command, Measurement, Reference
 from fam_bundle_ros.control.tuning import tune, TuneResult
 
 __all__ = [

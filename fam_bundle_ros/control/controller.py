@@ -21,10 +21,10 @@ from fam_bundle_ros.control.rate import QuietRate
 from fam_bundle_ros.control.recruitment import (
     Demand,
     Heading,
-    Margins,
     RecruitmentMachine,
     SwitchingConfig,
 )
+from fam_bundle_ros.control.signals import Command, Measurement, Reference
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
@@ -34,69 +34,6 @@ _TOLERANCE = 0.1
 _STEP = 2.0
 #: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
 _BRISK, _SLOW = 200.0, 12.0
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """
-    What the rig shows now.
-
-    Attributes
-    ----------
-    force : float, N
-    strain, strain_rate : float, and 1/s
-    pressure : ndarray (n,), Pa (gauge)
-    """
-
-    force: float
-    strain: float
-    strain_rate: float
-    pressure: np.ndarray
-
-
-@dataclass(frozen=True)
-class Reference:
-    """
-    What is wanted: ``kind`` is ``force`` (N) or ``strain``; ``rate`` is its rate per second.
-
-    A reference that moves should say its rate: a rate of 0 with a new value is a step.
-    """
-
-    kind: str
-    value: float
-    rate: float = 0.0
-
-
-@dataclass(frozen=True)
-class Command:
-    """
-    What the pressure loops are to do, and why.
-
-    Attributes
-    ----------
-    pressure : ndarray (n,), Pa (gauge)
-    state : int
-        k of RSk; 0 is off.
-    active : ndarray (n,) of bool
-    share : ndarray (n,)
-        Of the bundle's force, per unit, after the model.
-    saturated : str
-        ``''``, ``'high'``, ``'low'`` (out of reach), ``'gap'`` (not in reach of this state yet).
-    explanation : str
-        In words, in the tick in which a decision was taken.
-    margins : Margins
-    demand : float, N
-        What was allocated: reference, feedback and bias together.
-    """
-
-    pressure: np.ndarray
-    state: int
-    active: np.ndarray
-    share: np.ndarray
-    saturated: str = ''
-    explanation: str = ''
-    margins: Margins = Margins()
-    demand: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -206,7 +143,7 @@ class RecruitmentController:
         """Units (from 0) in the order of recruitment."""
         return self._order
 
-    def enable(self, measurement: Measurement, reference: Reference) -> None:
+    def enable(self, measurement: Measurement) -> None:
         """
         Start from the pressures as they are, so that switching on makes no bump.
 
@@ -227,7 +164,7 @@ class RecruitmentController:
         # Until the first tick, and in it, these are what was commanded.
         self._command = replace(self._command, state=self._machine.state, active=active,
                                 pressure=np.clip(pressure, 0.0, self._allocator.max_pressure))
-        self.outer.take_over(measurement, reference)
+        self.outer.take_over(measurement)
 
     def update(self, dt: float, measurement: Measurement, reference: Reference) -> Command:
         """

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from fam_bundle_ros.control.signals import Measurement, Reference
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
@@ -173,7 +174,8 @@ class OuterLoop:
         #: Measured minus model force, slowly, N.
         self.bias = 0.0
         self._integral = self._kept = 0.0
-        self._filtered: float | None = None
+        self._filtered = 0.0
+        self._started = False
         self._take_over: float | None = None
         self._fade = 0.0
         self._correction = (0.0, 0.0)
@@ -192,12 +194,12 @@ class OuterLoop:
         return (3.0 * math.sqrt(self._correction[1]) + self._model_error
                 + 0.1 * abs(self.bias) + 0.1)
 
-    def take_over(self, measurement, reference) -> None:
+    def take_over(self, measurement: Measurement) -> None:
         """Start from the force that is there: the demand fades from it into the reference."""
         self._take_over = measurement.force
 
-    def update(self, dt: float, measurement, model_force: float, reference, settled: bool,
-               saturated: str) -> Target:
+    def update(self, dt: float, measurement: Measurement, model_force: float,
+               reference: Reference, settled: bool, saturated: str) -> Target:
         """
         Return what is to be allocated in this tick.
 
@@ -214,9 +216,9 @@ class OuterLoop:
         """
         config = self.config
         force = measurement.force
-        share = 1.0 - math.exp(-dt / config.filter_time)
-        start = self._filtered is None
-        self._filtered = force if start else self._filtered + share * (force - self._filtered)
+        share = 1.0 - math.exp(-dt / config.filter_time) if self._started else 1.0
+        self._started = True
+        self._filtered += share * (force - self._filtered)
         if config.feedback and settled:
             gain = 1.0 - math.exp(-dt / config.bias_time)
             self.bias += gain * (force - model_force - self.bias)

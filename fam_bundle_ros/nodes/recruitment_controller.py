@@ -197,7 +197,7 @@ class RecruitmentNode(BundleNode):
             # A vented bundle has nothing to be taken over.
             self._take_over = not max(sample.pressure) < _VENTED
         if self._take_over and readable:
-            self.controller.enable(measurement, reference)
+            self.controller.enable(measurement)
             self._take_over = False
         elif self._take_over:
             self._state = 'SENSOR'

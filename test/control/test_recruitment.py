@@ -263,7 +263,7 @@ def test_enabling_starts_from_the_pressures_that_are_there(paper_bundle):
         bench.pressure = np.array(pressure)
         force = float(paper_bundle.force(0.16, bench.pressure))
         measurement = Measurement(force, 0.16, 0.0, bench.pressure)
-        bench.controller.enable(measurement, Reference('force', 20.0))
+        bench.controller.enable(measurement)
         first = bench.update(20.0).pressure
         assert np.max(np.abs(first - pressure)) < 12e3
 
@@ -272,7 +272,7 @@ def test_enabling_holds_the_pressures_until_time_goes_on(paper_bundle):
     """A first tick without a time step repeats what was taken over, not a vented bundle."""
     bench = Bench(paper_bundle, 0.1)
     measurement = Measurement(30.0, 0.1, 0.0, np.array([200e3, 0.0]))
-    bench.controller.enable(measurement, Reference('force', 40.0))
+    bench.controller.enable(measurement)
     command = bench.controller.update(0.0, measurement, Reference('force', 40.0))
     assert command.pressure == pytest.approx([200e3, 0.0])
     assert command.state == 1
