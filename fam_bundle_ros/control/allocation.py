@@ -203,8 +203,8 @@ class Curves:
         chosen = float(np.interp(wanted, rising, common[bottom:]))
         if rising[0] < wanted < rising[-1]:
             fine = np.linspace(self.pressure[i - 1], self.pressure[i], _FINE)
-            finer = np.maximum.accumulate(self._forces(fine)[:, units].sum(axis=1))
-            chosen = float(np.interp(wanted, finer, fine[:, units].max(axis=1)))
+            chosen = _on_rising_branch(wanted, self._forces(fine)[:, units].sum(axis=1),
+                                       fine[:, units].max(axis=1))
         for unit in units:
             pressure[unit] = min(chosen, self.pressure[-1, unit])
             force[unit] = self.at(unit, pressure[unit])
@@ -230,8 +230,13 @@ class Curves:
         fine = np.linspace(low, high, _FINE)
         pressure = np.tile(self.pressure[i], (_FINE, 1))
         pressure[:, unit] = fine
-        finer = np.maximum.accumulate(self._forces(pressure)[:, unit])
-        return float(np.interp(wanted, finer, fine))
+        return _on_rising_branch(wanted, self._forces(pressure)[:, unit], fine)
+
+
+def _on_rising_branch(wanted, force, pressure):
+    """Return the pressure of a force within one cell, whose true bottom may lie inside it."""
+    bottom = int(np.argmin(force))
+    return float(np.interp(wanted, np.maximum.accumulate(force[bottom:]), pressure[bottom:]))
 
 
 class Allocator:

@@ -4,7 +4,7 @@
 
 import time
 
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -21,12 +21,14 @@ def curves_of(bundle, strain):
     return Allocator(bundle).curves(Instant(strain))
 
 
-@given(units=st.sampled_from([2, 3, 6]), strain=STRAIN, share=SHARE, data=st.data())
+@given(units=st.sampled_from([2, 3, 6]), strain=STRAIN, share=SHARE, later=st.integers(0, 5))
+# The bottom of the branch lies between two pressures of the table.
+@example(units=2, strain=0.09297099165856011, share=0.0, later=0)
 @settings(deadline=None, max_examples=60)
-def test_allocation_inverts_the_model(bundles, units, strain, share, data):
+def test_allocation_inverts_the_model(bundles, units, strain, share, later):
     """Any force between floor and top of any state comes out of the model within 0.1 N."""
     bundle = bundles[units]
-    state = data.draw(st.integers(1, units))
+    state = 1 + later % units
     curves = curves_of(bundle, strain)
     # A unit that only pushes back at this strain is no part of the reach of a state.
     active = list(curves.order[:state])
