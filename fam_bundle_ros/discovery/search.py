@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -121,9 +122,8 @@ class Search(Sets):
         if gain < 2 * GATE or needed < GATE or self.excess(
                 [*held, first, second]) > 0.3 * self.excess(held):
             return None
-        share, ratio = held_out_votes(self.problem, self.fit(held),
-                                      self.fit([*held, first, second]))
-        return (first, gain - needed) if share >= 2.0 / 3.0 and ratio < 0.7 else None
+        votes = held_out_votes(self.problem, self.fit(held), self.fit([*held, first, second]))
+        return (first, gain - needed) if votes.share >= 2.0 / 3.0 and votes.ratio < 0.7 else None
 
     def _settle(self) -> None:
         """Set the widths that no fit moves (the rounding of a sign) where the data like them."""
@@ -218,8 +218,13 @@ class Search(Sets):
     def _earned(self, held: list[str], name: str) -> bool:
         """Return whether an effect holds on blocks left out, and is more than a patch."""
         before, after = self.fit(held), self.fit([*held, name])
-        share, ratio = held_out_votes(self.problem, before, after)
+        held_out = held_out_votes(self.problem, before, after)
+        share, ratio = held_out.share, held_out.ratio
         self.votes[name] = share
+        if not held and held_out.weak:
+            # a first effect that most blocks are too small to judge is judged by all together
+            scale = Scale.of(self.problem, after)
+            return held_out.gained >= GATE * scale.inflation * scale.tau
         # most blocks must gain; a few may lose where the error falls by a lot in all (never so
         # on noise)
         if share < 2.0 / 3.0 and not (share >= 0.5 and ratio < 0.7):
@@ -303,25 +308,44 @@ def leave_out(problem: Problem, fit: Fit, rows: np.ndarray) -> np.ndarray:
     return r[rows] + inside @ step
 
 
-def held_out_votes(problem: Problem, before: Fit, after: Fit) -> tuple[float, float]:
+class HeldOut(NamedTuple):
     """
-    Return the share of held-out blocks that the larger model predicts better.
+    What blocks left out say of a larger model.
 
-    And the ratio of the sums of squares on all of them, new over old.
+    ``share`` of the blocks that it predicts better; ``ratio`` of the sums of squares on all of
+    them, new over old; ``gained``, by how much chi2 falls there, without the block that gains
+    most; ``weak``, whether the two differ too little in most blocks for a vote.
+    """
+
+    share: float
+    ratio: float
+    gained: float
+    weak: bool
+
+
+def held_out_votes(problem: Problem, before: Fit, after: Fit) -> HeldOut:
+    """
+    Return whether the larger model predicts blocks better that neither has seen.
 
     Blocks where the two hardly differ do not vote; nor does leaving a whole direction out, which
     cannot judge what is odd in direction. 0 where fewer than two blocks vote.
     """
     votes, total = [], np.zeros(2)
+    gains: list[list[float]] = []
     for scheme, label in blocks(problem.data).items():
         if scheme == 'direction':
             continue
+        gains.append([])
         for block in np.unique(label):
             rows = label == block
             old = leave_out(problem, before, rows)
             new = leave_out(problem, after, rows)
-            total += np.sum(old ** 2), np.sum(new ** 2)
-            if np.sum((old - new) ** 2) >= 4.0 + 0.005 * np.sum(old ** 2):
-                votes.append(float(np.sum(new ** 2)) < float(np.sum(old ** 2)))
+            both = np.array([np.sum(old ** 2), np.sum(new ** 2)])
+            total += both
+            gains[-1].append(float(both[0] - both[1]))
+            if np.sum((old - new) ** 2) >= 4.0 + 0.005 * both[0]:
+                votes.append(bool(both[1] < both[0]))
     share = float(np.mean(votes)) if len(votes) >= 2 else 0.0
-    return share, float(total[1] / max(total[0], 1e-300))
+    gained = min((sum(scheme) - max(scheme) for scheme in gains), default=0.0)
+    return HeldOut(share, float(total[1] / max(total[0], 1e-300)), gained,
+                   2 * len(votes) < sum(map(len, gains)))
