@@ -134,26 +134,34 @@ def diagnose(
 def convert(
     source: Annotated[str, typer.Argument(metavar='DATA', help='ROS 2 bag (folder, .mcap, .db3) '
                                           'or CSV.')],
-    target: Annotated[Path, typer.Argument(metavar='OUT', help='CSV file to write.')],
+    target: Annotated[Path, typer.Argument(metavar='OUT', help='CSV file (.csv) to write, or '
+                                            'a name without suffix: a bag.')],
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Add the '
                                               'force of this model and the residual.')] = None,
     json_file: JsonFile = None,
     rest_length: RestLength = None,
     allow_python: AllowPython = False,
 ) -> None:
-    """Turn a bag, or a CSV in other units, into a CSV of strain, pressure (kPa), force (N)."""
+    """Turn a bag or CSV into a CSV of strain, pressure (kPa), force (N), or a CSV into a bag."""
     from fam_bundle_ros.discovery import compare as compare_with
-    from fam_bundle_ros.discovery import write_csv
+    from fam_bundle_ros.discovery import write_bag, write_csv
     from fam_bundle_ros.report.files import whole
-    if target.suffix != '.csv':
-        raise InputError(f'{target}: expected the name of a CSV file (.csv) to write')
+    if target.suffix not in ('.csv', ''):
+        raise InputError(f'{target}: expected the name of a CSV file (.csv) to write, or a name '
+                         'without suffix for the folder of a bag')
+    if model is not None and not target.suffix:
+        raise InputError(f'{target}: --model adds columns to a CSV; expected a name that ends in '
+                         '.csv')
     measured = read(source, rest_length)
     extra = {}
     if model is not None:
         result = compare_with(open_model(model, allow_python), measured)
         extra = {'model force [N]': result.prediction, 'residual [N]': result.residual}
-    with whole(target) as draft:
-        write_csv(measured, draft, extra)
+    if target.suffix:
+        with whole(target) as draft:
+            write_csv(measured, draft, extra)
+    else:
+        write_bag(measured, target)
     console.print(escape(str(measured)), soft_wrap=True)
     wrote(target)
     save_json(json_file, {'source': source, 'sha256': measured.sha256, 'rows': len(measured),

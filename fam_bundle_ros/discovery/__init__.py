@@ -12,6 +12,7 @@ Discovery: which physical effect is a model missing, judged on measured data.
 """
 
 from fam_bundle_ros.discovery.add import add_effect, Added, Ladder, ladder, orders
+from fam_bundle_ros.discovery.bagfile import write_bag
 from fam_bundle_ros.discovery.compare import compare, Comparison
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
@@ -22,4 +23,4 @@ from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 
 __all__ = ['add_effect', 'Added', 'Candidate', 'compare', 'Comparison', 'diagnose', 'Diagnosis',
            'ladder', 'Ladder', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor', 'orders',
-           'read_measurement', 'Region', 'write_csv']
+           'read_measurement', 'Region', 'write_bag', 'write_csv']

@@ -1,24 +1,28 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Read a measurement from a ROS 2 bag (mcap or sqlite3) without ROS, by the package rosbags.
+A measurement from a ROS 2 bag (mcap or sqlite3) and into one, without ROS, by rosbags.
 
 Topics, under any namespace: `force` (WrenchStamped, force.x), `strain` (JointState, joints
 `strain` or `contraction`), `mu<i>/pressure` (FluidPressure, absolute). Everything is brought to
 the stamps of the force by linear interpolation, within the time that all topics cover.
 """
 
+from contextlib import closing
 from pathlib import Path
 import re
+import shutil
 from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.discovery.measurement import build, MAX_ROWS, Measurement
 from fam_bundle_ros.errors import InputError
 
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
 _GAP_PERIODS = 20.0
+_GAP = 0.5
 
 
 def read_bag(path: Path, *, rest_length: float | None = None,
@@ -139,8 +143,70 @@ def _resample(label: str, series: dict[str, np.ndarray], rest_length: float | No
     else:
         pressure = pressure - ambient_pressure
     steps = np.diff(clock)
-    gap = max(0.5, _GAP_PERIODS * float(np.median(steps)))
+    gap = max(_GAP, _GAP_PERIODS * float(np.median(steps)))
     trial = np.concatenate([[0], np.cumsum(steps > gap)])
     return build(label, strain, pressure, values['force'], trial, clock - clock[0],
                  [key.partition('.')[2] for key in units], notes=notes,
                  allow_constant_pressure=allow_constant_pressure)
+
+
+def write_bag(measurement: Measurement, folder: str | Path, *,
+              ambient_pressure: float = 101325.0) -> None:
+    """
+    Write a measurement as a bag (mcap) of the bundle's topics, to be played at a rig's clients.
+
+    The stamps begin at 1 s; trials follow each other with a pause that `read_bag` takes for the
+    end of a trial. Motor units are called mu1, mu2, ... in the order of the columns.
+
+    Parameters
+    ----------
+    folder : path
+        Must not exist yet.
+    ambient_pressure : float, Pa
+        Added to the gauge pressures: FluidPressure is absolute.
+
+    Raises
+    ------
+    InputError
+        Where rosbags is not installed, the measurement has no time, or the folder is there.
+    """
+    if measurement.time is None:
+        raise InputError(f'{measurement.name}: a static map without time cannot be a bag; '
+                         "expected a column 'time [s]'")
+    with closing(BagWriter(folder)) as writer:
+        try:
+            _write(measurement, writer, ambient_pressure)
+        except OSError as error:
+            shutil.rmtree(writer.folder)
+            raise InputError(f'{folder}: cannot be written ({error.strerror})') from error
+
+
+def _write(measurement: Measurement, writer: BagWriter, ambient_pressure: float) -> None:
+    from rosbags.typesys import get_typestore, Stores
+    store = get_typestore(Stores.ROS2_JAZZY)
+    time, header, vector, wrench, force, joints, pressure = (store.types[name] for name in (
+        'builtin_interfaces/msg/Time', 'std_msgs/msg/Header', 'geometry_msgs/msg/Vector3',
+        'geometry_msgs/msg/Wrench', 'geometry_msgs/msg/WrenchStamped',
+        'sensor_msgs/msg/JointState', 'sensor_msgs/msg/FluidPressure'))
+    zero, nothing = vector(0.0, 0.0, 0.0), np.zeros(0)
+    for stamp, strain, pulls, pressures in zip(_stamps(measurement), measurement.strain,
+                                               measurement.force,
+                                               measurement.pressure + ambient_pressure):
+        head = header(time(*divmod(int(stamp), 1_000_000_000)), '')
+        messages = {
+            'force': force(head, wrench(vector(float(pulls), 0.0, 0.0), zero)),
+            'strain': joints(head, ['strain'], np.array([strain]), nothing, nothing)}
+        for unit, value in enumerate(pressures, 1):
+            messages[f'mu{unit}/pressure'] = pressure(head, float(value), 0.0)
+        for name, message in messages.items():
+            writer.write(f'/bundle/{name}', message.__msgtype__, int(stamp),
+                         store.serialize_cdr(message, message.__msgtype__))
+
+
+def _stamps(measurement: Measurement) -> np.ndarray:
+    """Return (T,) stamps in ns, trials one after the other."""
+    steps = np.diff(measurement.clock)
+    fresh = measurement.start[1:]
+    usual = float(np.median(steps[~fresh]))
+    steps[fresh] = 2.0 * max(_GAP, _GAP_PERIODS * usual)
+    return np.round(1e9 * (1.0 + np.concatenate([[0.0], np.cumsum(steps)]))).astype(np.int64)

@@ -9,7 +9,6 @@ Needs the package rosbags (extra ``tools``), not rosbag2.
 from collections.abc import Callable, Iterable
 from contextlib import closing, ExitStack
 from pathlib import Path
-import shutil
 import struct
 import time
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
@@ -27,75 +27,6 @@ from fam_bundle_ros.nodes.process import Spinner, StopSignals
 _MOST_UNITS = 64
 #: s that `record` waits for the first topic.
 _PATIENCE = 10.0
-
-
-class BagWriter:
-    """
-    A bag that is being written.
-
-    Parameters
-    ----------
-    folder : path
-        Must not exist yet.
-
-    Raises
-    ------
-    InputError
-        When rosbags is not installed or the folder is there already.
-    """
-
-    def __init__(self, folder: str | Path):
-        try:
-            from rosbags.rosbag2 import StoragePlugin, Writer
-            from rosbags.typesys import get_typestore, Stores
-        except ImportError:
-            raise InputError('writing a bag needs the package rosbags: install the extra '
-                             "'tools'") from None
-        self.folder = Path(folder)
-        if self.folder.exists():
-            raise InputError(f'{folder}: is there already; expected the name of a new folder')
-        self._types = get_typestore(Stores.ROS2_JAZZY)
-        self._connections: dict[str, Any] = {}
-        self._writer = Writer(self.folder, version=9, storage_plugin=StoragePlugin.MCAP)
-        try:
-            self.folder.parent.mkdir(parents=True, exist_ok=True)
-            self._writer.open()
-        except OSError as error:
-            raise InputError(f'{folder}: cannot be written ({error.strerror})') from None
-        #: Messages written so far.
-        self.count = 0
-
-    def write(self, name: str, topic: Topic, stamp: int, raw: bytes) -> None:
-        """Add a message as it was serialised; ``name`` is the topic's full name."""
-        connection = self._connections.get(name)
-        if connection is None:
-            connection = self._connections[name] = self._writer.add_connection(
-                name, topic.type_name, typestore=self._types,
-                offered_qos_profiles=[_qos(topic.latched)])
-        self._writer.write(connection, stamp, raw)
-        self.count += 1
-
-    def close(self) -> None:
-        """Finish the bag: without this it cannot be read. An empty one is removed."""
-        self._writer.close()
-        if not self.count:
-            # We made the folder; left behind, it would stand in the way of the next try.
-            shutil.rmtree(self.folder)
-
-
-def _qos(latched: bool) -> Any:
-    from rosbags.interfaces import (
-        Qos,
-        QosDurability,
-        QosHistory,
-        QosLiveliness,
-        QosReliability,
-        QosTime,
-    )
-    forever = QosTime(2147483647, 4294967295)
-    durability = QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE
-    return Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, durability, forever, forever,
-               QosLiveliness.AUTOMATIC, forever, False)
 
 
 class Recorder(BundleNode):
@@ -131,7 +62,8 @@ class Recorder(BundleNode):
 
             def take(raw: bytes, name: str = name, topic: Topic = topic,
                      headed: bool = headed) -> None:
-                self._writer.write(name, topic, self._stamp(raw, headed), raw)
+                self._writer.write(name, topic.type_name, self._stamp(raw, headed), raw,
+                                   topic.latched)
             self.create_subscription(
                 topic.type, topic.name, take,
                 qos or (interface.LATCHED if topic.latched else interface.LOCK_STEP), raw=True)

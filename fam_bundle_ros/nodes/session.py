@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from rclpy.context import Context
 
+from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.control import LoadModel
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, save_model
@@ -27,7 +28,7 @@ from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.process import Spinner, StopSignals
 from fam_bundle_ros.nodes.profile import load_profile, Points
-from fam_bundle_ros.nodes.recording import BagWriter, record, Recorder
+from fam_bundle_ros.nodes.recording import record, Recorder
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.rig_check import check_rig, Finding

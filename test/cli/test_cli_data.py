@@ -83,6 +83,16 @@ def test_convert_writes_a_csv_that_reads_back(fam_bundle, repository, tmp_path):
     assert again[0] == again[1]
 
 
+def test_convert_makes_a_bag_of_a_csv(fam_bundle, repository):
+    """A log from elsewhere becomes a bag with the same error against the same model."""
+    case = repository / 'test/data/practice/p10'
+    result = fam_bundle('convert', f'{case}.csv', 'bag')
+    assert result.returncode == 0, result.stderr
+    numbers = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.splitlines()[0]
+               .partition(':')[2] for data in (f'{case}.csv', 'bag')]
+    assert numbers[0] == numbers[1]
+
+
 def test_convert_leaves_no_half_a_file(fam_bundle, tmp_path):
     """A measurement that cannot be read leaves the folder as it was."""
     (tmp_path / 'bad.csv').write_text('strain,pressure [kPa],force [N]\n')

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading measurements: units, trials, bags, and every kind of garbage."""
 
+from dataclasses import replace
 import os
 import resource
 
 import numpy as np
 import pytest
 
-from fam_bundle_ros.discovery import read_measurement, write_csv
+from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
 from fam_bundle_ros.discovery.measurement import build
 from fam_bundle_ros.errors import InputError
 
@@ -168,6 +169,32 @@ def test_bags_give_gauge_pressure_at_the_stamps_of_the_force(tmp_path, storage):
     assert np.allclose(np.diff(data.pressure[:, 1]), 1e3)
     assert np.allclose(data.strain[50], 0.1 + 0.05 * np.sin(1.0))
     assert data.force[10] == pytest.approx(20.0)
+
+
+def test_a_measurement_survives_the_way_into_a_bag_and_back(sweeps, tmp_path):
+    """Written as a bag and read again, a log has the same samples, trials and clock."""
+    pytest.importorskip('rosbags')
+    data = sweeps()
+    write_bag(data, tmp_path / 'bag')
+    again = read_measurement(tmp_path / 'bag')
+    assert not again.notes  # none of gauge pressures where absolute ones belong
+    for name in ('strain', 'pressure', 'force'):
+        assert np.allclose(getattr(again, name), getattr(data, name), rtol=1e-12, atol=1e-9)
+    assert (again.trial == data.trial).all()
+    inside = ~data.start[1:]
+    assert np.allclose(np.diff(again.time)[inside], np.diff(data.time)[inside], atol=2e-9)
+
+
+def test_a_bag_needs_time_and_a_new_folder(sweeps, tmp_path):
+    """A static map cannot be played; a folder that is there is not touched."""
+    pytest.importorskip('rosbags')
+    data = sweeps()
+    with pytest.raises(InputError, match='time'):
+        write_bag(replace(data, time=None), tmp_path / 'bag')
+    assert not (tmp_path / 'bag').exists()
+    (tmp_path / 'bag').mkdir()
+    with pytest.raises(InputError, match='is there already'):
+        write_bag(data, tmp_path / 'bag')
 
 
 def test_rate_is_smooth_and_directions_are_right(sweeps):
