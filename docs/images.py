@@ -24,19 +24,17 @@ EXAMPLES = HERE.parent / 'config' / 'data' / 'examples'
 #: Command (its page goes to PAGE, or into FOLDER) -> figures: key, file name, width in pixels.
 PICTURES = (
     (('map', 'spie2021', '--out', 'PAGE'),
-     (('isobars', 'isobars', 860), ('space', 'force_strain_space', 980),
-      ('free_strain', 'free_strain', 860))),
+     (('space', 'force_strain_space', 980),)),
     (('diagnose', str(EXAMPLES / 'hidden_friction.csv'), '--model',
       str(EXAMPLES / 'hidden_friction.model.yaml'), '--out', 'PAGE'),
-     (('maps', 'residual_maps', 980), ('loops', 'loops', 980), ('ladder', 'ladder', 860),
-      ('candidates', 'candidates', 860))),
+     (('maps', 'residual_maps', 980), ('ladder', 'ladder', 860))),
     (('diagnose', 'dmsp20_static_map', '--model', 'dmsp20_static_map', '--out', 'PAGE'),
      (('ladder', 'dmsp20_ladder', 900),)),
     (('benchmark-control', '--trajectories', 'ramp', '--plants', 'nominal', '--controllers',
       'neglect/orderly,reversal_aware/orderly', '--no-ros', '--out', 'PAGE'),
      (('policies', 'policies', 900),)),
     (('demo', '--out', 'FOLDER'),
-     (('force-run', 'run', 980), ('strain-track', 'track', 860))),
+     (('force-run', 'run', 980),)),
 )
 
 
