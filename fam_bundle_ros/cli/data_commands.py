@@ -58,6 +58,7 @@ def compare(
     result = discovery.compare(bundle, read(data, rest_length))
     console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
                   f'of the force; mean {result.bias_N:+.3g} N, largest {result.largest_N:.3g} N')
+    _check_first(result)
     console.print(escape(str(result.noise)))
     for name in ('pressure', 'strain', 'direction', 'region', 'motor_unit'):
         rows = result.tables.get(name, [])
@@ -94,14 +95,17 @@ def diagnose(
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick)
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
+    _check_first(result.comparison)
     error = result.error_N
     console.print(f"error {error['model']:.3g} N as it is, {error['recalibrated']:.3g} N "
                   f"recalibrated, {error['best']:.3g} N at best; noise floor "
                   f'{result.noise.value:.3g} N ({result.noise.basis})')
     if result.shortlist:
-        table(('candidate', 'probability', 'error (N)', 'why'),
+        answered = result.verdict != 'unexplained'
+        table(('candidate', 'probability' if answered else 'among these', 'error (N)', 'why'),
               [(effect_name(c.effect), f'{c.probability:.2f}', c.error_N, c.reason)
-               for c in result.shortlist], numeric=(1, 2))
+               for c in result.shortlist], '' if answered else result.shortlist_title,
+              numeric=(1, 2))
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
     if result.parameters:
@@ -191,6 +195,11 @@ def read(data: str, rest_length: str | None) -> Any:
     from fam_bundle_ros.discovery import read_measurement
     length = None if rest_length is None else quantity(rest_length, 'm', '--rest-length')
     return read_measurement(data_path(data), rest_length=length)
+
+
+def _check_first(result: Any) -> None:
+    for slip in result.slips:
+        console.print(f'[bold]check first[/bold]: {escape(slip)}', soft_wrap=True)
 
 
 def _files(data: str, model: str) -> list[tuple[str, Path]]:

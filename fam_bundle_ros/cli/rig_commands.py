@@ -109,9 +109,10 @@ def check_rig(
 ) -> None:
     """Check whether a rig speaks the interface: names, types, rates, units, signs, noise."""
     from fam_bundle_ros.nodes import session
-    length = float(open_model(model, allow_python).motor_units[0].geometry.length)
+    bundle = open_model(model, allow_python)
+    length = float(bundle.motor_units[0].geometry.length)
     with progress_bar('check-rig') as tick:
-        findings = session.check_rig(namespace.strip('/'), seconds, length=length,
+        findings = session.check_rig(namespace.strip('/'), seconds, units=bundle.n, length=length,
                                      progress=lambda elapsed: tick(elapsed / seconds))
     table(('', 'what', 'seen'), [(Text('ok', style='green') if finding.ok
                                   else Text('FAIL', style='bold red'), finding.what,

@@ -27,6 +27,7 @@ from fam_bundle_ros.discovery.measurement import Measurement
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, visit_cells
 from fam_bundle_ros.discovery.predict import free_mask, matched, predict
 from fam_bundle_ros.discovery.reading import as_measurement
+from fam_bundle_ros.discovery.slips import slips
 from fam_bundle_ros.model import Bundle
 
 
@@ -54,6 +55,8 @@ class Comparison:
         rows with ``label``, ``samples``, ``error_N``, ``bias_N``, ``beyond_noise``.
     located : tuple of Region
     prediction, residual : ndarray, shape (T,), N
+    slips : tuple of str
+        Slips of unit or sign that would explain the error: to be ruled out before any physics.
     """
 
     model: str
@@ -71,11 +74,13 @@ class Comparison:
     measurement: Measurement
     prediction: np.ndarray
     residual: np.ndarray
+    slips: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         lines = [f'{self.model} against {self.data}: error {self.error_N:.3g} N rms '
                  f'({100 * self.relative_error:.3g} % of the force), mean {self.bias_N:+.3g} N, '
-                 f'largest {self.largest_N:.3g} N', str(self.noise)]
+                 f'largest {self.largest_N:.3g} N',
+                 *(f'check first: {slip}' for slip in self.slips), str(self.noise)]
         for title in ('pressure', 'strain'):
             lines.append(f'by {title}')
             for row in self.tables[title]:
@@ -116,7 +121,7 @@ class Comparison:
                 'noise': self.noise.to_dict(), 'lack_of_fit': self.lack_of_fit,
                 'even_N': self.even_N, 'odd_N': self.odd_N, 'tables': self.tables,
                 'located': [region.to_dict() for region in self.located],
-                'notes': list(self.measurement.notes),
+                'notes': [*self.slips, *self.measurement.notes],
                 'data_sha256': self.measurement.sha256}
 
     def to_json(self) -> str:
@@ -158,7 +163,8 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
         model.name, data.name, rms(residual), float(residual.mean()),
         float(np.abs(residual).max()), rms(residual) / max(rms(data.force), 1e-12), floor, lack,
         _part(maps['even']), _part(maps['odd']), _tables(data, residual, floor, past_free),
-        locate(data, residual, floor.value, past_free), data, prediction, residual)
+        locate(data, residual, floor.value, past_free), data, prediction, residual,
+        slips(model, data, residual))
 
 
 def residual_maps(data: Measurement, residual: np.ndarray, strains: int = 24,

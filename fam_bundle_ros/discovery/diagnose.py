@@ -22,7 +22,7 @@ from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.fit import Fit, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.noise import noise_floor
+from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Scale, Search
@@ -36,6 +36,8 @@ from fam_bundle_ros.model import Bundle, catalogue
 SEARCH_ROWS = 3000
 #: Effects whose scores differ by less cannot be told apart (odds of 20 to 1).
 TIE = 6.0
+#: Where something is still missing, an error larger by this factor is no reason for a choice.
+_NEAR = 1.1
 #: A shape in what is left counts from this gain in chi2 (some four hundred shapes are tried).
 _SHAPE_GATE = 25.0
 #: ... and from this size, in noise standard deviations.
@@ -73,7 +75,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     search = Search(problem, model, cand.candidates(model, data), progress).run()
     if progress:
         progress(0.9, 'weighing what is left')
-    finding = _verdict(problem, search)
+    finding = _verdict(problem, search, comparison.noise)
     full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
     base = confirm(full, search.fit(()))
     chosen = search.chosen if finding.named else []
@@ -96,20 +98,22 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         best=model if keep_nominal else with_intervals(final, scale, kept),
         recalibrated=base.model, shapes_left=tuple(finding.left.templates),
         notes=(data.notes + notes_on(data, floor, base, final)
-               + _reshaped(problem, search, finding)),
+               + _rivals(search, finding, tied) + _reshaped(problem, search, finding)),
         rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
         ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
 
 
 # --- verdict -----------------------------------------------------------------------------------
 
-def _verdict(problem: Problem, search: Search) -> Finding:
+def _verdict(problem: Problem, search: Search, floor: NoiseFloor) -> Finding:
     base, final = search.fit(()), search.fit(search.chosen)
     left = describe(problem, final)
     structured = _structured(problem, final, left)
     if not search.chosen:
         if structured:
             return Finding('unexplained', left, 0.0)
+        if floor.hides_loops:
+            return Finding('unexplained', Described([]), 0.0, hidden=floor.note)
         return Finding('recalibrate' if _moved(problem, search) else 'adequate', left)
     before = search.excess(())
     explained = 1.0 - search.excess(search.chosen) / max(before, 1e-9)
@@ -117,9 +121,10 @@ def _verdict(problem: Problem, search: Search) -> Finding:
         return Finding('missing_effect', left, explained)
     shape = _outsider(problem, search, final)
     if shape is not None:
-        return Finding('unexplained', shape, explained)
+        return Finding('unexplained', shape, explained, 'that shape explains more with less')
     if explained < 0.7:
-        return Finding('unexplained', describe(problem, base), explained)
+        return Finding('unexplained', describe(problem, base), explained,
+                       f'it explains only {100 * explained:.0f} % of the error')
     return Finding('partial', left, explained)
 
 
@@ -269,6 +274,36 @@ def with_intervals(fit: Fit, scale: Scale, kept: np.ndarray) -> Bundle:
         effects.append(known)
     model = fit.model
     return Bundle(model.name, model.motor_units, effects, rms(fit.residual[kept]), model.notes)
+
+
+def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
+            ) -> tuple[str, ...]:
+    """
+    Return notes on other effects that leave hardly more, where the shape is not quite right.
+
+    What was chosen is then ahead by what it asks of the model's own parameters, which says little
+    as long as something is missing.
+    """
+    if finding.verdict != 'partial':
+        return ()
+    kept = search.problem.weight
+    error = rms(search.fit(search.chosen).residual[kept])
+    notes = []
+    for name in search.chosen:
+        rest = {other for other in search.chosen if other != name}
+        known = {cand.head(n) for n in search.chosen} | {
+            n for group in tied if cand.head(name) in group for n in group}
+        near = {}
+        for key in search.fits:
+            new = [n for n in key if n not in rest]
+            left = rms(search.fit(key).residual[kept])
+            if (len(key) == len(search.chosen) and rest <= set(key) and left < _NEAR * error
+                    and cand.head(new[0]) not in known):
+                near[cand.head(new[0])] = left
+        notes += [f'{other} instead of {cand.head(name)} would leave {left:.3g} N instead of '
+                  f'{error:.3g} N: do not build on the choice between the two'
+                  for other, left in sorted(near.items(), key=lambda item: item[1])[:2]]
+    return tuple(notes)
 
 
 def _reshaped(problem: Problem, search: Search, finding: Finding) -> tuple[str, ...]:

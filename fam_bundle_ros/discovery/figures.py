@@ -167,7 +167,8 @@ def candidates(result: Diagnosis, most: int = 8) -> go.Figure | None:
     shown = list(result.ranking[:most])[::-1]
     if not shown:
         return None
-    drawing = plotting.figure('probability', '', height=110 + 34 * len(shown), showlegend=False)
+    title = ('probability among these' if result.verdict == 'unexplained' else 'probability')
+    drawing = plotting.figure(title, '', height=110 + 34 * len(shown), showlegend=False)
     drawing.add_trace(go.Bar(
         x=[entry.probability for entry in shown], y=[entry.effect for entry in shown],
         orientation='h', width=0.62,

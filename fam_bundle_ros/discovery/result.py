@@ -129,11 +129,12 @@ class Diagnosis:
 
     def __str__(self) -> str:
         lines = [f'{self.verdict}: {self.summary}',
+                 *(f'check first: {slip}' for slip in self.comparison.slips),
                  f"error {self.error_N['model']:.3g} N as it is, "
                  f"{self.error_N['recalibrated']:.3g} N recalibrated, "
                  f"{self.error_N['best']:.3g} N at best; {self.noise}"]
         if self.shortlist:
-            lines.append('candidates')
+            lines.append(self.shortlist_title)
             for entry in self.shortlist:
                 lines.append(f'  {entry.effect:<26} p {entry.probability:5.2f}  '
                              f'{entry.error_N:8.3g} N   {entry.reason}')
@@ -157,6 +158,12 @@ class Diagnosis:
         return tuple(entry for entry in self.ranking
                      if entry.effect in self.effects or entry.probability >= 0.005)[:6]
 
+    @property
+    def shortlist_title(self) -> str:
+        """What to call the shortlist: no answer where nothing explains the error."""
+        return ('nearest in the catalogue, none of them the answer'
+                if self.verdict == 'unexplained' else 'candidates')
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, lists and text; the keys of DESIGN.md and some more."""
         return {
@@ -172,7 +179,7 @@ class Diagnosis:
             'parameters': {e.key: e.to_dict() for e in self.parameters},
             'tolerances_moved': dict(self.moved),
             'shapes_left': [template.to_dict() for template in self.shapes_left],
-            'ladder': self.ladder, 'notes': list(self.notes),
+            'ladder': self.ladder, 'notes': [*self.comparison.slips, *self.notes],
             'rows_left_out': self.rows_left_out,
             'confounding': {'parameters': self.confounding[0],
                             'correlation': np.round(self.confounding[1], 4).tolist()},

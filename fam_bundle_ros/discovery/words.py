@@ -19,11 +19,18 @@ from fam_bundle_ros.discovery.templates import Described
 
 @dataclass
 class Finding:
-    """A verdict, what is left in the error, and the share of it that is explained."""
+    """
+    A verdict, what is left in the error, and the share of it that is explained.
+
+    ``refused`` says why what the search chose is no answer, ``hidden`` what these data cannot
+    show at all.
+    """
 
     verdict: str
     left: Described
     explained: float = 1.0
+    refused: str = ''
+    hidden: str = ''
 
     @property
     def named(self) -> bool:
@@ -44,8 +51,12 @@ def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...
                 f'{far or "little"}); no effect is missing')
     if finding.verdict == 'unexplained':
         shape = finding.left.templates[0].words if finding.left.templates else 'no plain shape'
+        if finding.hidden:
+            return finding.hidden
+        near = ' and '.join(cand.head(name) for name in search.chosen)
         return ('the error has a structure that no effect of the catalogue explains; it looks '
-                f'like this: {shape}')
+                f'like this: {shape}' + (f' (nearest: {near}, but {finding.refused})'
+                                         if near else ''))
     shapes = [f'{cand.head(name)} (shape: {name})' if name != cand.head(name) else name
               for name in search.chosen]
     named, one = ' and '.join(shapes), len(shapes) == 1
@@ -78,6 +89,8 @@ def next_experiment(problem: Problem, search: Search, finding: Finding,
                     + without_force(chosen[slot], tied[0][1]))
         return (f'{best.words}: separates {tied[0][0]} from {tied[0][1]} '
                 f'(by {np.sqrt(best.separation):.0f} noise sd)')
+    if finding.hidden:
+        return 'give the time of each row, or one file for each direction of motion'
     if finding.verdict == 'unexplained':
         shape = finding.left.templates[0].words if finding.left.templates else 'the error'
         return (f'measure where the error is largest again, in finer steps and at two speeds '

@@ -74,7 +74,7 @@ class _Listener(BundleNode):
                 if self.count_publishers(name)}
 
 
-def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *,
+def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, units: int = 1,
               domain: int | None = None, length: float = 0.127, ambient: float = 101325.0,
               patience: float = 5.0,
               progress: Callable[[float], None] | None = None) -> list[Finding]:
@@ -86,6 +86,8 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *,
     namespace : str
     seconds : float
         How long readings are collected.
+    units : int
+        Motor units that the rig must have; more are checked too.
     domain : int, optional
         ROS domain; that of the environment by default.
     length : float, m
@@ -108,11 +110,12 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *,
         with StopSignals() as signals:
             begin = time.monotonic()
             sensors = {node.resolve_topic_name(name) for name in (
-                interface.FORCE, interface.STRAIN, interface.pressure_topic(1))}
+                interface.FORCE, interface.STRAIN,
+                *(interface.pressure_topic(i + 1) for i in range(units)))}
             while (not sensors <= set(node.types()) and time.monotonic() - begin < patience
                    and not signals.received):
                 spinner.spin(0.1)
-            units = _listen(node, length, ambient)
+            units = max(units, _listen(node, length, ambient))
             begin = time.monotonic()
             while time.monotonic() - begin < seconds and not signals.received:
                 spinner.spin(0.2)
@@ -148,10 +151,10 @@ def _listen(node: _Listener, length: float, ambient: float) -> int:
 
 def _judge(node: _Listener, units: int, seconds: float) -> list[Finding]:
     types = node.types()
-    expected = {topic.name: topic for topic in interface.topics(max(units, 1))}
+    expected = {topic.name: topic for topic in interface.topics(units)}
     findings = []
     names = [interface.FORCE, interface.STRAIN,
-             *(interface.pressure_topic(i + 1) for i in range(max(units, 1))), interface.SUPPLY]
+             *(interface.pressure_topic(i + 1) for i in range(units)), interface.SUPPLY]
     for name in names:
         found = types.get(node.resolve_topic_name(name), [])
         wanted = expected[name].type_name
@@ -165,10 +168,10 @@ def _judge(node: _Listener, units: int, seconds: float) -> list[Finding]:
     for i in range(units):
         name = interface.valve_topic(i + 1)
         heard = node.count_subscribers(name)
-        findings.append(Finding(heard > 0, name, f'{heard} listen to it' if heard else
+        findings.append(Finding(heard > 0, name, f'subscribed by {heard}' if heard else
                                 'nobody listens: the valve driver has to subscribe'))
     stop = node.count_publishers(interface.E_STOP)
-    findings.append(Finding(stop == 1, interface.E_STOP, f'{stop} publishers; expected one'))
+    findings.append(Finding(stop == 1, interface.E_STOP, f'publishers: {stop}; expected one'))
     return findings
 
 

@@ -62,7 +62,8 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
         Headline('Noise floor', f'{result.noise.value:.3g} N', result.noise.basis)]
     return Page(
         f'What {result.model.name} is missing',
-        f'{result.summary[:1].upper()}{result.summary[1:]}.', headline,
+        ' '.join(f'{text[:1].upper()}{text[1:]}.' for text in (
+            result.summary, *(f'check first: {slip}' for slip in comparison.slips))), headline,
         [*diagnosis_sections(result),
          *comparison_sections(comparison, result.model),
          Section('Best model', '', [units_table(result.best), effects_table(result.best)])],
@@ -219,7 +220,7 @@ def _noise_table(result: Comparison) -> Table:
 def _data_rows(result: Comparison) -> list[tuple[str, str]]:
     data = result.measurement
     rows = [('data', str(data).splitlines()[0])]
-    rows += [('note on the data', note) for note in data.notes]
+    rows += [('note on the data', note) for note in (*result.slips, *data.notes)]
     return rows
 
 
