@@ -16,6 +16,7 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     model_path,
     ModelOption,
+    notes,
     open_model,
     progress_bar,
     quantity,
@@ -55,7 +56,7 @@ def compare(
     """Compare a model with a measurement: how large the error is, and where."""
     from fam_bundle_ros import discovery
     bundle = open_model(model, allow_python)
-    result = discovery.compare(bundle, read(data, rest_length))
+    result = discovery.compare(bundle, read(data, rest_length, bundle))
     console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
                   f'of the force; mean {result.bias_N:+.3g} N, largest {result.largest_N:.3g} N')
     _check_first(result)
@@ -91,7 +92,7 @@ def diagnose(
     """Find out which physical effect a model is missing, if any, and what to measure next."""
     from fam_bundle_ros import discovery
     bundle = open_model(model, allow_python)
-    measured = read(data, rest_length)
+    measured = read(data, rest_length, bundle)
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick)
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
@@ -190,10 +191,17 @@ def workbench(
         show=show)
 
 
-def read(data: str, rest_length: str | None) -> Any:
-    """Return the Measurement that an argument names."""
+def read(data: str, rest_length: str | None, model: Any = None) -> Any:
+    """Return the Measurement that an argument names; a model may tell the rest length."""
     from fam_bundle_ros.discovery import read_measurement
-    length = None if rest_length is None else quantity(rest_length, 'm', '--rest-length')
+    lengths = {float(unit.geometry.length) for unit in model.motor_units} if model else set()
+    length = lengths.pop() if len(lengths) == 1 else None
+    if rest_length is not None:
+        given = quantity(rest_length, 'm', '--rest-length')
+        if length is not None and abs(given / length - 1.0) > 0.02:
+            notes.print(f'note: --rest-length is {1e3 * given:.4g} mm, the length of '
+                        f'{model.name} {1e3 * length:.4g} mm')
+        length = given
     return read_measurement(data_path(data), rest_length=length)
 
 

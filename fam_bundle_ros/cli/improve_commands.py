@@ -66,7 +66,7 @@ def add(
     if not wanted and name is None:
         name = f'{bundle.name}_recalibrated'
     with notes.status('refitting'):
-        result = add_effect(bundle, wanted, read(data, rest_length), name)
+        result = add_effect(bundle, wanted, read(data, rest_length, bundle), name)
     save_model(result.model, out)
     what = ' and '.join(result.effects) or 'nothing; its own parameters were refitted'
     console.print(f'added {what}: [bold]{result.error_before_N:.3g} N -> {result.error_N:.3g} N'
@@ -92,7 +92,7 @@ def ladder(
     """Show the error of one model after the other on the same data, against the noise floor."""
     from fam_bundle_ros import discovery
     bundles = [open_model(model, allow_python) for model in models]
-    measured = read(data, rest_length)
+    measured = read(data, rest_length, bundles[0])
     with notes.status('refitting on blocks left out'):
         result = discovery.ladder(measured, bundles)
         orders = _orders(bundles, measured)

@@ -3,7 +3,7 @@
 """Commands that speak ROS 2: `demo`, `run`, `record`, `check-rig`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from rich.text import Text
 import typer
@@ -59,24 +59,31 @@ def run(
     """
     Run all nodes in one process until Ctrl-C, then vent.
 
-    What follows --ros-args goes to ROS, as with ros2 run:
+    A strain trajectory is run with a mass on the simulated rig, unless a load is given: the usual
+    dynamometer holds the strain. What follows --ros-args goes to ROS, as with ros2 run:
     fam_bundle run --ros-args -p load.kind:=mass_spring -r __ns:=/left
     """
+    from fam_bundle_ros.nodes import bundle_bringup
+    from fam_bundle_ros.nodes.profile import load_profile
     if params_file is not None and not params_file.is_file():
         raise InputError(f'{params_file}: no such parameter file')
     if rig and params_file is None and '--params-file' not in context.args:
         raise InputError('--rig needs --params-file: copy '
                          f"{config_path('rig.yaml')} and fill in what your rig has")
+    # A dynamometer, the simulated rig's usual load, holds the strain: none could be asked for.
+    free = (trajectory is not None and not rig and params_file is None
+            and load_profile(trajectory).kind == 'strain'
+            and not any('load' in word for word in context.args))
     own = [item for name, value in (
         ('model', None if model is None else _file(model)),
         ('plant_model', None if plant_model is None else _file(plant_model)),
-        ('trajectory', trajectory), ('policy', policy), ('simulate', 'false' if rig else None))
+        ('trajectory', trajectory), ('policy', policy),
+        *(_mass().items() if free else ()), ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
     given = ['--params-file', str(params_file)] if params_file else []
     arguments = ['fam_bundle run', *context.args]
     if own or given:
         arguments += ['--ros-args', *given, *own, '--']
-    from fam_bundle_ros.nodes import bundle_bringup
     console.print(f"running on {'a real' if rig else 'a simulated'} rig; Ctrl-C vents and stops")
     raise typer.Exit(bundle_bringup.main(arguments))
 
@@ -121,6 +128,14 @@ def check_rig(
     save_json(json_file, {'ok': not bad, 'findings': findings})
     if bad:
         raise typer.Exit(1)
+
+
+def _mass() -> dict[str, Any]:
+    """Return parameters for a mass that hangs on the bundle, and that the controller knows."""
+    from fam_bundle_ros.nodes.rig_parameters import LOAD
+    usual = {spec.name: spec.default for spec in LOAD}
+    return {'load.kind': 'mass_spring', 'load_model.mass': usual['load.mass'],
+            'load_model.damping': usual['load.damping']}
 
 
 def _file(name: str) -> str:

@@ -268,6 +268,8 @@ class RecruitmentMachine:
         if curves.top[state + 1] - curves.top[state] < max(0.1, demand.uncertainty):
             return ''
         limit, force = curves.top[state], demand.force
+        if force > recruit and state == 0:
+            return f'demand {force:.1f} N above {recruit:.1f} N; at rest there are {limit:.1f} N'
         if force > recruit:
             return (f"demand {force:.1f} N above RS{state}'s {limit:.1f} N by more than "
                     f'{recruit - limit:.1f} N')

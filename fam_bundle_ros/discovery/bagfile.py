@@ -43,6 +43,8 @@ def read_bag(path: Path, *, rest_length: float | None = None,
         raise InputError(f'{path.name}: reading a bag needs the package rosbags; install the '
                          'extra `tools`') from error
     label = name or path.name
+    if path.is_dir() and not (path / 'metadata.yaml').is_file():
+        raise InputError(f'{label}: a folder without metadata.yaml; expected a ROS 2 bag or a CSV')
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             topics = _topics(label, reader.connections)

@@ -41,8 +41,8 @@ def candidates(model: Bundle, data: Measurement) -> dict[str, Effect]:
     Return the effects that the data could show and the model does not have, by name.
 
     Left out: what the model has already (in whatever shape), the air supply (it changes no
-    force), a user's table, memory and rate where there is no time, and mismatch where there is
-    one motor unit.
+    force), a user's table, memory and rate where there is no time, mismatch where there is one
+    motor unit, and the load cell where the force hardly changes (a constant would pass for it).
     """
     found = {}
     have = {effect.name for effect in model.effects}
@@ -56,10 +56,17 @@ def candidates(model: Bundle, data: Measurement) -> dict[str, Effect]:
             continue
         if kind.parameters and not effect_terms(effect, model.n):
             continue
+        if kind.family == 'force_sensor' and force_hardly_changes(data):
+            continue
         if data.is_static and _silent(model, effect, data):
             continue
         found[name] = effect
     return found
+
+
+def force_hardly_changes(data: Measurement) -> bool:
+    """Return whether the force is nearly the same throughout, as with a weight that hangs."""
+    return bool(data.force.std() < 0.1 * abs(data.force.mean()))
 
 
 def _silent(model: Bundle, effect: Effect, data: Measurement) -> bool:

@@ -4,6 +4,7 @@
 
 import io
 from pathlib import Path
+import re
 
 import numpy as np
 
@@ -139,7 +140,9 @@ def _parse_slowly(name: str, lines: list[bytes], names: list[str], text: list[bo
             try:
                 columns[i].append(float(cell) if cell else np.nan)
             except ValueError as error:
+                comma = re.fullmatch(r'[-+]?\d+,\d*([eE][-+]?\d+)?', cell)
                 raise InputError(f"{name}, row {row + at}: {names[i]} is '{cell[:40]}'; expected "
-                                 'a number') from error
+                                 f'a number{" with a point, not a comma" if comma else ""}',
+                                 ) from error
     return [np.array(column, dtype=object if is_text else float)
             for column, is_text in zip(columns, text)]

@@ -40,8 +40,9 @@ class NoiseFloor:
         Samples per independent sample, 1 for white noise (from visits against differences).
     basis : str
         Which estimate ``value`` is.
-    in_file_order : float or None, N
-        For a map without time, how far rows that follow each other in the file are from smooth.
+    in_file_order, in_strain_order : float or None, N
+        For a map without time, how far an isobar's rows are from smooth, as they follow in the
+        file and sorted by strain; None with time, and where the file has no sweeps.
     note : str
         What a disagreement between the estimates tells, empty when they agree.
     """
@@ -54,12 +55,13 @@ class NoiseFloor:
     basis: str
     note: str = ''
     in_file_order: float | None = None
+    in_strain_order: float | None = None
 
     @property
     def hides_loops(self) -> bool:
         """Whether a map without time counts loops (or drift) as noise."""
-        return (self.repeats is not None and self.in_file_order is not None
-                and self.in_file_order < _LOOPS * self.value)
+        return (self.in_file_order is not None and self.in_strain_order is not None
+                and self.in_file_order < _LOOPS * self.in_strain_order)
 
     def __str__(self) -> str:
         def show(number: float | None) -> str:
@@ -94,12 +96,14 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     floor = _floor(measurement, values)
     if not measurement.is_static:
         return floor
-    floor = replace(floor, in_file_order=_in_file_order(measurement, values))
+    floor = replace(floor, in_file_order=_smoothness(measurement, values, by_strain=False),
+                    in_strain_order=_smoothness(measurement, values, by_strain=True))
     if not floor.hides_loops:
         return floor
     return replace(floor, note='rows that follow each other in the file agree to '
                    f'{floor.in_file_order:.2g} N, rows of equal strain and pressure only to '
-                   f'{floor.value:.2g} N: loops or drift, which cannot be judged without time')
+                   f'{floor.in_strain_order:.2g} N: loops or drift, which cannot be judged '
+                   'without time')
 
 
 def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:
@@ -154,21 +158,31 @@ def second_differences(measurement: Measurement, values: np.ndarray) -> float | 
 
 def _off_the_line(x: np.ndarray, v: np.ndarray, same: np.ndarray) -> np.ndarray:
     """Return how far middles of triples are off their neighbours' line, scaled to one sample."""
-    span = np.where(same, x[2:] - x[:-2], 1.0)
-    left = np.where(same, (x[2:] - x[1:-1]) / span, 0.5)
+    span = x[2:] - x[:-2]
+    use = same & (span != 0.0)
+    left = np.where(use, (x[2:] - x[1:-1]) / np.where(use, span, 1.0), 0.5)
     gap = v[1:-1] - left * v[:-2] - (1.0 - left) * v[2:]
     return (gap / np.sqrt(1.0 + left ** 2 + (1.0 - left) ** 2))[same]
 
 
-def _in_file_order(measurement: Measurement, values: np.ndarray) -> float | None:
-    """Return how far rows of a sweep, as they follow in the file, are from smooth, N."""
-    strain = measurement.strain
-    step = np.diff(strain)
+def _smoothness(measurement: Measurement, values: np.ndarray, *, by_strain: bool,
+                ) -> float | None:
+    """
+    Return how far the rows of a map's isobars are from smooth, in the file or by strain, N.
+
+    A sweep up and down is smooth as it follows in the file, and jumps to and fro between its two
+    branches when sorted by strain.
+    """
     level = measurement.pressure.sum(-1)
-    near = np.abs(np.diff(level)) < max(0.02 * float(np.ptp(level)), 5e3)
-    same = (step[1:] * step[:-1] > 0) & near[1:] & near[:-1]
-    gap = _off_the_line(strain, values, same)
-    if len(gap) < max(6, len(strain) // 4):
+    width = max(0.02 * float(np.ptp(level)), 5e3)
+    order = np.arange(len(level))
+    if by_strain:
+        order = np.lexsort((measurement.strain, np.round(level / width)))
+    x, near = measurement.strain[order], np.abs(np.diff(level[order])) < width
+    step = np.diff(x)
+    onward = x[2:] >= x[:-2] if by_strain else step[1:] * step[:-1] > 0
+    gap = _off_the_line(x, values[order], onward & near[1:] & near[:-1])
+    if len(gap) < max(6, len(x) // 4):
         return None
     return float(_ROBUST * np.median(np.abs(gap)))
 

@@ -125,6 +125,10 @@ def notes_on(data: Measurement, floor: NoiseFloor, base: Fit, final: Fit) -> tup
     notes = []
     if floor.note:
         notes.append(floor.note)
+    if cand.force_hardly_changes(data):
+        notes.append(f'the force hardly changes ({data.force.mean():.3g} N, standard deviation '
+                     f'{data.force.std():.2g} N): such data fix neither the scale of the model '
+                     'nor a bias; let a dynamometer move the bundle, or hang it on a spring')
     far = [f'{key} {value:+.1f}' for key, value in final.moved().items()
            if abs(value) > 3.0 and key.startswith('geometry')]
     if far:

@@ -118,8 +118,13 @@ class _Reader:
         extra = self.python_effects(tree, folder, allow_python)
         units = [self.motor_unit(item, i + 1, tree.lines['motor_units'])
                  for i, item in enumerate(tree['motor_units'])]
-        effects = [self.effect(item, tree.lines['effects'], folder, extra)
-                   for item in tree['effects']]
+        effects: list[Effect] = []
+        for item in tree['effects']:
+            effect = self.effect(item, tree.lines['effects'], folder, extra)
+            if any(effect.name == other.name for other in effects):
+                raise self.error(getattr(item, 'line', tree.lines['effects']),
+                                 f'effect {effect.name} is named twice')
+            effects.append(effect)
         error = self.quantity(tree['error'], 'N', 'error', tree.lines['error']) \
             if 'error' in tree else 0.0
         notes = _undecorate(tree.get('notes') or {})
@@ -156,6 +161,9 @@ class _Reader:
             values[key] = self.quantity(shape[key], unit, key, shape.lines[key])
             if values[key] <= 0.0:
                 raise self.error(shape.lines[key], f'{key} must be above zero')
+        if values['radius'] > 0.4 * values['length']:
+            raise self.error(shape.lines['radius'], 'radius must be below 0.4 of the length: a '
+                             'muscle is longer than thick (is it the diameter?)')
         if values['wall_thickness'] >= values['radius']:
             raise self.error(shape.lines['wall_thickness'],
                              'wall_thickness must be below the radius')

@@ -179,9 +179,11 @@ def _isobars(models, points):
 
 def _space(models, points):
     bundle = models['included']
-    end = float(np.nanmax(models['neglected'].free_strain(bundle.max_pressure)))
-    # a little beyond, so that the largest strain that can be held is seen to be the last
-    strain = np.linspace(0.0, (end if np.isfinite(end) else 0.3) + 0.01, points)
+    free = models['neglected'].free_strain(bundle.max_pressure)
+    # a little beyond, so that the largest strain that can be held is seen to be the last; a table
+    # of measured forces may end before the free strain
+    end = float(np.nanmax(free)) if np.isfinite(free).any() else 0.3
+    strain = np.linspace(0.0, end + 0.01, points)
     low, high = {}, {}
     for name in ('neglected', 'included'):
         low[name], high[name] = (np.empty((bundle.n, points)) for _ in range(2))

@@ -71,6 +71,23 @@ def test_data_and_model_must_have_the_same_units(fam_bundle):
     assert 'expected 2' in result.stderr
 
 
+def test_the_model_tells_the_rest_length(fam_bundle, repository, tmp_path):
+    """A contraction in mm needs no option beside a model; another length is pointed out."""
+    case = repository / 'test/data/practice/p03'
+    header, *rows = (case.parent / 'p03.csv').read_text().splitlines()
+    at = header.split(',').index('strain')
+    table = [row.split(',') for row in rows]
+    for cells in table:
+        cells[at] = f'{127.0 * float(cells[at]):.5f}'
+    (tmp_path / 'mm.csv').write_text('\n'.join(
+        [header.replace('strain', 'contraction [mm]'), *(','.join(cells) for cells in table)]))
+    as_strain, as_length, other = (
+        fam_bundle('compare', *words, '--model', f'{case}.model.yaml')
+        for words in ((f'{case}.csv',), ('mm.csv',), ('mm.csv', '--rest-length', '150 mm')))
+    assert as_length.stdout.splitlines()[0] == as_strain.stdout.splitlines()[0]
+    assert '--rest-length is 150 mm' in other.stderr
+
+
 def test_convert_writes_a_csv_that_reads_back(fam_bundle, repository, tmp_path):
     """`convert` with a model adds its force and residual; the result is a measurement again."""
     case = repository / 'test/data/practice/p10'

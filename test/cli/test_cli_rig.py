@@ -18,7 +18,8 @@ pytest.importorskip('rclpy')
 def running_bundle(repository, domain_id, tmp_path):
     """Yield ``fam_bundle run`` as a process that simulates and moves."""
     process = subprocess.Popen(
-        [sys.executable, '-m', 'fam_bundle_ros.cli', 'run', '--model', 'spie2021'],
+        [sys.executable, '-m', 'fam_bundle_ros.cli', 'run', '--model', 'spie2021',
+         '--trajectory', 'strain_steps'],
         cwd=tmp_path, stderr=subprocess.PIPE, text=True,
         env={**os.environ, 'PYTHONPATH': str(repository), 'ROS_DOMAIN_ID': str(domain_id)})
     yield process
@@ -39,6 +40,9 @@ def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundl
     rows = (tmp_path / 'log.csv').read_text().splitlines()
     assert rows[0].startswith('time [s],trial,strain,pressure.mu1 [kPa],pressure.mu2 [kPa]')
     assert len(rows) > 300
+    # A strain was asked for: the rig has a load that moves.
+    strain = [float(row.split(',')[2]) for row in rows[1:]]
+    assert max(strain) - min(strain) > 0.02
     again = fam_bundle('record', 'bag', '--seconds', '1')
     assert again.returncode == 2
     assert 'bag' in again.stderr

@@ -122,12 +122,23 @@ def test_what_no_effect_explains_is_described_and_can_be_added(sweeps, paper_mus
     result = diagnose(paper_muscle, data)
     assert result.verdict == 'unexplained'
     assert result.effects == ()
+    assert 'candidates' not in str(result)  # the nearest ones are shown, as no answer
     shape = result.shapes_left[0]
     assert 'starts at strain 0.1' in shape.words
     assert shape.coefficient == pytest.approx(-400, rel=0.1)
     stopped = paper_muscle.with_effect(shape.effect('stop'))
     better = diagnose(loads_model(dumps_model(stopped)), data)
     assert better.error_N['recalibrated'] < 0.75
+
+
+def test_a_force_that_hardly_changes_accuses_no_load_cell(sweeps, paper_muscle):
+    """Under a hanging weight a constant would pass for the whole model: said, not named."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction', force=1.0))
+    near = np.abs(data.force - 60.0) < 6.0
+    weight = build('weight', data.strain[near], data.pressure[near], data.force[near])
+    result = diagnose(paper_muscle, weight)
+    assert 'force_sensor_bias' not in {entry.effect for entry in result.ranking}
+    assert 'the force hardly changes' in ' '.join(result.notes)
 
 
 def test_effects_that_the_data_cannot_tell_apart_are_tied(sweeps, paper_muscle):

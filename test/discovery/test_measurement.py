@@ -99,6 +99,14 @@ def test_files_that_are_no_csv_fail(tmp_path, content):
         read_measurement(path)
 
 
+def test_decimal_commas_are_called_so(write):
+    """A table as a German spreadsheet writes it: the error says what is wrong with it."""
+    path = write(HEADER.replace(',', ';'), [row.replace(',', ';').replace('.', ',')
+                                            for row in rows_of()])
+    with pytest.raises(InputError, match="row 2: time .* '0,00'; expected a number with a point"):
+        read_measurement(path)
+
+
 def test_huge_files_are_refused_with_bounded_memory(tmp_path):
     """Neither a file of 2 GB nor one endless line is read into memory."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

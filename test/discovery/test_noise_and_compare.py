@@ -8,7 +8,8 @@ import json
 import numpy as np
 import pytest
 
-from fam_bundle_ros.discovery import compare, noise_floor, read_measurement
+from fam_bundle_ros.discovery import compare, diagnose, noise_floor, read_measurement
+from fam_bundle_ros.discovery.measurement import build
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path
@@ -54,6 +55,34 @@ def test_friction_is_odd_and_rubber_is_even(sweeps, paper_muscle):
     assert rubber.even_N > 20 * rubber.odd_N
     assert friction.odd_N == pytest.approx(4.0, rel=0.1)
     assert friction.odd_N > 10 * friction.even_N
+
+
+@pytest.mark.parametrize(('slip', 'words'), [
+    (lambda data: {'force': -data.force}, 'sign of the force'),
+    (lambda data: {'force': data.force / 4.448}, 'in lbf, not in N'),
+    (lambda data: {'force': data.force * 9.807}, 'in N, not in kgf'),
+    (lambda data: {'pressure': data.pressure + 101325.0}, 'absolute, not gauge')])
+def test_a_slip_of_unit_or_sign_is_named_before_any_physics(sweeps, paper_muscle, slip, words):
+    """Data that pass every range but were meant otherwise: said so, though friction is hidden."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction'))
+    assert compare(paper_muscle, data).slips == ()
+    result = compare(paper_muscle, replace(data, **slip(data)))
+    assert words in result.slips[0]
+    assert words in str(result)
+    assert words in ' '.join(diagnose(paper_muscle, result.measurement).to_dict()['notes'])
+
+
+def test_loops_in_a_map_without_time_are_no_noise(sweeps, paper_muscle):
+    """Friction in rows without time: not adequate, and the time is asked for; noise is noise."""
+    def timeless(model):
+        data = sweeps(model)
+        return build('map', data.strain, data.pressure, data.force)
+    result = diagnose(paper_muscle, timeless(paper_muscle.with_effect('coulomb_friction',
+                                                                      force=8.0)))
+    assert result.verdict == 'unexplained'
+    assert 'cannot be judged without time' in result.summary
+    assert 'time of each row' in result.next_experiment
+    assert diagnose(paper_muscle, timeless(paper_muscle)).verdict == 'adequate'
 
 
 def test_a_stop_is_located_in_words(sweeps, paper_muscle):

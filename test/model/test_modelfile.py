@@ -75,6 +75,7 @@ def test_a_model_is_written_whole_or_not_at_all(tmp_path):
     ('0.25 in', '.nan mm', "line 8: radius: '.nan mm' is not a quantity"),
     ('0.25 in', 'nan mm', "line 8: radius: 'nan mm' is not finite"),
     ('0.25 in', '-1 mm', 'line 8: radius must be above zero'),
+    ('0.25 in', '2.5 in', 'line 8: radius must be below 0.4 of the length'),
     ('1.59 mm', '8 mm', 'line 8: wall_thickness must be below the radius'),
     ('33 deg', '60 deg', 'line 8: braid_angle must lie between 5 and 54.7 deg'),
     ('muscles: 2', 'muscles: two', "line 7: muscles is 'two'; expected a whole number"),
@@ -90,6 +91,7 @@ def test_a_model_is_written_whole_or_not_at_all(tmp_path):
     ('{data: rig.csv}', 'hello', 'line 4: notes must be a mapping'),
     ('{k: {value: 5 N*s, lower: 0 N*s,\n           upper: 100 N*s}}', '[k]',
      'line 15: parameters of drag must be a mapping'),
+    ('- mesh', '- mesh\n  - mesh', 'line 12: effect mesh is named twice'),
     ('name: small', 'name: small\nname: big', "line 3: 'name' stands twice"),
     ('name: small', 'name: [a', 'line 3: is not YAML|line 4: is not YAML'),
 ])

@@ -224,7 +224,7 @@ def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id
 
 
 def test_check_rig_says_what_is_wrong(domain_id):
-    """Gauge pressure, strain in %, no stamps, nobody at the valves: each is one finding."""
+    """Gauge pressure, strain in %, no stamps, nobody at the valves, no MU2: one finding each."""
     source = """
 import sys, time
 from fam_bundle_ros.nodes.base import BundleNode
@@ -247,7 +247,7 @@ sys.exit(run(lambda context: [Bad(context)], ''))
 """
     process = subprocess.Popen([sys.executable, '-c', source])
     try:
-        findings = check_rig(seconds=0.5, domain=domain_id, patience=15.0)
+        findings = check_rig(seconds=0.5, units=2, domain=domain_id, patience=3.0)
     finally:
         process.terminate()
         process.wait(10)
@@ -257,6 +257,7 @@ sys.exit(run(lambda context: [Bad(context)], ''))
     assert 'not % or mm' in wrong['strain unit and sign']
     assert 'pressure_is_gauge' in wrong['mu1/pressure unit']
     assert 'nobody listens' in wrong['mu1/valve_command']
+    assert 'nobody publishes it' in wrong['mu2/pressure']
     assert 'e_stop' in wrong
 
 
