@@ -34,7 +34,8 @@ _BINARY: dict[Any, Callable] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
     ast.Div: operator.truediv, ast.Pow: operator.pow}
 _UNARY: dict[Any, Callable] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
-_FUNCTIONS: dict[str, tuple[Callable, int]] = {
+#: What a formula may call: the function and its number of arguments.
+FUNCTIONS: dict[str, tuple[Callable, int]] = {
     'abs': (np.abs, 1), 'sqrt': (np.sqrt, 1), 'exp': (np.exp, 1), 'log': (np.log, 1),
     'tanh': (np.tanh, 1), 'sin': (np.sin, 1), 'cos': (np.cos, 1), 'sign': (np.sign, 1),
     'min': (np.minimum, 2), 'max': (np.maximum, 2),
@@ -132,12 +133,12 @@ def _check(name, node, names):
     elif isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
         _check(name, node.operand, names)
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        if node.func.id not in _FUNCTIONS:
+        if node.func.id not in FUNCTIONS:
             raise InputError(f"{name}: function '{node.func.id}' is not one of "
-                             f"{', '.join(_FUNCTIONS)}")
-        if len(node.args) != _FUNCTIONS[node.func.id][1]:
+                             f"{', '.join(FUNCTIONS)}")
+        if len(node.args) != FUNCTIONS[node.func.id][1]:
             raise InputError(f"{name}: function '{node.func.id}' takes "
-                             f'{_FUNCTIONS[node.func.id][1]} argument(s)')
+                             f'{FUNCTIONS[node.func.id][1]} argument(s)')
         for argument in node.args:
             _check(name, argument, names)
     elif isinstance(node, ast.Name):
@@ -158,7 +159,7 @@ def _walk(node: Any, values: Mapping[str, Any]) -> Any:
         return _UNARY[type(node.op)](_walk(node.operand, values))
     if isinstance(node, ast.Call):
         function: Any = node.func
-        return _FUNCTIONS[function.id][0](*(_walk(a, values) for a in node.args))
+        return FUNCTIONS[function.id][0](*(_walk(a, values) for a in node.args))
     if isinstance(node, ast.Name):
         return values[node.id]
     return float(node.value)
