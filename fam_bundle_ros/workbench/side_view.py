@@ -42,6 +42,8 @@ class SideView:
         session = self.session
         with parts.box('section'):
             parts.text('h2', 'Where the model fails')
+            for slip in session.now.comparison.slips:
+                parts.text('p', parts.sentence(f'check first: {slip}'), 'tie')
             if not session.regions:
                 parts.text('p', 'Nowhere: no region stands out of the noise.', 'muted small')
             for k, region in enumerate(session.regions):
@@ -110,7 +112,10 @@ class SideView:
                 parts.box('i').style(f'width: {100 * min(c.probability, 1.0):.0f}%; background: '
                                      f'{getattr(palette.effect(choice.effect), shade)}')
             with parts.box('div', 'facts'):
-                self._fact('probability', f'{100 * c.probability:.0f} %')
+                found = self.session.diagnosis
+                answered = found is None or found.verdict != 'unexplained'
+                self._fact('probability' if answered else 'among these',
+                           f'{100 * c.probability:.0f} %')
                 self._fact('leaves', f'{short(c.error_N)} N')
                 self._fact('family', parts.words(c.family))
                 if c.shape != c.effect:

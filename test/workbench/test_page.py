@@ -110,6 +110,15 @@ async def test_a_model_dropped_first_is_used(user):
     await sees(user, '151 N')
 
 
+async def test_a_wrong_unit_is_pointed_out(user):
+    """Newtons under a header of lbf: the page says what to check before any physics."""
+    await upload(user, 'start.model.yaml',
+                 config_path('data/examples/hidden_friction.model.yaml').read_bytes())
+    await sees(user, 'is ready')
+    await upload(user, 'slip.csv', DATA.read_bytes().replace(b'force [N]', b'force [lbf]'))
+    await sees(user, 'Check first: with a force in N, not in lbf')
+
+
 @pytest.mark.parametrize(('name', 'content', 'said'), [
     ('broken.csv', b'strain,pressure [kPa],force [N]\n0,1,x\n', 'broken.csv, row 2'),
     ('empty.csv', b'', 'empty'),
