@@ -75,15 +75,19 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
 def diagnosis_sections(result: Diagnosis) -> list[Section]:
     """Return candidates, ladder, parameters with intervals, and what to measure next."""
     shown: list[Any] = []
+    answered = result.verdict != 'unexplained'
+    title = result.shortlist_title
     chart = figures.candidates(result)
     if chart is not None:
-        shown.append(Picture('candidates', 'Candidates', chart,
+        shown.append(Picture('candidates', f'{title[:1].upper()}{title[1:]}', chart,
                              'Probability that the effect belongs to the model, over all sets of '
                              'effects that were fitted together with the model’s own '
-                             'parameters, and the error of the best set that holds it.'))
+                             'parameters, and the error of the best set that holds it.'
+                             + ('' if answered else ' As if one of them had to be the answer.')))
     if result.ranking:
         shown.append(Table(
-            ('effect', 'family', 'probability', 'error (N)', 'parameters', 'why'),
+            ('effect', 'family', 'probability' if answered else 'among these', 'error (N)',
+             'parameters', 'why'),
             [(('effect', c.effect), c.family, round(c.probability, 2), c.error_N,
               '; '.join(f'{e.key.partition(".")[2]} {e.value:.4g} {e.unit}'.rstrip()
                         for e in c.parameters), c.reason) for c in result.ranking]))
