@@ -19,10 +19,16 @@ settings.register_profile('ci', derandomize=True)
 if os.environ.get('CI'):
     settings.load_profile('ci')
 
-# Both are read when rclpy or a message is first imported, in this process or in one it starts.
+# All are read when rclpy or a message is first imported, in this process or in one it starts.
 # Jazzy's messages check the types of their fields only when asked to.
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+if os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp') == 'rmw_fastrtps_cpp':
+    # The profile keeps to this machine; LOCALHOST would bring shared memory back.
+    os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
+        Path(__file__).with_name('fastdds_udp.xml'))
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'
+else:
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ.setdefault('ROS_LOG_DIR', str(Path(tempfile.gettempdir(), 'fam_bundle_ros_log')))
 # The workers of pytest-xdist share the cores; threads of BLAS would only get in their way.
 os.environ.setdefault('OMP_NUM_THREADS', '1')
