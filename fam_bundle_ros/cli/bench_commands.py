@@ -210,6 +210,9 @@ def _speeds() -> dict[str, tuple[float, str, str]]:
     )
     from fam_bundle_ros.model import Motion
     from fam_bundle_ros.plant import Rig, RigConfig
+    from fam_bundle_ros.workbench import drawings
+    from fam_bundle_ros.workbench.cases import load_example
+    from fam_bundle_ros.workbench.session import Session
     bundle = open_model('spie2021').with_effect('coulomb_friction')
     strain, pressure = 0.1, np.array([3e5, 1e5])
     state = bundle.start_state()
@@ -221,6 +224,8 @@ def _speeds() -> dict[str, tuple[float, str, str]]:
     controller = RecruitmentController(bundle, ControllerConfig())
     measured = Measurement(60.0, strain, 0.0, pressure)
     asked = Reference('force', 60.0, 0.0)
+    session = Session()
+    session.open(load_example('hidden_friction'))
     return {
         'one tick of the model': (1e6 * _seconds(
             lambda: bundle.step(state, 2e-3, strain, pressure)), 'µs', 'two motor units'),
@@ -230,6 +235,9 @@ def _speeds() -> dict[str, tuple[float, str, str]]:
                                 '2 ms of simulated time'),
         'one tick of the recruitment controller': (1e6 * _seconds(
             lambda: controller.update(4e-3, measured, asked)), 'µs', 'reversal aware'),
+        'a figure of the workbench': (1e3 * _seconds(
+            lambda: drawings.for_page(drawings.main_figure(session), dark=True)), 'ms',
+            'curves of an example, without the browser'),
     }
 
 
