@@ -203,7 +203,9 @@ def _speeds() -> dict[str, tuple[float, str, str]]:
     import numpy as np
 
     from fam_bundle_ros.control import (
+        Allocator,
         ControllerConfig,
+        Instant,
         Measurement,
         RecruitmentController,
         Reference,
@@ -226,6 +228,7 @@ def _speeds() -> dict[str, tuple[float, str, str]]:
     asked = Reference('force', 60.0, 0.0)
     session = Session()
     session.open(load_example('hidden_friction'))
+    allocator = Allocator(bundle)
     return {
         'one tick of the model': (1e6 * _seconds(
             lambda: bundle.step(state, 2e-3, strain, pressure)), 'µs', 'two motor units'),
@@ -233,6 +236,9 @@ def _speeds() -> dict[str, tuple[float, str, str]]:
                             'a million at once'),
         'one tick of the rig': (1e6 * _seconds(lambda: rig.step([0.1, 0.0], 2e-3)), 'µs',
                                 '2 ms of simulated time'),
+        'the inverse of the model': (1e6 * _seconds(
+            lambda: allocator.curves(Instant(0.16)).fill(60.0, (0, 1))), 'µs',
+            'a force and strain to two pressures'),
         'one tick of the recruitment controller': (1e6 * _seconds(
             lambda: controller.update(4e-3, measured, asked)), 'µs', 'reversal aware'),
         'a figure of the workbench': (1e3 * _seconds(
