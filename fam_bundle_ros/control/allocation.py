@@ -19,8 +19,9 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
 SCHEMES = ('orderly', 'batch', 'all_on')
-#: Pressures by which a cell of the table is divided for the last refinement.
-_FINE = 9
+#: A cell of the table is divided by so many pressures, and the one found so again: a muscle that
+#: leaves its free strain has a kink there of up to 20 N/kPa.
+_FINE, _ROUNDS = 9, 2
 #: A unit that could only pull less than when vented comes back when it could pull more by this
 #: share of its push-back, and by so many N: strain noise must not fill and empty it in turn.
 _WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
@@ -202,9 +203,11 @@ class Curves:
         i = bottom + max(int(np.searchsorted(rising, wanted)), 1)
         chosen = float(np.interp(wanted, rising, common[bottom:]))
         if rising[0] < wanted < rising[-1]:
-            fine = np.linspace(self.pressure[i - 1], self.pressure[i], _FINE)
-            chosen = _on_rising_branch(wanted, self._forces(fine)[:, units].sum(axis=1),
-                                       fine[:, units].max(axis=1))
+            # Within the cell too each unit stops at its own limit.
+            chosen = _refine(
+                wanted, common[i - 1], common[i],
+                lambda fine: self._forces(np.minimum(fine[:, None], self.pressure[-1]))[:, units]
+                .sum(axis=1))
         for unit in units:
             pressure[unit] = min(chosen, self.pressure[-1, unit])
             force[unit] = self.at(unit, pressure[unit])
@@ -226,17 +229,24 @@ class Curves:
         bottom = int(self.bottom[unit])
         rising = np.maximum.accumulate(self.force[bottom:, unit])
         i = min(bottom + max(int(np.searchsorted(rising, wanted)), 1), len(self.force) - 1)
-        low, high = self.pressure[i - 1, unit], self.pressure[i, unit]
-        fine = np.linspace(low, high, _FINE)
         pressure = np.tile(self.pressure[i], (_FINE, 1))
-        pressure[:, unit] = fine
-        return _on_rising_branch(wanted, self._forces(pressure)[:, unit], fine)
+
+        def force(fine):
+            pressure[:, unit] = fine
+            return self._forces(pressure)[:, unit]
+        return _refine(wanted, self.pressure[i - 1, unit], self.pressure[i, unit], force)
 
 
-def _on_rising_branch(wanted, force, pressure):
-    """Return the pressure of a force within one cell, whose true bottom may lie inside it."""
-    bottom = int(np.argmin(force))
-    return float(np.interp(wanted, np.maximum.accumulate(force[bottom:]), pressure[bottom:]))
+def _refine(wanted, low, high, force):
+    """Return the pressure of a force within one cell, which may hold a bottom and kinks."""
+    for _ in range(_ROUNDS):
+        fine = np.linspace(low, high, _FINE)
+        found = force(fine)
+        bottom = int(np.argmin(found))
+        rising = np.maximum.accumulate(found[bottom:])
+        i = bottom + min(max(int(np.searchsorted(rising, wanted)), 1), len(rising) - 1)
+        low, high = fine[max(i - 1, 0)], fine[i]
+    return float(np.interp(wanted, rising, fine[bottom:]))
 
 
 class Allocator:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inverse: exact within reach, on the rising branch, honest beyond it."""
 
+import math
 
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ import pytest
 
 from fam_bundle_ros.control import allocate, Allocator, Instant
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, Geometry, MotorUnit
 
 STRAIN = st.floats(0.0, 0.25)
 SHARE = st.floats(0.0, 1.0)
@@ -37,6 +39,34 @@ def test_allocation_inverts_the_model(bundles, units, strain, share, later):
     found = allocate(bundle, demand, strain, state)
     assert bundle.force(strain, found.pressure) == pytest.approx(demand, abs=0.1)
     assert abs(found.missing) < 1e-6
+
+
+def unit_of(k, muscles, radius, angle, wall, limit):
+    """Return a motor unit of 127 mm: radius in m, braid angle in degrees, wall in radii, Pa."""
+    geometry = Geometry(radius, 0.127, math.radians(angle), wall * radius)
+    return MotorUnit(f'mu{k}', muscles, geometry, limit)
+
+
+UNIT = st.tuples(st.integers(1, 3), st.floats(3e-3, 12e-3), st.floats(18.0, 36.0),
+                 st.floats(0.08, 0.28), st.floats(150e3, 600e3))
+
+
+@given(units=st.lists(UNIT, min_size=1, max_size=6), strain=st.floats(-0.02, 0.3),
+       beyond=st.floats(-0.1, 1.1), later=st.integers(0, 5),
+       scheme=st.sampled_from(['orderly', 'batch', 'all_on']))
+# One unit reaches its limit inside a cell of the table.
+@example(units=[(3, 6e-3, 25.0, 1 / 6, 600e3), (3, 12e-3, 20.0, 1 / 12, 455e3)], strain=0.0,
+         beyond=0.9575, later=1, scheme='all_on')
+@settings(deadline=None, max_examples=300)
+def test_what_is_not_missing_is_there(paper_bundle, units, strain, beyond, later, scheme):
+    """For any bundle, scheme and demand the model's force plus what is missing is the demand."""
+    bundle = Bundle('any', [unit_of(k + 1, *unit) for k, unit in enumerate(units)],
+                    paper_bundle.effects)
+    state = 1 + later % bundle.n
+    curves = curves_of(bundle, strain)
+    demand = curves.floor[state] + beyond * (curves.top[state] - curves.floor[state])
+    found = allocate(bundle, demand, strain, state, scheme=scheme)
+    assert bundle.force(strain, found.pressure) + found.missing == pytest.approx(demand, abs=0.1)
 
 
 @given(units=st.sampled_from([2, 3, 6]), strain=STRAIN, demand=st.floats(-60.0, 500.0),
