@@ -172,12 +172,13 @@ class RecruitmentMachine:
         self.direction = 0
         self._calm = 0.0
         self._absent = 0.0
-        self._reserve = 0.0
+        # Of each unit: the most of what it must hold at least since it was recruited, Pa.
+        self._reserve = [0.0] * self.units
         # How far below the release level the demand was when the last unit was recruited ahead of
         # need, N: a demand that then stops, and never fell, releases nothing.
         self._ahead = 0.0
-        # Since it was last below the release level: did the demand need the last unit?
-        self._needed = True
+        # Of each unit: has a demand needed it since it was recruited?
+        self._needed = [True] * self.units
         # A unit was recruited for a demand that then turned back: look ahead no more.
         self._wary = False
 
@@ -250,12 +251,10 @@ class RecruitmentMachine:
         below = self.state > 0 and demand.force < release
         span = float(curves.top[-1] - curves.top[0])
         resting = abs(demand.rate) < self.config.rest_rate * span
-        if self.state > 0:
-            last = self.state - 1
-            self._reserve = max(self._reserve, float(
-                curves.bottom_pressure[curves.order[last]]))
-            if demand.force > curves.top[last] - 0.1:
-                self._needed = True
+        for k in range(self.state):
+            self._reserve[k] = max(self._reserve[k],
+                                   float(curves.bottom_pressure[curves.order[k]]))
+            self._needed[k] |= bool(demand.force > curves.top[k] - 0.1)
         self._absent = self._absent + dt if below else 0.0
         self._calm = self._calm + dt if below and resting else 0.0
 
@@ -299,18 +298,18 @@ class RecruitmentMachine:
             return f'{below} and at rest for {self._calm:.1f} s'
         if self._absent >= self.config.absence_time:
             return f'{below} for {self._absent:.1f} s'
-        if demand.rate < 0.0 and not self._needed:
+        if demand.rate < 0.0 and not self._needed[state - 1]:
             return f'{below} and turned back before it was needed'
         held = float(curves.bottom_pressure[curves.order[state - 1]])
-        if demand.rate < 0.0 and held < self.config.worth * self._reserve:
+        if demand.rate < 0.0 and held < self.config.worth * self._reserve[state - 1]:
             return f'{below}, and only {held / 1e3:.0f} kPa to fill again from here'
         return ''
 
     def _switch(self, direction, text):
         # What was recruited in vain is not recruited ahead of need again; need clears this.
-        self._wary = direction < 0 and not self._needed
-        self._needed = False
-        self._reserve = 0.0
+        self._wary = direction < 0 and not self._needed[self.state - 1]
+        if direction > 0:
+            self._needed[self.state], self._reserve[self.state] = False, 0.0
         self.state += direction
         self._since = 0.0
         self._calm = self._absent = 0.0
