@@ -33,7 +33,7 @@ _TOLERANCE = 0.1
 #: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
 _STEP = 2.0
 #: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
-_BRISK, _SLOW = 200.0, 12.0
+_BRISK, _SLOW = 80.0, 12.0
 
 
 @dataclass(frozen=True)
@@ -237,8 +237,8 @@ class RecruitmentController:
             limits.update(curves.top, dt, _BRISK if clean else _SLOW)
         self._last_wanted = value[0]
         state = min(self._machine.state, self.bundle.n - 1)
-        now = [w[0] for w in wanted.now(_BRISK, dt)]
-        top = [x[state] for x in (limits.now(_BRISK, dt) if clean else
+        now = [w[0] for w in wanted.now(_BRISK)]
+        top = [x[state] for x in (limits.now(_BRISK) if clean else
                                   (limits.rate, limits.acceleration, np.zeros_like(limits.rate)))]
         rate, acceleration, jerk = (float(w - x) for w, x in zip(now, top))
         return Demand(target.force, rate, acceleration, jerk, self.outer.uncertainty)

@@ -321,6 +321,9 @@ class Heading:
     """
     Rate, acceleration and jerk of signals by a critically damped third-order filter.
 
+    Three first-order lags in a row, solved exactly for a signal that is straight between two
+    samples: neither long nor uneven sample times disturb it, and a ramp shows its rate alone.
+
     Parameters
     ----------
     start : ndarray
@@ -332,26 +335,28 @@ class Heading:
     def reset(self, value: np.ndarray) -> None:
         """Begin at rest."""
         self.value = np.array(value, float)
-        self.rate = np.zeros_like(self.value)
-        self.acceleration = np.zeros_like(self.value)
-        self.jerk = np.zeros_like(self.value)
+        self._slope = np.zeros_like(self.value)
+        # On a ramp each lag is behind the one before by the same. How far they are off from that:
+        self._off = [self._slope] * 3
+        self.rate = self.acceleration = self.jerk = self._slope
 
     def update(self, value: np.ndarray, dt: float, bandwidth: float) -> None:
         """Advance by one sample; ``bandwidth`` in rad/s."""
-        w = self._within(bandwidth, dt)
-        self.jerk = (w ** 3 * (value - self.value) - 3.0 * w ** 2 * self.rate
-                     - 3.0 * w * self.acceleration)
-        self.acceleration = self.acceleration + self.jerk * dt
-        self.rate = self.rate + self.acceleration * dt
-        self.value = self.value + self.rate * dt
+        w, x = bandwidth, bandwidth * dt
+        slope = (value - self.value) / dt
+        bend = (slope - self._slope) / w
+        first, second, third = (off + k * bend for k, off in enumerate(self._off, 1))
+        fade = math.exp(-x)
+        first, second, third = self._off = [
+            fade * first, fade * (second + x * first),
+            fade * (third + x * (second + 0.5 * x * first))]
+        self.value, self._slope = value, slope
+        self.rate = slope + w * (second - third)
+        self.acceleration = w ** 2 * (first - 2.0 * second + third)
+        self.jerk = w ** 3 * (3.0 * second - 3.0 * first - third)
 
-    def now(self, bandwidth: float, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def now(self, bandwidth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rate, acceleration and jerk with the filter's own delay made up for."""
-        lag = 3.0 / self._within(bandwidth, dt)
+        lag = 3.0 / bandwidth
         return (self.rate + lag * (self.acceleration + 0.5 * lag * self.jerk),
                 self.acceleration + lag * self.jerk, self.jerk)
-
-    @staticmethod
-    def _within(bandwidth, dt):
-        """Return the bandwidth that the sample time allows."""
-        return min(bandwidth, 0.4 / dt)

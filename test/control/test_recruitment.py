@@ -17,7 +17,7 @@ from fam_bundle_ros.control import (
     Reference,
     SwitchingConfig,
 )
-from fam_bundle_ros.control.recruitment import Demand, RecruitmentMachine
+from fam_bundle_ros.control.recruitment import Demand, Heading, RecruitmentMachine
 from fam_bundle_ros.errors import InputError
 
 DT = 5e-3
@@ -35,12 +35,12 @@ class Bench:
         self._random = np.random.default_rng(seed)
         self.curves = Allocator(bundle).curves(Instant(strain))
 
-    def update(self, demand, rate=0.0, kind='force'):
+    def update(self, demand, rate=0.0, kind='force', dt=DT):
         """Return the command of one tick."""
         force = float(self.bundle.force(self.strain, self.pressure))
         force += self.noise * self._random.standard_normal()
         command = self.controller.update(
-            DT, Measurement(force, self.strain, 0.0, self.pressure), Reference(kind, demand, rate))
+            dt, Measurement(force, self.strain, 0.0, self.pressure), Reference(kind, demand, rate))
         self.pressure = command.pressure
         return command
 
@@ -144,6 +144,48 @@ def test_transition_keeps_the_force_on_the_demand(paper_bundle):
         errors.append(bench.bundle.force(0.16, command.pressure) - 10.0)
     assert command.state == 1
     assert np.max(np.abs(errors)) < 0.3
+
+
+@pytest.mark.parametrize('units', [2, 3, 6])
+def test_every_climb_is_like_the_first(bundles, units):
+    """After a climb and a full release each unit is recruited at the same demand as before."""
+    bench = Bench(bundles[units], 0.12, outer=OPEN)
+    top, climbs = bench.curves.top[-1] - 2.0, []
+    for _ in range(2):
+        up = bench.ramp(2.0, top, 40.0)
+        climbs.append([up[i].demand for i in np.flatnonzero(switches(up))])
+        bench.ramp(top, 2.0, 80.0)
+        bench.hold(2.0, 0.9 * units)
+    assert len(climbs[0]) >= units - 1
+    # The first is from RS0, the second from RS1.
+    assert climbs[1] == pytest.approx(climbs[0][-len(climbs[1]):], abs=0.5)
+
+
+@pytest.mark.parametrize('uneven', [0.0, 0.2, 0.6])
+def test_uneven_sample_times_recruit_nothing(paper_bundle, uneven):
+    """A ramp that ends well within RS1 never needs MU2, however the ticks are scattered."""
+    random, bench = np.random.default_rng(0), Bench(paper_bundle, 0.1, outer=OPEN)
+    time = 0.0
+    while time < 3.0:
+        dt = DT * (1.0 + uneven * random.uniform(-1.0, 1.0))
+        time += dt
+        value = min(5.0 + 100.0 * time, 65.0)
+        command = bench.update(value, 100.0 if value < 65.0 else 0.0, dt=dt)
+        assert command.state <= 1, command.explanation
+    assert value < bench.curves.top[1] - 15.0
+
+
+@given(steps=st.lists(st.floats(1e-4, 0.05), min_size=3, max_size=40),
+       slope=st.floats(-500.0, 500.0), bandwidth=st.sampled_from([12.0, 80.0]))
+@settings(deadline=None)
+def test_a_ramp_shows_its_rate_whatever_the_sample_times(steps, slope, bandwidth):
+    """Once the start has faded, uneven samples of a ramp give its rate and nothing else."""
+    heading = Heading(np.zeros(1))
+    for dt in [0.05] * 60 + steps:
+        heading.update(heading.value + slope * dt, dt, bandwidth)
+    rate, acceleration, _ = heading.now(bandwidth)
+    assert rate[0] == pytest.approx(slope, abs=1e-3)
+    assert acceleration[0] == pytest.approx(0.0, abs=0.1)
 
 
 def test_neglect_dips_where_reversal_aware_does_not(paper_bundle):
