@@ -272,7 +272,7 @@ class PressurePid:
         bandwidth = min(config.setpoint_bandwidth, 0.7 / dt)
         upper = min(0.97 * max(fastest, 0.0), config.setpoint_rate)
         lower = max(0.97 * min(slowest, 0.0), -config.setpoint_rate)
-        # Above both setpoint and reading there is no pressure that the valve would have to let out.
+        # Above both setpoint and reading there is no air that the valve would have to let out.
         lower = min(lower, (max(setpoint, pressure) - self._followed) * bandwidth)
         rate = min(max((setpoint - self._followed) * bandwidth, lower), upper)
         self._followed += rate * dt
