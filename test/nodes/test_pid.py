@@ -165,6 +165,15 @@ def test_pressure_that_does_not_answer_is_told_then_vented_and_latched(graph, pa
     assert rig.rig.truth.pressure[0] > 190e3
 
 
+def test_a_drifted_sensor_at_exhaust_is_no_fault(graph, pair):
+    """An empty unit that shows 5 kPa for long can be filled when its turn comes."""
+    rig, pids = pair(sensors__pressure_noise=350.0, sensors__pressure_bias=5e3)
+    graph.answer_pressures(2, lambda unit, t: 0.0 if t < 1.5 else 100e3)
+    graph.advance(rig, 2.0)
+    assert [pid._state for pid in pids] == ['ACTIVE'] * 2
+    assert rig.rig.truth.pressure == pytest.approx([95e3, 95e3], abs=2.5e3)
+
+
 def test_supply_below_the_setpoint_is_told_and_no_fault(graph, pair):
     """A supply that is measured explains why the pressure stands still."""
     rig, pids = pair(supply__pressure=150e3, sensors__pressure_noise=350.0)
