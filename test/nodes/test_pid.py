@@ -165,13 +165,20 @@ def test_pressure_that_does_not_answer_is_told_then_vented_and_latched(graph, pa
     assert rig.rig.truth.pressure[0] > 190e3
 
 
-def test_a_drifted_sensor_at_exhaust_is_no_fault(graph, pair):
-    """An empty unit that shows 5 kPa for long can be filled when its turn comes."""
-    rig, pids = pair(sensors__pressure_noise=350.0, sensors__pressure_bias=5e3)
-    graph.answer_pressures(2, lambda unit, t: 0.0 if t < 1.5 else 100e3)
-    graph.advance(rig, 2.0)
-    assert [pid._state for pid in pids] == ['ACTIVE'] * 2
-    assert rig.rig.truth.pressure == pytest.approx([95e3, 95e3], abs=2.5e3)
+def test_a_drifted_sensor_at_exhaust_is_told_and_no_fault(graph, pair):
+    """An empty unit that shows 20 kPa for long can be filled when its turn comes."""
+    rig, pids = pair(sensors__pressure_noise=350.0, sensors__pressure_bias=20e3)
+    wanted = [0.0]
+    graph.answer_pressures(2, lambda unit, t: wanted[0])
+    graph.advance(rig, 1.5)
+    level, text = reported(pids[0])
+    assert level == WARN
+    assert 'kPa, setpoint 0 kPa, valve at -1.00 for' in text
+    assert graph.pacer.log[-1][2] == [-1.0, -1.0]
+    wanted[0] = 100e3
+    graph.advance(rig, 0.5)
+    assert [reported(pid) for pid in pids] == [(0, '')] * 2
+    assert rig.rig.truth.pressure == pytest.approx([80e3, 80e3], abs=2.5e3)
 
 
 def test_supply_below_the_setpoint_is_told_and_no_fault(graph, pair):
