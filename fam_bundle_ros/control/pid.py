@@ -6,7 +6,8 @@ Pressure control of one motor unit: setpoint and reading in, valve command out.
 The error asks for a pressure rate in Pa/s; the chamber model turns the rate into a flow and the
 valve model the flow into a command. So gains do not depend on volume, pressure or supply (gain
 scheduling), moving setpoints and moving muscles are met by feed-forward, and what is left to
-feedback is small. Knows nothing of recruitment or ROS. Pressures are gauge.
+feedback is small. A setpoint of 0 means open to exhaust, whatever the sensor shows. Knows nothing
+of recruitment or ROS. Pressures are gauge.
 """
 
 from dataclasses import dataclass, field
@@ -17,6 +18,11 @@ from fam_bundle_ros.model.pneumatics import ATMOSPHERE, flow_for, pressure_rate,
 
 #: Time in which a command that was taken over on switching on fades, s.
 _CARRY_TIME = 0.01
+#: Pa: on the way to a setpoint of 0, a followed setpoint below it has arrived.
+_EMPTY = 1e3
+#: Share of the valve's rate that leaks and slow errors may take. Feedback that asks for more and
+#: is not answered has met a fault, which the integral must not learn.
+_SLOW_SHARE = 0.05
 #: Named as control_toolbox names them.
 ANTI_WINDUP = ('none', 'back_calculation', 'conditional_integration')
 
@@ -56,7 +62,9 @@ class PidConfig:
     valve : ValveFlow
     anti_windup : str
         ``none``, ``back_calculation`` (the integral follows the command that was possible) or
-        ``conditional_integration`` (it stops while it would push further into the limit).
+        ``conditional_integration`` (it stops while it would push further into the limit). But
+        with ``none`` it also stops at a small share of the valve's rate, in case the pressure
+        does not answer.
     tracking_time : float, s
         Of the back calculation.
     volume : float, m^3
@@ -110,11 +118,16 @@ class PidConfig:
 
 @dataclass(frozen=True)
 class PidDiagnostics:
-    """What the loop did in the last update: Pa, Pa/s, -1..1."""
+    """
+    What the loop did in the last update: Pa, Pa/s, -1..1.
+
+    ``expected_rate`` is what the pressure does by the models of valve and chamber.
+    """
 
     error: float = 0.0
     followed_setpoint: float = 0.0
     wanted_rate: float = 0.0
+    expected_rate: float = 0.0
     integral: float = 0.0
     command: float = 0.0
     saturated: bool = False
@@ -169,6 +182,7 @@ class PressurePid:
         Parameters
         ----------
         setpoint, pressure : float, Pa (gauge)
+            A setpoint of 0 or less ends in full exhaust.
         dt : float, s
             Since the update before; 0 or less (a clock that jumped) gives the last command.
         supply : float, Pa (gauge), optional
@@ -201,8 +215,10 @@ class PressurePid:
         if math.isnan(self._followed):
             self._start(pressure, absolute, volume, volume_rate, source)
 
-        rate = self._follow(setpoint, dt, fastest, slowest)
+        rate = self._follow(setpoint, pressure, dt, fastest, slowest)
         error = self._error(pressure, dt)
+        if setpoint <= 0.0 and self._followed <= _EMPTY:
+            return self._exhaust(setpoint - pressure, slowest)
         feedback = (gains.p * error - gains.d * self._measured_rate + self._integral
                     + self._carried)
         self._carried *= math.exp(-dt / _CARRY_TIME)
@@ -220,12 +236,13 @@ class PressurePid:
             limit = filling if flow >= 0.0 else -venting
             opening = min(max(flow / max(limit, 1e-12), -1.0), 1.0)
             possible = min(max(wanted, slowest), fastest)
-        self._integrate(error, rate, wanted, possible, dt, at_rest)
+        self._integrate(error, rate, possible - wanted, dt, at_rest,
+                        _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
         self._command = (config.valve.command(opening) if config.dead_band_compensation
                          else opening)
         self.diagnostics = PidDiagnostics(
             error=setpoint - pressure, followed_setpoint=self._followed, wanted_rate=wanted,
-            integral=self._integral, command=self._command,
+            expected_rate=possible, integral=self._integral, command=self._command,
             saturated=abs(wanted - possible) > 1e-6 * abs(wanted) and not at_rest,
             at_rest=at_rest)
         return self._command
@@ -239,14 +256,25 @@ class PressurePid:
             flow = self.config.valve.flow(opening, absolute, source, self.config.ambient)
             self._carried = pressure_rate(absolute, volume, volume_rate, flow)
 
-    def _follow(self, setpoint, dt, fastest, slowest):
+    def _exhaust(self, error, slowest):
+        """Open to exhaust for good: a reading that is wrong must not shut the air in."""
+        self._integral = self._carried = 0.0
+        self._command = -1.0
+        self.diagnostics = PidDiagnostics(
+            error=error, followed_setpoint=self._followed, wanted_rate=slowest,
+            expected_rate=slowest, command=-1.0, at_rest=False)
+        return self._command
+
+    def _follow(self, setpoint, pressure, dt, fastest, slowest):
         """Move the followed setpoint within valve and rate limits; return its rate."""
         config = self.config
         # At most half of the distance per sample: the filter must not ring at low rates.
-        gap = (setpoint - self._followed) * min(config.setpoint_bandwidth, 0.7 / dt)
+        bandwidth = min(config.setpoint_bandwidth, 0.7 / dt)
         upper = min(0.97 * max(fastest, 0.0), config.setpoint_rate)
         lower = max(0.97 * min(slowest, 0.0), -config.setpoint_rate)
-        rate = min(max(gap, lower), upper)
+        # Above both setpoint and reading there is no air that the valve would have to let out.
+        lower = min(lower, (max(setpoint, pressure) - self._followed) * bandwidth)
+        rate = min(max((setpoint - self._followed) * bandwidth, lower), upper)
         self._followed += rate * dt
         lag = config.flow_lag + 0.5 * dt
         self._delayed += (self._followed - self._delayed) * (1.0 - math.exp(-dt / lag))
@@ -266,7 +294,7 @@ class PressurePid:
             error = self._quiet
         return math.copysign(max(abs(error) - config.quiet_error, 0.0), error)
 
-    def _integrate(self, error, rate, wanted, possible, dt, at_rest):
+    def _integrate(self, error, rate, excess, dt, at_rest, low, high):
         """Advance the integral, with the anti-windup that was chosen."""
         config = self.config
         if at_rest:
@@ -276,10 +304,15 @@ class PressurePid:
         if abs(rate) > 4.0 * self.gains.p * config.quiet_error:
             # The integral learns leaks and slow errors, not what the flow model misses in a step.
             return
-        excess = possible - wanted
         step = self.gains.i * error * dt
+        if config.anti_windup == 'none':
+            self._integral += step
+            return
+        feedback = self.gains.p * error + self._integral
+        if feedback * error > 0.0 and not low <= feedback <= high:
+            step = 0.0
         if config.anti_windup == 'back_calculation':
             step += excess * dt / config.tracking_time
-        elif config.anti_windup == 'conditional_integration' and excess * error < 0.0:
+        elif excess * error < 0.0:
             step = 0.0
-        self._integral += step
+        self._integral = min(max(self._integral + step, low), high)

@@ -4,9 +4,10 @@
 Node pressure_pid: holds the pressure of one motor unit at its setpoint, or vents it.
 
 Every pressure reading is answered with a valve command that carries the reading's stamp. The
-motor unit is vented when the setpoint stays away, the pressure is too high (latched until the
-setpoint is back at ambient), the emergency stop is on, or the process ends; a reading that cannot
-be trusted shuts the valve at first and vents when it lasts.
+motor unit is vented when the setpoint stays away, the pressure is too high or stands still though
+the valve is open (both latched until the setpoint is back at ambient), the emergency stop is on,
+or the process ends; a reading that cannot be trusted shuts the valve at first and vents when it
+lasts. A setpoint of ambient means exhaust.
 """
 
 import math
@@ -65,9 +66,17 @@ SPECS = (
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
     Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while the valve is open is '
          'stuck, s; 0 for never', 0.0, 60.0),
+    Spec('response_time', 1.0, 'vent and latch when the pressure stands still so long though the '
+         'valve lets through what would fill the unit three times, s; 0 for never', 0.0, 60.0),
 )
 #: A gap between readings longer than this, to either side, is no sample period, s.
 _GAP = 0.5
+#: Setpoints below it ask for no pressure, Pa.
+_AMBIENT = 1e3
+#: Pa: noise and drift of a reading stay below; errors above are worth a word.
+_NOTABLE = 10e3
+#: An error lasts when it is there for longer than any step takes to settle, s.
+_SETTLING = 0.5
 
 
 class PressurePidNode(BundleNode):
@@ -106,8 +115,11 @@ class PressurePidNode(BundleNode):
         self._strain = (math.nan, math.nan)
         self._supply = math.nan
         self._stopped = False
-        self._latched = ''
+        #: State and reason.
+        self._latched: tuple[str, str] | None = None
         self._state = 'WAITING'
+        self._seen = ''
+        self._off, self._still = _Stretch(), _Stretch()
         self._command = -1.0
         self._answered = -1
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
@@ -163,7 +175,7 @@ class PressurePidNode(BundleNode):
 
     def _on_e_stop(self, message: Bool) -> None:
         if self._stopped and not message.data:
-            self._latched = ''
+            self._latched = None
         self._stopped = bool(message.data)
         if self._stopped and not self.lock_step:
             # At once, whether or not a reading comes to be answered.
@@ -230,10 +242,12 @@ class PressurePidNode(BundleNode):
         forced = self._judge(self._now(stamp), pressure, new)
         if forced is not None:
             self.pid.reset()
+            self._off, self._still = _Stretch(), _Stretch()
             self._command = forced
         elif new:
             assert self._setpoint is not None
             self._command = self._regulate(self._setpoint[1], pressure, dt)
+            self._observe(self._now(stamp), pressure)
         self._publish(stamp, self._command)
 
     def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
@@ -243,6 +257,18 @@ class PressurePidNode(BundleNode):
         return float(self.pid.update(
             min(max(setpoint, 0.0), self._max_pressure), pressure, dt, supply, volume,
             slope * rate if math.isfinite(rate) else 0.0))
+
+    def _observe(self, now: float, pressure: float) -> None:
+        """Note how long the pressure has been off, or has stood still under a flow of air."""
+        state = self.pid.diagnostics
+        setpoint = pressure + state.error
+        self._seen = (f'mu{self.unit} pressure {round(pressure / 1e3)} kPa, setpoint '
+                      f'{round(setpoint / 1e3)} kPa, valve at {self._command:.2f}')
+        self._off.see(now, state.followed_setpoint - pressure, _NOTABLE)
+        # An empty unit is open to exhaust all the time: nothing has to move.
+        flow = state.expected_rate if setpoint >= _AMBIENT else 0.0
+        fast = 3.0 * self._max_pressure / (self.p['response_time'] or math.inf)
+        self._still.see(now, flow, fast, pressure)
 
     def _judge(self, now: float, pressure: float | None, new: bool = True) -> float | None:
         """
@@ -255,16 +281,18 @@ class PressurePidNode(BundleNode):
         limit = self._max_pressure * self.p['over_pressure_factor']
         setpoint = self._setpoint
         if pressure is not None and pressure > limit and not self._latched:
-            self._latched = (f'mu{self.unit} at {pressure / 1e3:.0f} kPa, above '
-                             f'{limit / 1e3:.0f} kPa: vented and latched')
-            self.get_logger().error(self._latched)
-        elif self._latched and setpoint and setpoint[1] < 1e3 and pressure is not None \
-                and pressure < 0.5 * limit:
-            self._latched = ''
+            self._latch('OVER_PRESSURE', f'mu{self.unit} at {pressure / 1e3:.0f} kPa, above '
+                        f'{limit / 1e3:.0f} kPa')
+        elif setpoint and setpoint[1] < _AMBIENT:
+            if self._latched and pressure is not None and pressure < 0.5 * limit:
+                self._latched = None
+        elif self._still.lasted >= self.p['response_time'] > 0.0 and not self._latched:
+            self._latch('NO_RESPONSE', f'{self._seen} and unmoved for '
+                        f'{self._still.lasted:.1f} s: supply, valve, tube or sensor?')
         if self._stopped:
             return self._vent('E_STOP', '')
         if self._latched:
-            return self._vent('OVER_PRESSURE', '')
+            return self._vent(self._latched[0], '')
         if health == Health.VENT:
             return self._vent('SENSOR', f'{self._watch.reason}: venting')
         if setpoint is None:
@@ -281,6 +309,10 @@ class PressurePidNode(BundleNode):
             return 0.0
         self._state = 'ACTIVE'
         return None
+
+    def _latch(self, state: str, reason: str) -> None:
+        self._latched = state, f'{reason}; vented and latched'
+        self.get_logger().error(self._latched[1])
 
     def _vent(self, state: str, text: str) -> float:
         self._state = state
@@ -322,10 +354,34 @@ class PressurePidNode(BundleNode):
         report.value('saturated', state.saturated)
         report.value('e_stop', self._stopped)
         if self._state != 'ACTIVE':
-            urgent = self._state in ('OVER_PRESSURE', 'SENSOR', 'NO_SETPOINT')
-            why = {'OVER_PRESSURE': self._latched, 'SENSOR': self._watch.reason,
+            urgent = self._state in ('OVER_PRESSURE', 'NO_RESPONSE', 'SENSOR', 'NO_SETPOINT')
+            latched, reason = self._latched or ('', '')
+            why = {latched: reason, 'SENSOR': self._watch.reason,
                    'HOLD': self._watch.reason}.get(self._state, '')
             report.add(ERROR if urgent else WARN, f'{self._state} {why}'.strip())
+            return
+        supply = self._supply if math.isfinite(self._supply) else self.p['supply.pressure']
+        if self._setpoint and self._setpoint[1] > supply:
+            report.add(WARN, f'supply at {supply / 1e3:.0f} kPa, below the setpoint of '
+                       f'{self._setpoint[1] / 1e3:.0f} kPa')
+        elif self._off.lasted > _SETTLING:
+            report.add(WARN, f'{self._seen} for {self._off.lasted:.1f} s: supply, valve, tube or '
+                       'sensor?')
+
+
+class _Stretch:
+    """How long a value has been far to one side, and a pressure (if told) still meanwhile."""
+
+    def __init__(self) -> None:
+        self.lasted = 0.0
+        self._side, self._since, self._from = 0, 0.0, 0.0
+
+    def see(self, now: float, value: float, far: float, pressure: float = 0.0) -> None:
+        side = (value > far) - (value < -far)
+        if (side != self._side or now < self._since
+                or abs(pressure - self._from) > _NOTABLE):
+            self._side, self._since, self._from = side, now, pressure
+        self.lasted = now - self._since if side else 0.0
 
 
 class _Volume:

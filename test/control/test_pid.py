@@ -4,12 +4,13 @@
 
 from dataclasses import replace
 import math
+from random import Random
 
 import pytest
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, pressure_rate
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, pressure_rate, ValveFlow
 
 CONFIG = PidConfig(flow_lag=1.5e-3)
 
@@ -79,6 +80,65 @@ def test_anti_windup_keeps_a_saturated_loop_from_overshooting(chamber, mode):
         return next((t - rows[0][0] for t, p, _ in rows if p < 155e3), math.inf)
     assert fall_time(mode) < 0.2
     assert fall_time('none') > 2.0 * fall_time(mode)
+
+
+@pytest.mark.parametrize('mode', ['back_calculation', 'conditional_integration'])
+@pytest.mark.parametrize('fault', [{'supply': 150e3}, {'valve': ValveFlow(conductance=0.0)}])
+def test_a_fault_that_passes_leaves_no_overshoot(chamber, mode, fault):
+    """Two seconds without an answer are not learnt as a leak: afterwards it is a plain step."""
+    loop = chamber(config=replace(CONFIG, anti_windup=mode))
+    plain = max(p for _, p, _ in loop.run(300e3, 1.0))
+    loop.run(0.0, 1.0)
+    whole = {name: getattr(loop, name) for name in fault}
+    vars(loop).update(fault)
+    loop.run(300e3, 2.0)
+    vars(loop).update(whole)
+    rows = loop.run(300e3, 1.0)
+    assert max(p for _, p, _ in rows) < plain + 2e3
+    assert abs(rows[-1][1] - 300e3) < 1.5e3
+
+
+@pytest.mark.parametrize('noise', [0.0, 350.0])
+def test_followed_setpoint_does_not_stay_above_setpoint_and_reading(noise):
+    """A sensor whose tube is off: a setpoint that was once asked for is not filled for ever."""
+    pid = PressurePid(config=CONFIG)
+    random = Random(1)
+    for k in range(250):
+        setpoint = 300e3 if k < 200 else 50e3
+        pid.update(setpoint, random.gauss(0.0, noise), 2e-3, supply=500e3)
+    assert pid.diagnostics.followed_setpoint == pytest.approx(50e3, abs=100.0)
+
+
+@pytest.mark.parametrize('reading', [-3e3, 0.0, 5e3, 300e3])
+def test_setpoint_of_zero_is_exhaust_whatever_the_sensor_shows(reading):
+    """Open to exhaust within 50 ms of a setpoint of 0, and it stays so."""
+    pid = PressurePid(config=CONFIG)
+    random = Random(1)
+
+    def run(setpoint, count):
+        return [pid.update(setpoint, reading + random.gauss(0.0, 350.0), 2e-3, supply=500e3)
+                for _ in range(count)]
+    run(reading, 100)
+    assert set(run(0.0, 500)[25:]) == {-1.0}
+
+
+def test_first_fill_waits_for_no_more_than_the_spool(chamber):
+    """From exhaust a chamber fills as soon as from a shut valve, but for 2 ms of spool travel."""
+    def fill_time(rest):
+        loop = chamber()
+        loop.run(0.0, rest)
+        return next(t for t, p, _ in loop.run(300e3, 0.2) if p > 270e3) - rest
+    assert fill_time(0.5) < fill_time(0.0) + 2e-3
+
+
+def test_an_emptied_chamber_follows_a_ramp_down_to_the_end(chamber):
+    """A ramp to 0 is no jump to exhaust: the pressure falls as the setpoint does."""
+    loop = chamber()
+    loop.run(300e3, 0.5)
+    rows = loop.run(lambda t: max(300e3 * (1.0 - (t - 0.5)), 0.0), 1.2)
+    errors = [p - max(300e3 * (1.0 - (t - 0.505)), 0.0) for t, p, _ in rows]
+    assert max(map(abs, errors)) < 2e3
+    assert rows[-1][2] == -1.0
 
 
 def test_gains_are_scheduled_with_volume(chamber):

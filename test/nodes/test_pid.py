@@ -13,6 +13,7 @@ import yaml
 from fam_bundle_ros.control import tune
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.diagnostics import ERROR, Report, WARN
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode, SPECS
 from fam_bundle_ros.resources import config_path
@@ -125,6 +126,70 @@ def test_over_pressure_is_latched(graph, pair):
     graph.advance(rig, 0.3)
     assert pids[0]._state == 'ACTIVE'
     assert rig.rig.truth.pressure[0] > 90e3
+
+
+def reported(node):
+    """Return what a node says on /diagnostics: level and text."""
+    report = Report()
+    node._report(report)
+    return report.level, '; '.join(report.messages)
+
+
+def test_pressure_that_does_not_answer_is_told_then_vented_and_latched(graph, pair):
+    """Filling without effect, noise or not: a warning with both numbers, then a fault."""
+    rig, pids = pair(sensors__pressure_noise=350.0, faults__stuck_valve='mu1=0.0')
+    wanted = [0.0]
+    graph.answer_pressures(2, lambda unit, t: wanted[0] / unit)
+    graph.advance(rig, 1.5)
+    # Exhaust at ambient pressure moves nothing and is in order.
+    assert [reported(pid) for pid in pids] == [(0, '')] * 2
+    wanted[0] = 200e3
+    graph.advance(rig, 0.8)
+    level, text = reported(pids[0])
+    assert level == WARN
+    assert 'pressure 0 kPa, setpoint 200 kPa, valve at' in text
+    graph.advance(rig, 0.4)
+    level, text = reported(pids[0])
+    assert level == ERROR
+    assert text.startswith('NO_RESPONSE mu1 pressure 0 kPa, setpoint 200 kPa')
+    assert graph.pacer.log[-1][2][0] == -1.0
+    assert reported(pids[1]) == (0, '')
+    graph.set('plant_simulator', faults__stuck_valve='')
+    graph.advance(rig, 0.3)
+    assert pids[0]._state == 'NO_RESPONSE'
+    wanted[0] = 0.0
+    graph.advance(rig, 0.1)
+    wanted[0] = 200e3
+    graph.advance(rig, 1.5)
+    assert [reported(pid) for pid in pids] == [(0, '')] * 2
+    assert rig.rig.truth.pressure[0] > 190e3
+
+
+def test_a_drifted_sensor_at_exhaust_is_told_and_no_fault(graph, pair):
+    """An empty unit that shows 20 kPa for long can be filled when its turn comes."""
+    rig, pids = pair(sensors__pressure_noise=350.0, sensors__pressure_bias=20e3)
+    wanted = [0.0]
+    graph.answer_pressures(2, lambda unit, t: wanted[0])
+    graph.advance(rig, 1.5)
+    level, text = reported(pids[0])
+    assert level == WARN
+    assert 'kPa, setpoint 0 kPa, valve at -1.00 for' in text
+    assert graph.pacer.log[-1][2] == [-1.0, -1.0]
+    wanted[0] = 100e3
+    graph.advance(rig, 0.5)
+    assert [reported(pid) for pid in pids] == [(0, '')] * 2
+    assert rig.rig.truth.pressure == pytest.approx([80e3, 80e3], abs=2.5e3)
+
+
+def test_supply_below_the_setpoint_is_told_and_no_fault(graph, pair):
+    """A supply that is measured explains why the pressure stands still."""
+    rig, pids = pair(supply__pressure=150e3, sensors__pressure_noise=350.0)
+    graph.answer_pressures(2, lambda unit, t: 300e3)
+    graph.advance(rig, 2.0)
+    level, text = reported(pids[0])
+    assert level == WARN
+    assert text == 'supply at 150 kPa, below the setpoint of 300 kPa'
+    assert graph.pacer.log[-1][2][0] > 0.0
 
 
 def test_e_stop_vents(graph, pair):
