@@ -14,6 +14,7 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     model_path,
     ModelArgument,
+    notes,
     open_model,
     quantity,
     save_json,
@@ -62,6 +63,8 @@ def draw_map(
             console.print('free strain does not dip while MU2 fills')
         console.print(f'RS1 and RS2 overlap by up to {found["overlap_widest_N"]:.3g} N, widest '
                       f'at strain {found["overlap_widest_at_strain"]:.3g}')
+    if bundle.unusual_order:
+        notes.print(f'note: {bundle.unusual_order}')
     wrote(out)
     save_json(json_file, {**found, 'figures': figures})
 

@@ -261,7 +261,7 @@ class Allocator:
     max_pressure : ndarray (n,), Pa (gauge), optional
         Lower limits than those of the model file.
     order : sequence of int, optional
-        Order of recruitment; smallest first (muscles times area) by default.
+        Order of recruitment; that of the model file by default.
     points : int
         Pressures per unit in the table.
 
@@ -289,9 +289,7 @@ class Allocator:
             raise InputError(f'max_pressure is {max_pressure}; expected {bundle.n} positive '
                              'values in Pa')
         self.max_pressure = limit
-        if order is None:
-            size = [unit.muscles * unit.geometry.radius ** 2 for unit in bundle.motor_units]
-            order = sorted(range(bundle.n), key=size.__getitem__)
+        order = range(bundle.n) if order is None else order
         if sorted(order) != list(range(bundle.n)):
             raise InputError(f'order is {tuple(order)}; expected each of 0 to {bundle.n - 1} once')
         self.order = tuple(order)

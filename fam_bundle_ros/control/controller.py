@@ -49,7 +49,7 @@ class ControllerConfig:
         ``orderly``: a unit to its limit before the next; ``batch``: all active units at one
         pressure; ``all_on``: all units always, at one pressure.
     order : sequence of int, optional
-        Of recruitment, from 0; smallest first by default.
+        Of recruitment, from 0; that of the model file by default.
     max_pressure : sequence of float, Pa (gauge), optional
         Limits below those of the model file.
     switching : SwitchingConfig
@@ -127,7 +127,6 @@ class RecruitmentController:
         self._crossings: dict[int, Crossing] = {}
         self._since_crossing = math.inf
         self._wanted, self._limits = Heading(np.zeros(1)), Heading(np.zeros(self.bundle.n + 1))
-        self._last_wanted = 0.0
         self._kind = ''
         self._lost = 0.0
         self.outer.reset()
@@ -227,15 +226,16 @@ class RecruitmentController:
         value = np.array([target.feed_forward])
         # A strain that is measured is noisy, one that is asked for is not.
         clean = reference.kind == 'strain' and self.config.outer.feed_forward
-        if self._kind != reference.kind or (
-                not target.moving and abs(value[0] - self._last_wanted) > _STEP):
+        jump = abs(value - wanted.value).max()
+        if clean:
+            jump = max(jump, abs(curves.top - limits.value).max())
+        if self._kind != reference.kind or (not target.moving and jump > _STEP):
             self._kind = reference.kind
             wanted.reset(value)
             limits.reset(curves.top)
         else:
             wanted.update(value, dt, _BRISK)
             limits.update(curves.top, dt, _BRISK if clean else _SLOW)
-        self._last_wanted = value[0]
         state = min(self._machine.state, self.bundle.n - 1)
         now = [w[0] for w in wanted.now(_BRISK)]
         top = [x[state] for x in (limits.now(_BRISK) if clean else

@@ -48,6 +48,11 @@ class LoadModel:
     damping: float = 0.0
     table: tuple[tuple[float, float], ...] = ()
 
+    @property
+    def known(self) -> bool:
+        """Return whether anything is known."""
+        return self != LoadModel()
+
     def holding_force(self, strain: float) -> float:
         """Return the force that holds the load at a strain, N."""
         if self.table:
@@ -91,7 +96,8 @@ class OuterConfig:
         How long the pressures take to follow: feed-forward asks for where a reference that says
         its rate will be by then.
     fade_time : float, s
-        Over which a force taken over on enabling fades into the demand.
+        Over which a force taken over on enabling fades into the demand; with a strain reference
+        and a load of which nothing is known it goes on in the integral instead.
     """
 
     feed_forward: bool = True
@@ -177,7 +183,7 @@ class OuterLoop:
         self._filtered = 0.0
         self._started = False
         self._take_over: float | None = None
-        self._fade = 0.0
+        self._fade = self._demand = 0.0
         self._correction = (0.0, 0.0)
         self._jitter = (0.0, 0.0)
         self._reference_rate = (0.0, 0.0)
@@ -222,22 +228,32 @@ class OuterLoop:
         if config.feedback and settled:
             gain = 1.0 - math.exp(-dt / config.bias_time)
             self.bias += gain * (force - model_force - self.bias)
-        if reference.kind != self._kind:
+        switched = reference.kind != self._kind
+        if switched:
             self._kind = reference.kind
             self._reference_rate = (reference.rate, 0.0)
             self._integral = 0.0
         loop = self._force_loop if reference.kind == 'force' else self._strain_loop
         known, correction, strain, rate = loop(dt, measurement, reference, saturated)
+        held = self._demand
         if self._take_over is not None:
             if config.feedback:
                 self.bias = force - model_force
                 correction -= self.bias
+            held = self._take_over - self.bias
             self._fade = self._take_over - known
             self._take_over = None
+        if switched and reference.kind == 'strain' and config.feedback and not self.load.known:
+            # Only the force that is there says what holds the load: the integral goes on from it.
+            self._fade = 0.0
+            self._integral += held - known - correction
+            self._kept = correction = held - known
+            self._correction = (correction, self._correction[1])
         self._learn_noise(dt, correction)
         self._fade *= math.exp(-dt / config.fade_time)
+        self._demand = known + self._fade + correction
         moving = reference.rate != 0.0
-        return Target(known + self._fade + correction, known + self._fade, moving, strain, rate)
+        return Target(self._demand, known + self._fade, moving, strain, rate)
 
     def _force_loop(self, dt, measurement, reference, saturated):
         config = self.config

@@ -22,10 +22,13 @@ from fam_bundle_ros.model.geometry import Geometry
 from fam_bundle_ros.model.muscle import Muscle
 from fam_bundle_ros.model.parts import Motion, MotorUnit, Overlap
 
+#: Rest lengths within 2 % are equal but for how they were measured.
+_EQUAL_LENGTHS = 1.02
+
 
 class Bundle:
     """
-    Motor units, smallest first, and the effects that act in every muscle of them.
+    Motor units in their order of recruitment, and the effects that act in every muscle of them.
 
     Parameters
     ----------
@@ -41,7 +44,8 @@ class Bundle:
     Raises
     ------
     InputError
-        When there is no motor unit, or two effects or two units share a name.
+        When there is no motor unit, two effects or two units share a name, or rest lengths
+        differ.
     """
 
     def __init__(self, name, motor_units, effects, error: float = 0.0,
@@ -58,6 +62,12 @@ class Bundle:
             double = {item for item in names if names.count(item) > 1}
             if double:
                 raise InputError(f'{name}: {what} {", ".join(sorted(double))} is named twice')
+        lengths = [unit.geometry.length for unit in self.motor_units]
+        if max(lengths) > _EQUAL_LENGTHS * min(lengths):
+            raise InputError(
+                f'{name}: rest lengths from {1e3 * min(lengths):.1f} to '
+                f'{1e3 * max(lengths):.1f} mm; muscles in parallel contract by the same way, and '
+                'the model has one strain for all of them: expected one length')
         self._muscle = Muscle(self.effects)
         self.geometry = Geometry.stack([unit.geometry for unit in self.motor_units])
         self._count = np.array([float(unit.muscles) for unit in self.motor_units])
@@ -72,6 +82,17 @@ class Bundle:
     def n(self) -> int:
         """Number of motor units."""
         return len(self.motor_units)
+
+    @property
+    def unusual_order(self) -> str:
+        """Say which unit is recruited before a smaller one (muscles times area); else empty."""
+        size = [unit.muscles * unit.geometry.radius ** 2 for unit in self.motor_units]
+        for i in range(1, self.n):
+            if size[i] < 0.99 * size[i - 1]:
+                return (f'{self.motor_units[i - 1].name} is larger than '
+                        f'{self.motor_units[i].name} and is recruited before it, as the model '
+                        'file lists them; smallest first is usual')
+        return ''
 
     @property
     def has_memory(self) -> bool:

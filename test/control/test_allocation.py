@@ -163,9 +163,13 @@ def test_effects_with_memory_are_inverted_with_the_memory_they_have(paper_bundle
     assert abs(bundle.force(0.1306, found.pressure) - 40.0) > 1.0
 
 
-def test_smallest_unit_comes_first_or_what_the_user_says(bundles):
-    """The order of recruitment is by size of the units, or given."""
-    assert Allocator(bundles[6]).order == (0, 1, 2, 3, 4, 5)
+def test_units_come_in_the_order_of_the_model_file_or_what_the_user_says(bundles):
+    """The states of controller, map and model are the same: the file's order, unless given."""
+    turned = Bundle('turned', bundles[3].motor_units[::-1], bundles[3].effects)
+    assert 'mu3 is larger than mu2' in turned.unusual_order
+    assert not bundles[6].unusual_order
+    top = Allocator(turned).curves(Instant(0.1)).top
+    assert top[1] == pytest.approx(turned.overlap(0.1, 1).high, abs=0.01)
     assert Allocator(bundles[3], order=(2, 0, 1)).order == (2, 0, 1)
     with pytest.raises(InputError, match='each of 0 to 2 once'):
         Allocator(bundles[3], order=(0, 0, 1))

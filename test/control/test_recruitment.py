@@ -310,6 +310,19 @@ def test_enabling_starts_from_the_pressures_that_are_there(paper_bundle):
         assert np.max(np.abs(first - pressure)) < 12e3
 
 
+@pytest.mark.parametrize('how', ['another kind of reference', 'enabled anew'])
+def test_a_strain_loop_that_knows_no_load_goes_on_from_the_force_that_holds_it(paper_bundle, how):
+    """At the strain where a load hangs still, taking over moves no pressure, then or later."""
+    bench = Bench(paper_bundle, 0.12)
+    bench.hold(60.0, 2.0)
+    held = bench.pressure
+    if how == 'enabled anew':
+        force = float(paper_bundle.force(0.12, held))
+        bench.controller.enable(Measurement(force, 0.12, 0.0, held))
+    for _ in range(200):
+        assert bench.update(0.12, kind='strain').pressure == pytest.approx(held, abs=2e3)
+
+
 def test_enabling_holds_the_pressures_until_time_goes_on(paper_bundle):
     """A first tick without a time step repeats what was taken over, not a vented bundle."""
     bench = Bench(paper_bundle, 0.1)

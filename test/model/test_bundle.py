@@ -99,3 +99,11 @@ def test_names_must_differ(muscle):
     """Two effects of one name would overwrite each other."""
     with pytest.raises(InputError, match='effect mesh is named twice'):
         Bundle('double', muscle.motor_units, [Mesh(), Mesh()])
+
+
+def test_muscles_in_parallel_have_one_rest_length(muscle):
+    """Units of 127 and 200 mm have no common strain: refused, with both lengths."""
+    unit = muscle.motor_units[0]
+    longer = replace(unit, name='mu2', geometry=replace(unit.geometry, length=0.2))
+    with pytest.raises(InputError, match='from 127.0 to 200.0 mm'):
+        Bundle('two', [unit, longer], muscle.effects)
