@@ -131,4 +131,6 @@ def _drawn(before, after, volume_before, volume_after):
     middle = 0.5 * (volume_before + volume_after)
     mean = 0.5 * (before + after) + ATMOSPHERE
     work = (after - before) * middle / POLYTROPIC + mean * (volume_after - volume_before)
+    # A unit that stays vented breathes through its open exhaust.
+    work = np.where((before <= 0.0) & (after <= 0.0), 0.0, work)
     return np.maximum(work, 0.0).sum(axis=-1) / (GAS_CONSTANT * REFERENCE_TEMPERATURE)
