@@ -5,8 +5,8 @@ Node recruitment_controller: a force or strain reference in, pressure setpoints 
 
 Each complete sample of the rig is answered with setpoints that carry its stamp. The last
 reference received, ``reference/force`` or ``reference/strain``, is the control mode. Readings that
-cannot be trusted hold the pressures at first and vent when it lasts; over-pressure and the
-emergency stop switch off until ``enable`` is called again.
+cannot be trusted hold the pressures at first and vent when it lasts; a loss that lasts on,
+over-pressure and the emergency stop switch off until ``enable`` is called again.
 """
 
 from collections.abc import Mapping
@@ -78,7 +78,9 @@ class RecruitmentNode(BundleNode):
         #: Whether to begin from the pressures as they are; None before the first sample.
         self._take_over: bool | None = None
         self._stopped = False
-        self._latched = ''
+        #: State and reason of having been switched off; empty after `enable`.
+        self._latched = ('', '')
+        self._lost_since: float | None = None
         self._state = 'WAITING'
         self._reference: Reference | None = None
         self._reference_rate = ReferenceRate(
@@ -179,13 +181,14 @@ class RecruitmentNode(BundleNode):
     def _decide(self, sample: Sample, dt: float) -> None:
         """Work out setpoints and state for a sample."""
         measurement = self._trusted(sample)
+        self._notice_loss()
         off = self._reason_to_be_off(sample)
         if off:
             self._state = off
             if off != 'WAITING':
                 self._take_over = True
             self._command = None
-            self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE'))
+            self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE', 'LOST'))
             return
         reference = self._reference
         assert reference is not None
@@ -255,15 +258,13 @@ class RecruitmentNode(BundleNode):
     def _reason_to_be_off(self, sample: Sample) -> str:
         for i, (value, limit) in enumerate(zip(sample.pressure, self._limit)):
             highest = limit * self.p['over_pressure_factor']
-            if value > highest and not self._latched:
-                self._latched = (f'mu{i + 1} at {value / 1e3:.0f} kPa, above '
-                                 f'{highest / 1e3:.0f} kPa: off until enabled again')
-                self._enabled = False
-                self.get_logger().error(self._latched)
+            if value > highest and self._latched[0] != 'OVER_PRESSURE':
+                self._switch_off('OVER_PRESSURE', f'mu{i + 1} at {value / 1e3:.0f} kPa, above '
+                                 f'{highest / 1e3:.0f} kPa')
         if self._stopped:
             return 'E_STOP'
-        if self._latched:
-            return 'OVER_PRESSURE'
+        if self._latched[0]:
+            return self._latched[0]
         if not self._enabled:
             return 'OFF'
         if self._reference is None:
@@ -277,6 +278,24 @@ class RecruitmentNode(BundleNode):
                          'is taken: vented')
                 return 'NO_REFERENCE'
         return ''
+
+    def _notice_loss(self) -> None:
+        """Switch off after a loss so long that nobody expects pressure to come back."""
+        now = self._now()
+        lost = [watch.reason for watch in self._watches if watch.health == Health.VENT]
+        if not lost or not self._enabled:
+            self._lost_since = None
+        elif self._lost_since is None:
+            self._lost_since = now
+        if self._lost_since is not None and now - self._lost_since >= self.p['resume_within']:
+            self._switch_off('LOST', f"{'; '.join(lost)}: vented for "
+                             f"{self.p['resume_within']:g} s")
+
+    def _switch_off(self, state: str, reason: str) -> None:
+        """Stay off until somebody enables again."""
+        self._enabled = False
+        self._latched = (state, f'{reason}: off until enabled again')
+        self.get_logger().error(self._latched[1])
 
     def _ramp_down(self, dt: float, at_once: bool) -> None:
         """Let the air out: at once where it is urgent, else without a jump."""
@@ -327,7 +346,9 @@ class RecruitmentNode(BundleNode):
         elif self._stopped:
             response.success, response.message = False, 'the emergency stop is on'
         else:
-            self._enabled, self._latched = True, ''
+            self._enabled, self._latched = True, ('', '')
+            # Sensors that are still out get the time anew.
+            self._lost_since = None
             response.success, response.message = True, 'on, from the pressures as they are'
         return response
 
@@ -343,7 +364,8 @@ class RecruitmentNode(BundleNode):
         return self.bundle if model == self._loaded else bundle_from(model)
 
     def _change(self, changes: dict[str, Any]) -> None:
-        if set(changes) <= {'reference_timeout', 'ramp_down_time', 'over_pressure_factor'}:
+        if set(changes) <= {'reference_timeout', 'resume_within', 'ramp_down_time',
+                            'over_pressure_factor'}:
             return
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
@@ -375,10 +397,10 @@ class RecruitmentNode(BundleNode):
                 report.add(WARN, f'demand {command.demand:.1f} N is out of reach '
                            f'({command.saturated})')
         if self._state != 'ACTIVE':
-            urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR')
+            urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR', 'LOST')
             why = [watch.reason for watch in self._watches if watch.reason]
             report.add(ERROR if urgent else WARN, ' '.join(
-                [self._state, self._latched, '; '.join(why)]).strip())
+                [self._state, self._latched[1], '; '.join(why)]).strip())
 
 
 def main(args: list[str] | None = None) -> int:

@@ -67,6 +67,8 @@ SPECS = (
     Spec('sensor_timeout', 0.1, 'a reading older than this is stale, s', 0.01, 10.0),
     Spec('hold_time', 0.2, 'a bad reading holds the pressures so long, then vents, s', 0.0, 10.0),
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
+    Spec('resume_within', 2.0, 'pressure returns by itself after sensors were out for less than '
+         'this, s; after longer `enable` is needed, with 0 always', 0.0, 3600.0, dynamic=True),
     Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while pressures move is '
          'stuck, s; 0 for instruments without noise', 0.0, 60.0),
 )

@@ -91,6 +91,29 @@ def test_lost_sensor_holds_then_vents_then_recovers(graph, bundle, fault, reason
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
 
 
+@pytest.mark.parametrize(('resume_within', 'lost'), [(2.0, 2.5), (0.0, 0.5)])
+def test_after_a_long_loss_pressure_waits_for_enable(graph, bundle, resume_within, lost):
+    """Sensors that come back when nobody expects it any more bring no pressure with them."""
+    rig, node = bundle(hold(60.0), resume_within=resume_within)
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+    graph.advance(rig, 0.6)
+    graph.set('plant_simulator', faults__silent='force')
+    graph.advance(rig, lost)
+    graph.set('plant_simulator', faults__silent='')
+    graph.advance(rig, 1.0)
+    assert rig.rig.truth.pressure.max() < 5e3
+    assert node._state == 'LOST'
+
+    def status():
+        return [m.status[0] for m in seen if m.status[0].name == 'bundle/recruitment_controller']
+    text = f'vented for {resume_within:g} s: off until enabled again'
+    graph.until(lambda: text in status()[-1].message, 'diagnostics')
+    assert status()[-1].level == b'\x02'
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.advance(rig, 1.2)
+    assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
 def test_frozen_force_is_not_believed(graph, bundle):
     """A force that repeats exactly while pressures move is stuck."""
     rig, node = bundle(Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0)))
