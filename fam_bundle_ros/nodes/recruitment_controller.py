@@ -4,9 +4,10 @@
 Node recruitment_controller: a force or strain reference in, pressure setpoints out.
 
 Each complete sample of the rig is answered with setpoints that carry its stamp. The last
-reference received, ``reference/force`` or ``reference/strain``, is the control mode. Readings that
-cannot be trusted hold the pressures at first and vent when it lasts; a loss that lasts on,
-over-pressure and the emergency stop switch off until ``enable`` is called again.
+reference received, ``reference/force`` or ``reference/strain``, is the control mode; switching off
+forgets it. Readings that cannot be trusted hold the pressures at first and vent when it lasts; a
+loss that lasts on, over-pressure and the emergency stop switch off until ``enable`` is called
+again.
 """
 
 from collections.abc import Mapping
@@ -83,6 +84,8 @@ class RecruitmentNode(BundleNode):
         self._lost_since: float | None = None
         self._state = 'WAITING'
         self._reference: Reference | None = None
+        #: State while there is no reference.
+        self._without_reference = 'WAITING'
         self._reference_rate = ReferenceRate(
             _STEP * float(self.bundle.blocked_force(self.bundle.max_pressure)))
         self._reference_meter = Meter()
@@ -268,7 +271,7 @@ class RecruitmentNode(BundleNode):
         if not self._enabled:
             return 'OFF'
         if self._reference is None:
-            return 'WAITING'
+            return self._without_reference
         limit = self.p['reference_timeout']
         last = self._reference_meter.last
         if not self.lock_step and limit > 0.0 and last is not None:
@@ -276,6 +279,7 @@ class RecruitmentNode(BundleNode):
             if age > limit:
                 self.say('reference', f'the reference came {age:.2f} s ago; at most {limit:g} s '
                          'is taken: vented')
+                self._forget_reference('NO_REFERENCE')
                 return 'NO_REFERENCE'
         return ''
 
@@ -291,9 +295,16 @@ class RecruitmentNode(BundleNode):
             self._switch_off('LOST', f"{'; '.join(lost)}: vented for "
                              f"{self.p['resume_within']:g} s")
 
+    def _forget_reference(self, state: str = 'WAITING') -> None:
+        """What was asked for once is not what is wanted when it goes on: wait for a new one."""
+        self._reference = None
+        self._without_reference = state
+        self._take_over = True
+
     def _switch_off(self, state: str, reason: str) -> None:
         """Stay off until somebody enables again."""
         self._enabled = False
+        self._forget_reference()
         self._latched = (state, f'{reason}: off until enabled again')
         self.get_logger().error(self._latched[1])
 
@@ -336,11 +347,14 @@ class RecruitmentNode(BundleNode):
         if stopped and self._enabled and self._answered >= 0:
             # A stop ends what was going on; going on again is a decision of its own.
             self._enabled = False
+            self._forget_reference()
         self._stopped = stopped
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response
                    ) -> SetBool.Response:
         if not request.data:
+            if self._enabled:
+                self._forget_reference()
             self._enabled = False
             response.success, response.message = True, 'off; pressures ramp down'
         elif self._stopped:

@@ -54,8 +54,8 @@ SPECS = (
     *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
     *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
            dynamic=True) for name, unit in _LOAD_FIELDS),
-    Spec('reference_timeout', 0.0, 'switch to zero when the reference is older, s; 0 for never',
-         0.0, 3600.0, dynamic=True),
+    Spec('reference_timeout', 0.0, 'vent and forget the reference when it is older, s; 0 for '
+         'never', 0.0, 3600.0, dynamic=True),
     Spec('ramp_down_time', 0.5, 'time over which switching off lets the air out, s', 0.0, 60.0,
          dynamic=True),
     Spec('over_pressure_factor', 1.15, 'switch off above the largest pressure times this',

@@ -9,6 +9,7 @@ import pytest
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import UInt8
 from std_srvs.srv import SetBool, Trigger
+import yaml
 
 from fam_bundle_ros.model import load_model, save_model
 from fam_bundle_ros.nodes import interface
@@ -29,6 +30,22 @@ def bundle(graph, quiet):
         nodes = make_nodes(graph.context, overrides=values,
                            simulator={'script': graph.pacer},
                            generator={'profile': profile or hold(40.0)})
+        graph.add(*nodes)
+        return nodes[-1], next(n for n in nodes if isinstance(n, RecruitmentNode))
+    return start
+
+
+@pytest.fixture
+def live(graph, quiet):
+    """Return a function: a bundle in wall time, enabled, that the test gives references."""
+    def start(**overrides):
+        # Being held up by other tests is not what it is about.
+        values = {**quiet, 'sensors.force_noise': 0.9, 'sensors.pressure_noise': 350.0,
+                  'sensors.strain_noise': 5e-5, 'monitor': False, 'generate': False,
+                  'start_enabled': True, 'trip_pressure': 1e6, 'sensor_timeout': 5.0,
+                  'setpoint_timeout': 5.0, 'command_timeout': 5.0,
+                  **{name.replace('__', '.'): value for name, value in overrides.items()}}
+        nodes = make_nodes(graph.context, overrides=values)
         graph.add(*nodes)
         return nodes[-1], next(n for n in nodes if isinstance(n, RecruitmentNode))
     return start
@@ -168,6 +185,56 @@ def test_emergency_stop_needs_enable_to_go_on(graph, bundle):
     assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
     graph.advance(rig, 1.2)
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
+def disable(graph, node):
+    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+
+
+def stop(graph, node):
+    graph.call(Trigger, 'e_stop_trigger')
+    graph.until(lambda: node._state == 'E_STOP', 'the stop')
+    graph.call(Trigger, 'e_stop_reset')
+    graph.until(lambda: node._state == 'OFF', 'the reset')
+
+
+def over_pressure(graph, node):
+    graph.set('plant_simulator', faults__stuck_valve='mu1=1.0')
+    graph.until(lambda: node._state == 'OVER_PRESSURE', 'over-pressure')
+    graph.set('plant_simulator', faults__stuck_valve='')
+
+
+def time_out(graph, node):
+    graph.set('recruitment_controller', reference_timeout=0.2)
+    graph.until(lambda: node._state == 'NO_REFERENCE', 'the time-out')
+    graph.set('recruitment_controller', reference_timeout=0.0)
+
+
+@pytest.mark.parametrize('event', [disable, stop, over_pressure, time_out])
+def test_old_reference_never_comes_back(graph, live, event):
+    """After anything that switched off, enable waits for a reference that is new."""
+    rig, node = live(start_enabled=False)
+    publisher = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    graph.until(lambda: publisher.get_subscription_count() == 1, 'the node')
+    publisher.publish(interface.force_message(1, 60.0))
+    graph.until(lambda: node._reference_meter.last is not None, 'the reference')
+    # One from before the first enable counts.
+    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    graph.until(lambda: rig.rig.truth.force > 40.0, 'force')
+    event(graph, node)
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.until(lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
+    graph.spin(0.5)
+    assert rig.rig.truth.pressure.max() < 5e3
+    assert node._state == ('NO_REFERENCE' if event is time_out else 'WAITING')
+    publisher.publish(interface.force_message(1, 60.0))
+    graph.until(lambda: rig.rig.truth.force > 40.0, 'force')
+
+
+def test_rig_yaml_asks_for_references_that_keep_coming():
+    """On a real rig an operator that died leaves no pressure."""
+    values = yaml.safe_load(config_path('rig.yaml').read_text())['/**']['ros__parameters']
+    assert 0.0 < values['reference_timeout'] <= 5.0
 
 
 def test_policy_and_model_change_while_it_runs(graph, bundle, tmp_path):
