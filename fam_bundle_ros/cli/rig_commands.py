@@ -78,7 +78,8 @@ def run(
         ('model', None if model is None else _file(model)),
         ('plant_model', None if plant_model is None else _file(plant_model)),
         ('trajectory', trajectory), ('policy', policy),
-        *(_mass().items() if free else ()), ('simulate', 'false' if rig else None))
+        *(_mass(model or 'spie2021').items() if free else ()),
+        ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
     given = ['--params-file', str(params_file)] if params_file else []
     arguments = ['fam_bundle run', *context.args]
@@ -130,12 +131,15 @@ def check_rig(
         raise typer.Exit(1)
 
 
-def _mass() -> dict[str, Any]:
+def _mass(model: str) -> dict[str, Any]:
     """Return parameters for a mass that hangs on the bundle, and that the controller knows."""
-    from fam_bundle_ros.nodes.rig_parameters import LOAD
-    usual = {spec.name: spec.default for spec in LOAD}
-    return {'load.kind': 'mass_spring', 'load_model.mass': usual['load.mass'],
-            'load_model.damping': usual['load.damping']}
+    from fam_bundle_ros.nodes.models import bundle_from
+    from fam_bundle_ros.nodes.rig_parameters import LOAD, load_from, load_model_parameters
+    kind = {'load.kind': 'mass_spring'}
+    load = load_from({spec.name: spec.default for spec in LOAD} | kind)
+    length = float(bundle_from(_file(model)).motor_units[0].geometry.length)
+    return {**kind, **{name: round(value, 6) for name, value in load_model_parameters(
+        load, length).items()}}
 
 
 def _file(name: str) -> str:

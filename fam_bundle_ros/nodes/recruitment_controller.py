@@ -296,7 +296,7 @@ class RecruitmentNode(BundleNode):
                              f"{self.p['resume_within']:g} s")
 
     def _forget_reference(self, state: str = 'WAITING') -> None:
-        """What was asked for once is not what is wanted when it goes on: wait for a new one."""
+        """Wait for a new one: what was asked for before may not be wanted when it goes on."""
         self._reference = None
         self._without_reference = state
         self._take_over = True

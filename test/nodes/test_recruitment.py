@@ -188,10 +188,12 @@ def test_emergency_stop_needs_enable_to_go_on(graph, bundle):
 
 
 def disable(graph, node):
+    """Switch off by hand."""
     graph.call(SetBool, 'enable', SetBool.Request(data=False))
 
 
 def stop(graph, node):
+    """Stop, and take the stop back."""
     graph.call(Trigger, 'e_stop_trigger')
     graph.until(lambda: node._state == 'E_STOP', 'the stop')
     graph.call(Trigger, 'e_stop_reset')
@@ -199,12 +201,14 @@ def stop(graph, node):
 
 
 def over_pressure(graph, node):
+    """Let a valve hang open for a moment."""
     graph.set('plant_simulator', faults__stuck_valve='mu1=1.0')
     graph.until(lambda: node._state == 'OVER_PRESSURE', 'over-pressure')
     graph.set('plant_simulator', faults__stuck_valve='')
 
 
 def time_out(graph, node):
+    """Ask for references that keep coming, for a moment."""
     graph.set('recruitment_controller', reference_timeout=0.2)
     graph.until(lambda: node._state == 'NO_REFERENCE', 'the time-out')
     graph.set('recruitment_controller', reference_timeout=0.0)
