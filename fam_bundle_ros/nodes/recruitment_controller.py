@@ -126,7 +126,7 @@ class RecruitmentNode(BundleNode):
         return [
             SensorWatch('force', 'N', config(p['force_low'], p['force_high'], p['stuck_time'])),
             SensorWatch('strain', '', config(p['strain_low'], p['strain_high'],
-                                             p['stuck_time'])),
+                                             p['strain_stuck_time'])),
             *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0))
               for i in range(self.bundle.n))]
 
@@ -361,8 +361,11 @@ class RecruitmentNode(BundleNode):
             response.success, response.message = False, 'the emergency stop is on'
         else:
             self._enabled, self._latched = True, ('', '')
-            # Sensors that are still out get the time anew.
+            # Sensors that are still out get the time anew, and a repeat may have been true.
             self._lost_since = None
+            self._moved_from.clear()
+            for watch in self._watches:
+                watch.forgive_repeats()
             response.success, response.message = True, 'on, from the pressures as they are'
         return response
 

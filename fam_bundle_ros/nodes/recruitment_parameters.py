@@ -69,8 +69,10 @@ SPECS = (
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
     Spec('resume_within', 2.0, 'pressure returns by itself after sensors were out for less than '
          'this, s; after longer `enable` is needed, with 0 always', 0.0, 3600.0, dynamic=True),
-    Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while pressures move is '
-         'stuck, s; 0 for instruments without noise', 0.0, 60.0),
+    Spec('stuck_time', 0.5, 'a force that repeats exactly so long while pressures move is '
+         'stuck, s; 0 for a load cell without noise', 0.0, 60.0),
+    Spec('strain_stuck_time', 0.0, 'the same for strain; 0, for never: a load may hold it still',
+         0.0, 60.0),
 )
 
 

@@ -141,6 +141,27 @@ def test_frozen_force_is_not_believed(graph, bundle):
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
 
 
+def test_encoder_without_noise_on_a_rig_that_stands_still(graph, bundle):
+    """A strain that repeats exactly while pressures move is true where the load is held."""
+    ramp = Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0))
+    rig, node = bundle(ramp, sensors__strain_noise=0.0)
+    states = set()
+    graph.advance(rig, lambda: (states.add(node._state), graph.pacer.time > 2.5)[1], 'the ramp')
+    assert states <= {'WAITING', 'ACTIVE'}
+    assert rig.rig.truth.force == pytest.approx(75.0, abs=2.0)
+
+
+def test_stuck_strain_is_found_where_it_must_move_and_left_by_enable(graph, bundle):
+    """With strain_stuck_time it vents; readings that are otherwise good can be enabled again."""
+    ramp = Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0))
+    rig, node = bundle(ramp, sensors__strain_noise=0.0, strain_stuck_time=0.5)
+    graph.advance(rig, lambda: node._state == 'LOST', 'the watch')
+    assert 'strain has shown exactly 0.1' in node._latched[1]
+    graph.advance(rig, 0.5)
+    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    graph.advance(rig, lambda: rig.rig.truth.force > 60.0, 'force', 1.0)
+
+
 def test_switching_on_and_off_makes_no_jump(graph, bundle):
     """Off: pressures ramp down; on again: from the pressures as they are."""
     rig, node = bundle(hold(60.0))
