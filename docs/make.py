@@ -36,7 +36,8 @@ TOPICS = {
 }
 SERVICES = {
     'enable': 'bumpless on and off', 'e_stop_trigger': 'vent all, latched',
-    'e_stop_reset': 'leave the emergency stop', 'reset': 'the simulated rig starts anew',
+    'e_stop_reset': 'leave the emergency stop',
+    'reset': 'the simulated rig starts anew; an emergency stop stays',
     'tare': 'the load cell of the simulated rig is set to zero',
 }
 

@@ -320,10 +320,15 @@ class PlantSimulator(BundleNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response
                   ) -> Trigger.Response:
+        stopped = self.rig.e_stopped
         self.rig.reset()
+        if stopped:
+            # Only e_stop_reset takes a stop back.
+            self.rig.e_stop(stopped)
         self._steps = 0
         self._announce_stop()
-        response.success, response.message = True, 'at rest, vented, not stopped; faults stay'
+        response.success = True
+        response.message = 'at rest, vented; faults and the emergency stop stay as they were'
         return response
 
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

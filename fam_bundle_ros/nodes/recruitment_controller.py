@@ -19,7 +19,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool, UInt8
+from std_msgs.msg import UInt8
 from std_srvs.srv import SetBool
 
 from fam_bundle_ros.control import (
@@ -33,6 +33,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.process import run
@@ -78,7 +79,6 @@ class RecruitmentNode(BundleNode):
         self._enabled: bool = p['start_enabled']
         #: Whether to begin from the pressures as they are; None before the first sample.
         self._take_over: bool | None = None
-        self._stopped = False
         #: State and reason of having been switched off; empty after `enable`.
         self._latched = ('', '')
         self._lost_since: float | None = None
@@ -111,7 +111,7 @@ class RecruitmentNode(BundleNode):
                                 self._on_sample, extra)
         self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._on_force)
         self.subscribe(interface.REFERENCE_STRAIN, JointState, self._on_strain)
-        self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.LATCHED)
+        self._e_stop = EmergencyStop(self, self._on_e_stop)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report)
@@ -264,7 +264,7 @@ class RecruitmentNode(BundleNode):
             if value > highest and self._latched[0] != 'OVER_PRESSURE':
                 self._switch_off('OVER_PRESSURE', f'mu{i + 1} at {value / 1e3:.0f} kPa, above '
                                  f'{highest / 1e3:.0f} kPa')
-        if self._stopped:
+        if self._e_stop.on:
             return 'E_STOP'
         if self._latched[0]:
             return self._latched[0]
@@ -342,13 +342,11 @@ class RecruitmentNode(BundleNode):
 
     # --- services, parameters, diagnostics -----------------------------------------------------
 
-    def _on_e_stop(self, message: Bool) -> None:
-        stopped = bool(message.data)
-        if stopped and self._enabled and self._answered >= 0:
+    def _on_e_stop(self) -> None:
+        if self._enabled and self._answered >= 0:
             # A stop ends what was going on; going on again is a decision of its own.
             self._enabled = False
             self._forget_reference()
-        self._stopped = stopped
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response
                    ) -> SetBool.Response:
@@ -357,8 +355,9 @@ class RecruitmentNode(BundleNode):
                 self._forget_reference()
             self._enabled = False
             response.success, response.message = True, 'off; pressures ramp down'
-        elif self._stopped:
-            response.success, response.message = False, 'the emergency stop is on'
+        elif self._e_stop.on:
+            response.success, response.message = False, ': '.join(
+                part for part in ('the emergency stop is on', self._e_stop.doubt) if part)
         else:
             self._enabled, self._latched = True, ('', '')
             # Sensors that are still out get the time anew, and a repeat may have been true.
@@ -396,7 +395,7 @@ class RecruitmentNode(BundleNode):
         self._reference_meter.report(report, 'reference')
         report.value('state', self._state)
         report.value('enabled', self._enabled)
-        report.value('e_stop', self._stopped)
+        self._e_stop.report(report)
         report.value('model', self.bundle.name)
         report.value('policy', self.p['policy'])
         report.value('scheme', self.p['scheme'])

@@ -7,7 +7,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import UInt8
+from std_msgs.msg import Bool, UInt8
 from std_srvs.srv import SetBool, Trigger
 import yaml
 
@@ -196,11 +196,11 @@ def test_emergency_stop_needs_enable_to_go_on(graph, bundle):
     rig, node = bundle(hold(60.0))
     graph.advance(rig, 0.5)
     graph.call(Trigger, 'e_stop_trigger')
-    graph.until(lambda: node._stopped, 'the stop')
+    graph.until(lambda: node._e_stop.on, 'the stop')
     assert not graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
     graph.advance(rig, 0.3)
     graph.call(Trigger, 'e_stop_reset')
-    graph.until(lambda: not node._stopped, 'the reset')
+    graph.until(lambda: not node._e_stop.on, 'the reset')
     graph.advance(rig, 0.3)
     assert rig.rig.truth.pressure.max() < 5e3
     assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
@@ -260,6 +260,30 @@ def test_rig_yaml_asks_for_references_that_keep_coming():
     """On a real rig an operator that died leaves no pressure."""
     values = yaml.safe_load(config_path('rig.yaml').read_text())['/**']['ros__parameters']
     assert 0.0 < values['reference_timeout'] <= 5.0
+
+
+def test_stop_of_one_button_is_not_taken_back_by_another(graph, live):
+    """While two publish e_stop, a False may come from the one that knows of no stop."""
+    _, node = live()
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+    button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
+    graph.until(lambda: graph.probe.count_publishers('/bundle/e_stop') == 2
+                and button.get_subscription_count() >= 3, 'the button')
+    button.publish(interface.bool_message(True))
+    graph.until(lambda: node._e_stop.on, 'the stop')
+    assert graph.call(Trigger, 'e_stop_reset').success
+    graph.until(lambda: node._e_stop.doubt, 'the False of the rig')
+    answer = graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    assert not answer.success
+    assert '2 publishers on e_stop' in answer.message
+    graph.until(lambda: any('2 publishers on e_stop' in m.status[0].message
+                            and m.status[0].level == b'\x02' for m in seen), 'diagnostics')
+    # With one publisher it says what it says.
+    graph.probe.destroy_publisher(button)
+    graph.until(lambda: graph.probe.count_publishers('/bundle/e_stop') == 1, 'one publisher')
+    graph.call(Trigger, 'e_stop_reset')
+    graph.until(lambda: not node._e_stop.on, 'the reset')
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
 
 
 def test_policy_and_model_change_while_it_runs(graph, bundle, tmp_path):

@@ -174,12 +174,13 @@ def test_starts_stopped_and_runs_after_reset(graph, rig):
 
 
 def test_e_stop_is_latched_and_vents(graph, rig):
-    """e_stop_trigger lets the air out whatever is commanded, until it is reset."""
+    """e_stop_trigger lets the air out whatever is commanded; `reset` does not take it back."""
     rig = rig()
     drive(graph, 2, lambda unit, t: 0.1)
     graph.advance(rig, lambda: rig.rig.truth.pressure.min() > 100e3, 'pressure')
     assert graph.call(Trigger, 'e_stop_trigger').success
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
+    assert graph.call(Trigger, 'reset').success
     late = graph.listen('e_stop', Bool, interface.LATCHED)
     graph.until(lambda: late, 'the latched message')
     assert late[-1].data is True
