@@ -53,6 +53,8 @@ _LONGEST = 0.1
 _CLOCK_SET = 0.5
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
+#: 1/s: no muscle contracts that fast (all of its way in 0.03 s).
+_FASTEST = 10.0
 #: References that change by more than this share of the blocked force at once are steps.
 _STEP = 0.02
 
@@ -152,12 +154,14 @@ class RecruitmentNode(BundleNode):
         stamp = interface.stamp_ns(message.header.stamp)
         value, rate = interface.read_strain(
             message, float(self.bundle.motor_units[0].geometry.length))
-        self._take_reference('strain', stamp, value, rate if math.isfinite(rate) else 0.0)
+        self._take_reference('strain', stamp, value, 0.0 if math.isnan(rate) else rate)
 
     def _take_reference(self, kind: str, stamp: int, value: float, rate: float) -> None:
         limit = 1e5 if kind == 'force' else 1.0
         if not abs(value) <= limit:
             raise InputError(f'reference is {value}; expected a size up to {limit:g}')
+        if kind == 'strain' and not abs(rate) <= _FASTEST:
+            raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to {_FASTEST:g}')
         self._reference_meter.tick()
         reference = Reference(kind, value, rate)
         if self.lock_step and self.p['wait_for_reference']:

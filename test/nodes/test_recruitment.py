@@ -6,6 +6,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
+from rcl_interfaces.msg import Log
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, UInt8
 from std_srvs.srv import SetBool, Trigger
@@ -362,6 +363,26 @@ def test_reference_that_is_no_number_is_refused(graph, quiet):
         send(float('nan'))
         graph.spin()
     assert node._reference.value == 30.0
+
+
+@pytest.mark.parametrize(('names', 'positions', 'velocities', 'text'), [
+    (['strain'], [0.1], [1e6], 'reference moves at 1e+06 1/s; expected a size up to 10'),
+    (['strain'], [0.1], [float('-inf')], 'reference moves at -inf 1/s'),
+    (['contraction', 'strain'], [0.01], [], 'with 1 positions'),
+    (['strain'], [0.1], [0.1, 0.2], '2 velocities'),
+])
+def test_strain_reference_that_cannot_be_meant_is_refused(graph, names, positions, velocities,
+                                                         text):
+    """It changes neither the reference nor the mode, and the log says why."""
+    node = graph.add(RecruitmentNode(context=graph.context))
+    force = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    strain = graph.probe.create_publisher(JointState, 'reference/strain', 10)
+    log = graph.listen('/rosout', Log, interface.LATCHED)
+    graph.until(lambda: (force.publish(interface.force_message(1, 30.0)),
+                         node._reference is not None)[1], 'the reference')
+    message = JointState(name=names, position=positions, velocity=velocities)
+    graph.until(lambda: (strain.publish(message), any(text in m.msg for m in log))[1], 'the log')
+    assert (node._reference.kind, node._reference.value) == ('force', 30.0)
 
 
 def test_diagnostics_explain_the_decision(graph, bundle):
