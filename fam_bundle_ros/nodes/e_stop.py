@@ -43,7 +43,7 @@ class EmergencyStop:
 
     def _take(self, message: Bool) -> None:
         node = self._node
-        publishers = node.count_publishers(node.resolve_topic_name(interface.E_STOP))
+        publishers = node.publisher_count(interface.E_STOP)
         if message.data:
             self.doubt = ''
             if not self.on:

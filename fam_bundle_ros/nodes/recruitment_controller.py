@@ -10,7 +10,7 @@ loss that lasts on, over-pressure and the emergency stop switch off until ``enab
 again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import math
 import time
 from typing import Any
@@ -33,6 +33,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.doubts import OffTarget, ReferenceTally
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import table
@@ -55,6 +56,8 @@ _CLOCK_SET = 0.5
 _VENTED = 5e3
 #: 1/s: no muscle contracts that fast (all of its way in 0.03 s).
 _FASTEST = 10.0
+#: Errors of force (share of the blocked force) and strain up to which a reference is reached.
+_REACHED_FORCE, _REACHED_STRAIN = 0.05, 0.02
 #: References that change by more than this share of the blocked force at once are steps.
 _STEP = 0.02
 
@@ -91,6 +94,10 @@ class RecruitmentNode(BundleNode):
         self._reference_rate = ReferenceRate(
             _STEP * float(self.bundle.blocked_force(self.bundle.max_pressure)))
         self._reference_meter = Meter()
+        self._tally = ReferenceTally()
+        self._off_target = OffTarget({
+            'force': _REACHED_FORCE * float(self.bundle.blocked_force(self.bundle.max_pressure)),
+            'strain': _REACHED_STRAIN})
         self._answered = -1
         self._decided = time.monotonic()
         self._setpoints = [0.0] * n
@@ -111,8 +118,8 @@ class RecruitmentNode(BundleNode):
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
                                 self._on_sample, extra)
-        self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._on_force)
-        self.subscribe(interface.REFERENCE_STRAIN, JointState, self._on_strain)
+        self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._tallied(self._on_force))
+        self.subscribe(interface.REFERENCE_STRAIN, JointState, self._tallied(self._on_strain))
         self._e_stop = EmergencyStop(self, self._on_e_stop)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self.p.on_change(self, self._check, self._change)
@@ -144,6 +151,16 @@ class RecruitmentNode(BundleNode):
 
     # --- references ----------------------------------------------------------------------------
 
+    def _tallied(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback that counts what it refuses."""
+        def callback(message: Any) -> None:
+            try:
+                take(message)
+            except InputError as error:
+                self._tally.refuse(str(error))
+                raise
+        return callback
+
     def _on_force(self, message: WrenchStamped) -> None:
         stamp = interface.stamp_ns(message.header.stamp)
         value = interface.read_force(message)
@@ -161,8 +178,10 @@ class RecruitmentNode(BundleNode):
         if not abs(value) <= limit:
             raise InputError(f'reference is {value}; expected a size up to {limit:g}')
         if kind == 'strain' and not abs(rate) <= _FASTEST:
-            raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to {_FASTEST:g}')
+            raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
+                             f'{_FASTEST:g}')
         self._reference_meter.tick()
+        self._tally.take(kind)
         reference = Reference(kind, value, rate)
         if self.lock_step and self.p['wait_for_reference']:
             self._sensing.put('reference', stamp, reference)
@@ -195,6 +214,7 @@ class RecruitmentNode(BundleNode):
             if off != 'WAITING':
                 self._take_over = True
             self._command = None
+            self._off_target.reset()
             self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE', 'LOST'))
             return
         reference = self._reference
@@ -218,6 +238,8 @@ class RecruitmentNode(BundleNode):
         self._setpoints = command.pressure.tolist()
         if command.explanation:
             self.get_logger().info(command.explanation)
+        self._off_target.update(self._now(), reference,
+                                {'force': measurement.force, 'strain': measurement.strain})
         if readable:
             self._state = 'ACTIVE'
             return
@@ -416,6 +438,15 @@ class RecruitmentNode(BundleNode):
             if command.saturated in ('high', 'low'):
                 report.add(WARN, f'demand {command.demand:.1f} N is out of reach '
                            f'({command.saturated})')
+        if self._off_target.text:
+            report.add(WARN, self._off_target.text)
+        self._tally.report(report)
+        for topic in (interface.FORCE, interface.STRAIN, interface.REFERENCE_FORCE,
+                      interface.REFERENCE_STRAIN, interface.E_STOP,
+                      *(name(i + 1) for i in range(self.bundle.n)
+                        for name in (interface.pressure_topic, interface.setpoint_topic))):
+            if (count := self.publisher_count(topic)) > 1:
+                report.add(WARN, f'{count} publishers on {topic}')
         if self._state != 'ACTIVE':
             urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR', 'LOST')
             why = [watch.reason for watch in self._watches if watch.reason]

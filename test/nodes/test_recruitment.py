@@ -365,6 +365,57 @@ def test_reference_that_is_no_number_is_refused(graph, quiet):
     assert node._reference.value == 30.0
 
 
+def warnings_of(graph, node='bundle/recruitment_controller'):
+    """Return a function: whether a node's newest diagnostics hold a text, at WARN or worse."""
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+
+    def warned(text):
+        mine = [m.status[0] for m in seen if m.status[0].name == node]
+        return bool(mine) and text in mine[-1].message and mine[-1].level >= b'\x01'
+    return warned
+
+
+def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
+    """60 N asked for and far from it for seconds: a tube that is off, say."""
+    rig, node = bundle(hold(60.0))
+    warned = warnings_of(graph)
+    graph.advance(rig, 1.0)
+    # What leaves by the leak is more than the valve lets in.
+    graph.set('plant_simulator', faults__leak='mu1=0.01,mu2=0.01')
+    graph.advance(rig, 1.5)
+    assert node._off_target.text == ''
+    graph.advance(rig, 1.5)
+    graph.until(lambda: warned('asked for is 60 N, for'), 'the warning')
+    graph.set('plant_simulator', faults__leak='')
+    graph.advance(rig, 2.0)
+    assert node._off_target.text == ''
+
+
+def test_diagnostics_warn_of_who_talks_in_between(graph, live):
+    """Another setpoint, another reference, the two modes in turn, references refused."""
+    live()
+    warned = warnings_of(graph)
+    setpoint = graph.probe.create_publisher(FluidPressure, 'mu1/pressure_setpoint', 10)
+    force = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    strain = graph.probe.create_publisher(JointState, 'reference/strain', 10)
+    graph.until(lambda: warned('2 publishers on mu1/pressure_setpoint'), 'setpoints')
+    graph.probe.destroy_publisher(setpoint)
+    other = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    graph.until(lambda: warned('2 publishers on reference/force'), 'references')
+    graph.probe.destroy_publisher(other)
+
+    def in_turn():
+        force.publish(interface.force_message(1, 40.0))
+        strain.publish(interface.reference_strain_message(1, 0.1))
+        return warned('times between force and strain')
+    graph.until(in_turn, 'the modes in turn')
+
+    def no_number():
+        force.publish(interface.force_message(1, float('nan')))
+        return warned('references refused: reference is nan')
+    graph.until(no_number, 'the refusal')
+
+
 @pytest.mark.parametrize(('names', 'positions', 'velocities', 'text'), [
     (['strain'], [0.1], [1e6], 'reference moves at 1e+06 1/s; expected a size up to 10'),
     (['strain'], [0.1], [float('-inf')], 'reference moves at -inf 1/s'),
