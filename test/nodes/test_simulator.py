@@ -131,6 +131,25 @@ def test_wall_time_vents_without_fresh_commands(graph, quiet):
     assert not rig.rig.e_stopped
 
 
+def test_machine_that_is_too_slow_vents_nothing(graph, quiet, monkeypatch):
+    """The rig falls behind the clock for as long as it takes, and says so; commands stay fresh."""
+    # Sooner than the 10 s behind that the clock may be before it must have been set.
+    monkeypatch.setattr('fam_bundle_ros.nodes.plant_simulator._SET', 400_000_000)
+    pacer = graph.pacer
+    pacer.condition = lambda: False
+    pacer.before = lambda rig, time_, period: time.sleep(3.0 * period)
+    rig = graph.add(PlantSimulator(context=graph.context, script=pacer, overrides={
+        **quiet, 'command_timeout': 0.3, 'patience': 0.3}))
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+    drive(graph, 2, lambda unit, t: 0.01 * unit)
+    graph.until(lambda: rig._behind > 900_000_000, 'the lag')
+    commands = [tuple(commands) for _, _, commands in pacer.log]
+    begin = commands.index((0.01, 0.02))
+    assert set(commands[begin:]) == {(0.01, 0.02)}
+    graph.until(lambda: 's behind the clock' in seen[-1].status[0].message, 'diagnostics')
+    assert seen[-1].status[0].level == b'\x01'
+
+
 def test_stale_command_is_refused(graph, quiet):
     """A command stamped long ago does not open a valve, however late it arrives."""
     rig = graph.add(PlantSimulator(context=graph.context, overrides=quiet))
