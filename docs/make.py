@@ -28,7 +28,7 @@ TOPICS = {
     'reference/strain': 'joint `strain` with its rate',
     'reference/trajectory': 'joint `force`, `strain` or `contraction`; sampled into the above',
     'recruitment_state': '0 off, k for RSk; latched',
-    'recruitment': 'per motor unit: on or off (position), share of the force (effort, N)',
+    'recruitment': 'per motor unit: on or off (position), share of the force (effort, 0 to 1)',
     'model/force': 'what the model predicts, N',
     'model/residual': 'measured minus predicted, N',
     'e_stop': 'emergency stop, latched',

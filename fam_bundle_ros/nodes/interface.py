@@ -259,7 +259,7 @@ def state_message(state: int) -> UInt8:
 
 
 def recruitment_message(stamp: int, active: Iterable[bool], share: Sequence[float]) -> JointState:
-    """Return per motor unit 0 or 1 (position) and its share of the force in N (effort)."""
+    """Return per motor unit 0 or 1 (position) and its share of the force, 0 to 1 (effort)."""
     message = JointState()
     message.header.stamp = to_stamp(stamp)
     message.position = [float(bool(on)) for on in active]
