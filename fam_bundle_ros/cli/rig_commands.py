@@ -112,19 +112,25 @@ def check_rig(
     seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
                                            max=600.0)] = 3.0,
     model: ModelOption = 'spie2021',
+    gauge: Annotated[bool, typer.Option('--gauge', help='The rig sends gauge pressure, and '
+                                        'pressure_is_gauge is set.')] = False,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
 ) -> None:
-    """Check whether a rig speaks the interface: names, types, rates, units, signs, noise."""
+    """
+    Check whether a rig speaks the interface: names, types, rates, units, signs, noise.
+
+    A note is something that cannot be told from here, say the sign of a force at rest.
+    """
     from fam_bundle_ros.nodes import session
     bundle = open_model(model, allow_python)
     length = float(bundle.motor_units[0].geometry.length)
     with progress_bar('check-rig') as tick:
         findings = session.check_rig(namespace.strip('/'), seconds, units=bundle.n, length=length,
-                                     progress=lambda elapsed: tick(elapsed / seconds))
-    table(('', 'what', 'seen'), [(Text('ok', style='green') if finding.ok
-                                  else Text('FAIL', style='bold red'), finding.what,
-                                  finding.detail) for finding in findings])
+                                     gauge=gauge, progress=lambda elapsed: tick(elapsed / seconds))
+    styles = {'ok': 'green', 'note': 'yellow', 'FAIL': 'bold red'}
+    table(('', 'what', 'seen'), [(Text(finding.verdict, style=styles[finding.verdict]),
+                                  finding.what, finding.detail) for finding in findings])
     bad = sum(not finding.ok for finding in findings)
     save_json(json_file, {'ok': not bad, 'findings': findings})
     if bad:
