@@ -54,6 +54,8 @@ SPECS = (
 _RETRY = 0.2
 #: ns by which the clock runs away from the stamps between two steps only when it was set.
 _SET = 10_000_000_000
+#: Pa: below it a motor unit counts as vented.
+_VENTED = 5e3
 #: s behind the clock that are worth a warning.
 _SLOW = 0.5
 
@@ -338,6 +340,11 @@ class PlantSimulator(BundleNode):
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.rig.tare()
         response.success, response.message = True, 'force zeroed at the present load'
+        filled = [f'mu{i + 1} is at {value / 1e3:.0f} kPa'
+                  for i, value in enumerate(self.rig.truth.pressure) if value > _VENTED]
+        if filled:
+            response.message += f": {', '.join(filled)}, and what that pulls reads as 0 N now"
+            self.get_logger().warning(f'tare: {response.message}')
         return response
 
     def _change(self, changes: dict[str, Any]) -> None:

@@ -396,11 +396,19 @@ class RecruitmentNode(BundleNode):
 
     def _check(self, values: Mapping[str, Any]) -> None:
         config = controller_config(values)
-        bundle = self._bundle_for(values['model'])
+        model = values['model']
+        bundle = self._bundle_for(model)
         RecruitmentController(bundle, config)
-        if bundle.n != self.bundle.n:
-            raise InputError(f"{values['model']} has {bundle.n} motor units; this bundle has "
-                             f'{self.bundle.n}')
+        if model != self._loaded and self._enabled:
+            raise InputError('the model changes only while the controller is off; the pressure '
+                             'loops keep theirs until all nodes are started anew')
+        # What the pressure loops and the readings of this node rest on.
+        for what, new, old in (('motor units', bundle.n, self.bundle.n),
+                               ('largest pressures', bundle.max_pressure.tolist(), self._limit),
+                               ('the length', *(float(each.motor_units[0].geometry.length)
+                                                for each in (bundle, self.bundle)))):
+            if new != old:
+                raise InputError(f'{model}: {what} {new}, here {old}: restart all nodes with it')
 
     def _bundle_for(self, model: str) -> Bundle:
         return self.bundle if model == self._loaded else bundle_from(model)

@@ -37,7 +37,9 @@ def _outer_spec(name: str, unit: str, high: float) -> Spec:
 
 
 SPECS = (
-    *MODEL, *LISTENER, *sensing.SPECS,
+    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + '; changes only while it is off',
+         dynamic=True),
+    *LISTENER, *sensing.SPECS,
     Spec('start_enabled', False, 'act without being enabled first'),
     Spec('wait_for_reference', False, 'in lock-step wait for a reference of the same stamp: set '
          'it where a reference_generator runs'),

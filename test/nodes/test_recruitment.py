@@ -288,12 +288,22 @@ def test_stop_of_one_button_is_not_taken_back_by_another(graph, live):
 
 
 def test_policy_and_model_change_while_it_runs(graph, bundle, tmp_path):
-    """A better model file is taken over without a stop; a bad one is refused in words."""
+    """A better model file is taken over while it is off; a bad one is refused in words."""
     rig, node = bundle(hold(60.0))
     graph.advance(rig, 0.5)
     better = tmp_path / 'better.yaml'
     save_model(load_model(config_path('models/spie2021.yaml')).named('better'), better)
+    refused = graph.set('recruitment_controller', model=str(better))[0]
+    assert not refused.successful
+    assert 'only while the controller is off' in refused.reason
+    assert node.bundle.name == 'spie2021'
+    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    longer = tmp_path / 'longer.yaml'
+    longer.write_text(better.read_text().replace('127 mm', '130 mm'))
+    refused = graph.set('recruitment_controller', model=str(longer))[0]
+    assert 'the length 0.13, here 0.127: restart all nodes' in refused.reason
     assert graph.set('recruitment_controller', model=str(better))[0].successful
+    graph.call(SetBool, 'enable', SetBool.Request(data=True))
     assert node.bundle.name == 'better'
     refused = graph.set('recruitment_controller', model='/nowhere.yaml')[0]
     assert not refused.successful

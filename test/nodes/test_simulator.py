@@ -225,12 +225,15 @@ def test_tare_and_reset(graph, rig):
     drive(graph, 2, lambda unit, t: 0.3 if t < 0.06 else 0.0)
     graph.advance(rig, 0.2)
     assert force[-1].wrench.force.x > 20.0
-    assert graph.call(Trigger, 'tare').success
+    answer = graph.call(Trigger, 'tare')
+    assert answer.success
+    assert 'kPa, and what that pulls reads as 0 N now' in answer.message
     graph.advance(rig, 0.05)
     assert abs(force[-1].wrench.force.x) < 1.0
     before = interface.stamp_ns(force[-1].header.stamp)
     assert graph.call(Trigger, 'reset').success
     assert rig.rig.truth.pressure.max() == 0.0
+    assert 'kPa' not in graph.call(Trigger, 'tare').message
     graph.pacer.time = 0.0
     graph.advance(rig, 0.05)
     assert interface.stamp_ns(force[-1].header.stamp) == before + 10 * 5_000_000
