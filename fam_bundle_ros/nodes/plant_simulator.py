@@ -375,8 +375,7 @@ class PlantSimulator(BundleNode):
         behind = max(self._behind, 0) * 1e-9
         report.value('behind the clock, s', behind)
         if behind > _SLOW:
-            report.add(WARN, f'{behind:.1f} s behind the clock: the machine is too slow, time on '
-                       'the rig goes slower')
+            report.add(WARN, f'{behind:.1f} s behind the clock: the machine is or was too slow')
         report.value('commands refused', self._refused)
         if self.rig.e_stopped:
             report.add(ERROR, f'stopped: {self.rig.e_stopped}')

@@ -429,6 +429,11 @@ class RecruitmentNode(BundleNode):
         self._reference_meter.report(report, 'reference')
         report.value('state', self._state)
         report.value('enabled', self._enabled)
+        if self._state != 'ACTIVE':
+            urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR', 'LOST')
+            why = [watch.reason for watch in self._watches if watch.reason]
+            report.add(ERROR if urgent else WARN, ' '.join(
+                [self._state, self._latched[1] or '; '.join(why)]).strip())
         self._e_stop.report(report)
         report.value('model', self.bundle.name)
         report.value('policy', self.p['policy'])
@@ -455,11 +460,6 @@ class RecruitmentNode(BundleNode):
                         for name in (interface.pressure_topic, interface.setpoint_topic))):
             if (count := self.publisher_count(topic)) > 1:
                 report.add(WARN, f'{count} publishers on {topic}')
-        if self._state != 'ACTIVE':
-            urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR', 'LOST')
-            why = [watch.reason for watch in self._watches if watch.reason]
-            report.add(ERROR if urgent else WARN, ' '.join(
-                [self._state, self._latched[1], '; '.join(why)]).strip())
 
 
 def main(args: list[str] | None = None) -> int:
