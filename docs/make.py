@@ -27,8 +27,8 @@ TOPICS = {
     'reference/force': 'force.x in N; the last reference received is the control mode',
     'reference/strain': 'joint `strain` with its rate',
     'reference/trajectory': 'joint `force`, `strain` or `contraction`; sampled into the above',
-    'recruitment_state': '0 off, k for RSk; latched',
-    'recruitment': 'per motor unit: on or off (position), share of the force (effort, N)',
+    'recruitment_state': '0 off, also while the pressures still ramp down; k for RSk; latched',
+    'recruitment': 'per motor unit: on or off (position), share of the force (effort, 0 to 1)',
     'model/force': 'what the model predicts, N',
     'model/residual': 'measured minus predicted, N',
     'e_stop': 'emergency stop, latched',
@@ -36,8 +36,9 @@ TOPICS = {
 }
 SERVICES = {
     'enable': 'bumpless on and off', 'e_stop_trigger': 'vent all, latched',
-    'e_stop_reset': 'leave the emergency stop', 'reset': 'the simulated rig starts anew',
-    'tare': 'the load cell of the simulated rig is set to zero',
+    'e_stop_reset': 'leave the emergency stop',
+    'reset': 'the simulated rig starts anew; an emergency stop stays',
+    'tare': 'the load cell of the simulated rig is set to zero; warns under pressure',
 }
 
 

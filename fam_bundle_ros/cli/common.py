@@ -5,6 +5,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+import re
 import sys
 from typing import Annotated, Any
 
@@ -66,11 +67,16 @@ def data_path(name: str) -> Path:
     raise InputError(f'{name}: no such file or bag; measurements that ship: {known or "none"}')
 
 
+def spaced(text: str) -> str:
+    """Return a quantity with a space before its unit: on a command line people write 5ms."""
+    return re.sub(r'^([-+]?[\d.]+(?:e[-+]?\d+)?)(?=[^\d.\s])', r'\1 ', text.strip(), flags=re.I)
+
+
 def quantity(text: str, like: str, option: str) -> float:
     """Return an option's value with its unit in SI; the error names the option."""
     from fam_bundle_ros.units import parse
     try:
-        return parse(text, like)
+        return parse(spaced(text), like)
     except InputError as error:
         raise InputError(f'{option}: {error}') from error
 

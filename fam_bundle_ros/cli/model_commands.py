@@ -18,6 +18,7 @@ from fam_bundle_ros.cli.common import (
     open_model,
     quantity,
     save_json,
+    spaced,
     state_name,
     table,
     wrote,
@@ -103,8 +104,9 @@ def tune(
                                                  )] = '1 ms',
     spool_frequency: Annotated[str, typer.Option(help='Natural frequency of the valve spool.'
                                                  )] = '125 Hz',
-    gain_margin: Annotated[float, typer.Option(help='Gain margin to keep, dB.')] = 8.0,
-    phase_margin: Annotated[float, typer.Option(help='Phase margin to keep, degrees.')] = 55.0,
+    gain_margin: Annotated[float, typer.Option(help='Gain margin to keep, dB.', min=0.0)] = 8.0,
+    phase_margin: Annotated[float, typer.Option(help='Phase margin to keep, degrees.',
+                                                 min=0.0)] = 55.0,
     scheduled: Annotated[bool, typer.Option(help='Whether the loop is told the volume.')] = True,
     json_file: JsonFile = None,
 ) -> None:
@@ -152,7 +154,7 @@ def _by_volume(points: Any) -> list[tuple[Any, ...]]:
 
 def _hertz(text: str) -> float:
     # pint's base unit of a hertz is 1/s, but some of its releases count a turn: read it as 1/s
-    number, _, unit = text.strip().partition(' ')
+    number, _, unit = spaced(text).partition(' ')
     if unit.strip() != 'Hz':
         raise InputError(f"--spool-frequency: '{text}' is not a frequency; expected for example "
                          '"125 Hz"')

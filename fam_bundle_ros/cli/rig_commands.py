@@ -78,7 +78,8 @@ def run(
         ('model', None if model is None else _file(model)),
         ('plant_model', None if plant_model is None else _file(plant_model)),
         ('trajectory', trajectory), ('policy', policy),
-        *(_mass().items() if free else ()), ('simulate', 'false' if rig else None))
+        *(_mass(model or 'spie2021').items() if free else ()),
+        ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
     given = ['--params-file', str(params_file)] if params_file else []
     arguments = ['fam_bundle run', *context.args]
@@ -111,31 +112,40 @@ def check_rig(
     seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
                                            max=600.0)] = 3.0,
     model: ModelOption = 'spie2021',
+    gauge: Annotated[bool, typer.Option('--gauge', help='The rig sends gauge pressure, and '
+                                        'pressure_is_gauge is set.')] = False,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
 ) -> None:
-    """Check whether a rig speaks the interface: names, types, rates, units, signs, noise."""
+    """
+    Check whether a rig speaks the interface: names, types, rates, units, signs, noise.
+
+    A note is something that cannot be told from here, say the sign of a force at rest.
+    """
     from fam_bundle_ros.nodes import session
     bundle = open_model(model, allow_python)
     length = float(bundle.motor_units[0].geometry.length)
     with progress_bar('check-rig') as tick:
         findings = session.check_rig(namespace.strip('/'), seconds, units=bundle.n, length=length,
-                                     progress=lambda elapsed: tick(elapsed / seconds))
-    table(('', 'what', 'seen'), [(Text('ok', style='green') if finding.ok
-                                  else Text('FAIL', style='bold red'), finding.what,
-                                  finding.detail) for finding in findings])
+                                     gauge=gauge, progress=lambda elapsed: tick(elapsed / seconds))
+    styles = {'ok': 'green', 'note': 'yellow', 'FAIL': 'bold red'}
+    table(('', 'what', 'seen'), [(Text(finding.verdict, style=styles[finding.verdict]),
+                                  finding.what, finding.detail) for finding in findings])
     bad = sum(not finding.ok for finding in findings)
     save_json(json_file, {'ok': not bad, 'findings': findings})
     if bad:
         raise typer.Exit(1)
 
 
-def _mass() -> dict[str, Any]:
+def _mass(model: str) -> dict[str, Any]:
     """Return parameters for a mass that hangs on the bundle, and that the controller knows."""
-    from fam_bundle_ros.nodes.rig_parameters import LOAD
-    usual = {spec.name: spec.default for spec in LOAD}
-    return {'load.kind': 'mass_spring', 'load_model.mass': usual['load.mass'],
-            'load_model.damping': usual['load.damping']}
+    from fam_bundle_ros.nodes.models import bundle_from
+    from fam_bundle_ros.nodes.rig_parameters import LOAD, load_from, load_model_parameters
+    kind = {'load.kind': 'mass_spring'}
+    load = load_from({spec.name: spec.default for spec in LOAD} | kind)
+    length = float(bundle_from(_file(model)).motor_units[0].geometry.length)
+    return {**kind, **{name: round(value, 6) for name, value in load_model_parameters(
+        load, length).items()}}
 
 
 def _file(name: str) -> str:

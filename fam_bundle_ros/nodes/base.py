@@ -127,6 +127,10 @@ class BundleNode(Node):
         """Call back on the steady clock: simulated time may stand still."""
         return self.create_timer(period, callback, clock=self._steady)
 
+    def publisher_count(self, topic: str) -> int:
+        """Return how many publishers a topic has, ours among them."""
+        return self.count_publishers(self.resolve_topic_name(topic))
+
     def now_ns(self) -> int:
         """Return the node's ROS time in ns."""
         return self.get_clock().now().nanoseconds

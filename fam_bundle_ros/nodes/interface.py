@@ -176,16 +176,20 @@ def read_strain(message: JointState, length: float) -> tuple[float, float]:
     Raises
     ------
     InputError
-        When there is neither a joint ``strain`` nor a joint ``contraction`` with a position.
+        When there is neither a joint ``strain`` nor a joint ``contraction``, or positions or
+        velocities are not one for each joint: nobody can tell which is missing.
     """
+    joints, rates = len(message.name), len(message.velocity)
+    if len(message.position) != joints or rates not in (0, joints):
+        raise InputError(f"a strain message names the joints {', '.join(message.name) or 'none'} "
+                         f'with {len(message.position)} positions and {rates} velocities; '
+                         'expected one position each, and one velocity each or none')
     for joint, scale in (('strain', 1.0), ('contraction', 1.0 / length)):
         if joint in message.name:
             k = message.name.index(joint)
-            if k < len(message.position):
-                rate = message.velocity[k] * scale if k < len(message.velocity) else math.nan
-                return message.position[k] * scale, rate
+            return message.position[k] * scale, message.velocity[k] * scale if rates else math.nan
     raise InputError(f"a strain message names the joints {', '.join(message.name) or 'none'}; "
-                     "expected 'strain' or 'contraction' with a position")
+                     "expected 'strain' or 'contraction'")
 
 
 def pressure_message(stamp: int, gauge: float, ambient: float, frame: str = '') -> FluidPressure:
@@ -255,7 +259,7 @@ def state_message(state: int) -> UInt8:
 
 
 def recruitment_message(stamp: int, active: Iterable[bool], share: Sequence[float]) -> JointState:
-    """Return per motor unit 0 or 1 (position) and its share of the force in N (effort)."""
+    """Return per motor unit 0 or 1 (position) and its share of the force, 0 to 1 (effort)."""
     message = JointState()
     message.header.stamp = to_stamp(stamp)
     message.position = [float(bool(on)) for on in active]

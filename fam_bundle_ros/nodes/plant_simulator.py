@@ -52,8 +52,12 @@ SPECS = (
 )
 #: s of wall time after which an unanswered sample is sent again.
 _RETRY = 0.2
-#: ns that stamps may differ from the clock in wall time.
-_LATEST = 10_000_000_000
+#: ns by which the clock runs away from the stamps between two steps only when it was set.
+_SET = 10_000_000_000
+#: Pa: below it a motor unit counts as vented.
+_VENTED = 5e3
+#: s behind the clock that are worth a warning.
+_SLOW = 0.5
 
 
 class Script(Protocol):
@@ -208,9 +212,11 @@ class PlantSimulator(BundleNode):
         if self._answers_due():
             return
         late = now - self._stamp - self._period_ns
-        if abs(late) > _LATEST:
-            # The clock was set: begin anew.
+        if abs(late - self._behind) > _SET:
+            # Begin anew. Not so on a machine that is too slow and falls behind little by little:
+            # stamps that jump would make every command look old, and vent.
             self._stamp += late
+            late = 0
         self._behind = late
         self._step([self._fresh(i) for i in range(self.units)])
         self._publish()
@@ -320,15 +326,25 @@ class PlantSimulator(BundleNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response
                   ) -> Trigger.Response:
+        stopped = self.rig.e_stopped
         self.rig.reset()
+        if stopped:
+            # Only e_stop_reset takes a stop back.
+            self.rig.e_stop(stopped)
         self._steps = 0
         self._announce_stop()
-        response.success, response.message = True, 'at rest, vented, not stopped; faults stay'
+        response.success = True
+        response.message = 'at rest, vented; faults and the emergency stop stay as they were'
         return response
 
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.rig.tare()
         response.success, response.message = True, 'force zeroed at the present load'
+        filled = [f'mu{i + 1} is at {value / 1e3:.0f} kPa'
+                  for i, value in enumerate(self.rig.truth.pressure) if value > _VENTED]
+        if filled:
+            response.message += f": {', '.join(filled)}, and what that pulls reads as 0 N now"
+            self.get_logger().warning(f'tare: {response.message}')
         return response
 
     def _change(self, changes: dict[str, Any]) -> None:
@@ -356,7 +372,10 @@ class PlantSimulator(BundleNode):
         report.value('e_stop', self.rig.e_stopped or 'off')
         report.value('air drawn, g', 1e3 * self.rig.air_mass)
         report.value('work, J', self.rig.work)
-        report.value('behind the clock, s', max(self._behind, 0) * 1e-9)
+        behind = max(self._behind, 0) * 1e-9
+        report.value('behind the clock, s', behind)
+        if behind > _SLOW:
+            report.add(WARN, f'{behind:.1f} s behind the clock: the machine is or was too slow')
         report.value('commands refused', self._refused)
         if self.rig.e_stopped:
             report.add(ERROR, f'stopped: {self.rig.e_stopped}')

@@ -4,12 +4,13 @@
 Node recruitment_controller: a force or strain reference in, pressure setpoints out.
 
 Each complete sample of the rig is answered with setpoints that carry its stamp. The last
-reference received, ``reference/force`` or ``reference/strain``, is the control mode. Readings that
-cannot be trusted hold the pressures at first and vent when it lasts; over-pressure and the
-emergency stop switch off until ``enable`` is called again.
+reference received, ``reference/force`` or ``reference/strain``, is the control mode; switching off
+forgets it. Readings that cannot be trusted hold the pressures at first and vent when it lasts; a
+loss that lasts on, over-pressure and the emergency stop switch off until ``enable`` is called
+again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import math
 import time
 from typing import Any
@@ -18,7 +19,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool, UInt8
+from std_msgs.msg import UInt8
 from std_srvs.srv import SetBool
 
 from fam_bundle_ros.control import (
@@ -32,6 +33,8 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.doubts import OffTarget, ReferenceTally
+from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.process import run
@@ -51,6 +54,10 @@ _LONGEST = 0.1
 _CLOCK_SET = 0.5
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
+#: 1/s: no muscle contracts that fast (all of its way in 0.03 s).
+_FASTEST = 10.0
+#: Errors of force (share of the blocked force) and strain up to which a reference is reached.
+_REACHED_FORCE, _REACHED_STRAIN = 0.05, 0.02
 #: References that change by more than this share of the blocked force at once are steps.
 _STEP = 0.02
 
@@ -77,13 +84,20 @@ class RecruitmentNode(BundleNode):
         self._enabled: bool = p['start_enabled']
         #: Whether to begin from the pressures as they are; None before the first sample.
         self._take_over: bool | None = None
-        self._stopped = False
-        self._latched = ''
+        #: State and reason of having been switched off; empty after `enable`.
+        self._latched = ('', '')
+        self._lost_since: float | None = None
         self._state = 'WAITING'
         self._reference: Reference | None = None
+        #: State while there is no reference.
+        self._without_reference = 'WAITING'
         self._reference_rate = ReferenceRate(
             _STEP * float(self.bundle.blocked_force(self.bundle.max_pressure)))
         self._reference_meter = Meter()
+        self._tally = ReferenceTally()
+        self._off_target = OffTarget({
+            'force': _REACHED_FORCE * float(self.bundle.blocked_force(self.bundle.max_pressure)),
+            'strain': _REACHED_STRAIN})
         self._answered = -1
         self._decided = time.monotonic()
         self._setpoints = [0.0] * n
@@ -104,9 +118,9 @@ class RecruitmentNode(BundleNode):
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
                                 self._on_sample, extra)
-        self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._on_force)
-        self.subscribe(interface.REFERENCE_STRAIN, JointState, self._on_strain)
-        self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.LATCHED)
+        self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._tallied(self._on_force))
+        self.subscribe(interface.REFERENCE_STRAIN, JointState, self._tallied(self._on_strain))
+        self._e_stop = EmergencyStop(self, self._on_e_stop)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report)
@@ -121,7 +135,7 @@ class RecruitmentNode(BundleNode):
         return [
             SensorWatch('force', 'N', config(p['force_low'], p['force_high'], p['stuck_time'])),
             SensorWatch('strain', '', config(p['strain_low'], p['strain_high'],
-                                             p['stuck_time'])),
+                                             p['strain_stuck_time'])),
             *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0))
               for i in range(self.bundle.n))]
 
@@ -137,6 +151,16 @@ class RecruitmentNode(BundleNode):
 
     # --- references ----------------------------------------------------------------------------
 
+    def _tallied(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback that counts what it refuses."""
+        def callback(message: Any) -> None:
+            try:
+                take(message)
+            except InputError as error:
+                self._tally.refuse(str(error))
+                raise
+        return callback
+
     def _on_force(self, message: WrenchStamped) -> None:
         stamp = interface.stamp_ns(message.header.stamp)
         value = interface.read_force(message)
@@ -147,13 +171,17 @@ class RecruitmentNode(BundleNode):
         stamp = interface.stamp_ns(message.header.stamp)
         value, rate = interface.read_strain(
             message, float(self.bundle.motor_units[0].geometry.length))
-        self._take_reference('strain', stamp, value, rate if math.isfinite(rate) else 0.0)
+        self._take_reference('strain', stamp, value, 0.0 if math.isnan(rate) else rate)
 
     def _take_reference(self, kind: str, stamp: int, value: float, rate: float) -> None:
         limit = 1e5 if kind == 'force' else 1.0
         if not abs(value) <= limit:
             raise InputError(f'reference is {value}; expected a size up to {limit:g}')
+        if kind == 'strain' and not abs(rate) <= _FASTEST:
+            raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
+                             f'{_FASTEST:g}')
         self._reference_meter.tick()
+        self._tally.take(kind)
         reference = Reference(kind, value, rate)
         if self.lock_step and self.p['wait_for_reference']:
             self._sensing.put('reference', stamp, reference)
@@ -179,13 +207,15 @@ class RecruitmentNode(BundleNode):
     def _decide(self, sample: Sample, dt: float) -> None:
         """Work out setpoints and state for a sample."""
         measurement = self._trusted(sample)
+        self._notice_loss()
         off = self._reason_to_be_off(sample)
         if off:
             self._state = off
             if off != 'WAITING':
                 self._take_over = True
             self._command = None
-            self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE'))
+            self._off_target.reset()
+            self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE', 'LOST'))
             return
         reference = self._reference
         assert reference is not None
@@ -208,6 +238,8 @@ class RecruitmentNode(BundleNode):
         self._setpoints = command.pressure.tolist()
         if command.explanation:
             self.get_logger().info(command.explanation)
+        self._off_target.update(self._now(), reference,
+                                {'force': measurement.force, 'strain': measurement.strain})
         if readable:
             self._state = 'ACTIVE'
             return
@@ -255,19 +287,17 @@ class RecruitmentNode(BundleNode):
     def _reason_to_be_off(self, sample: Sample) -> str:
         for i, (value, limit) in enumerate(zip(sample.pressure, self._limit)):
             highest = limit * self.p['over_pressure_factor']
-            if value > highest and not self._latched:
-                self._latched = (f'mu{i + 1} at {value / 1e3:.0f} kPa, above '
-                                 f'{highest / 1e3:.0f} kPa: off until enabled again')
-                self._enabled = False
-                self.get_logger().error(self._latched)
-        if self._stopped:
+            if value > highest and self._latched[0] != 'OVER_PRESSURE':
+                self._switch_off('OVER_PRESSURE', f'mu{i + 1} at {value / 1e3:.0f} kPa, above '
+                                 f'{highest / 1e3:.0f} kPa')
+        if self._e_stop.on:
             return 'E_STOP'
-        if self._latched:
-            return 'OVER_PRESSURE'
+        if self._latched[0]:
+            return self._latched[0]
         if not self._enabled:
             return 'OFF'
         if self._reference is None:
-            return 'WAITING'
+            return self._without_reference
         limit = self.p['reference_timeout']
         last = self._reference_meter.last
         if not self.lock_step and limit > 0.0 and last is not None:
@@ -275,8 +305,34 @@ class RecruitmentNode(BundleNode):
             if age > limit:
                 self.say('reference', f'the reference came {age:.2f} s ago; at most {limit:g} s '
                          'is taken: vented')
+                self._forget_reference('NO_REFERENCE')
                 return 'NO_REFERENCE'
         return ''
+
+    def _notice_loss(self) -> None:
+        """Switch off after a loss so long that nobody expects pressure to come back."""
+        now = self._now()
+        lost = [watch.reason for watch in self._watches if watch.health == Health.VENT]
+        if not lost or not self._enabled:
+            self._lost_since = None
+        elif self._lost_since is None:
+            self._lost_since = now
+        if self._lost_since is not None and now - self._lost_since >= self.p['resume_within']:
+            self._switch_off('LOST', f"{'; '.join(lost)}: vented for "
+                             f"{self.p['resume_within']:g} s")
+
+    def _forget_reference(self, state: str = 'WAITING') -> None:
+        """Wait for a new one: what was asked for before may not be wanted when it goes on."""
+        self._reference = None
+        self._without_reference = state
+        self._take_over = True
+
+    def _switch_off(self, state: str, reason: str) -> None:
+        """Stay off until somebody enables again."""
+        self._enabled = False
+        self._forget_reference()
+        self._latched = (state, f'{reason}: off until enabled again')
+        self.get_logger().error(self._latched[1])
 
     def _ramp_down(self, dt: float, at_once: bool) -> None:
         """Let the air out: at once where it is urgent, else without a jump."""
@@ -312,38 +368,54 @@ class RecruitmentNode(BundleNode):
 
     # --- services, parameters, diagnostics -----------------------------------------------------
 
-    def _on_e_stop(self, message: Bool) -> None:
-        stopped = bool(message.data)
-        if stopped and self._enabled and self._answered >= 0:
+    def _on_e_stop(self) -> None:
+        if self._enabled and self._answered >= 0:
             # A stop ends what was going on; going on again is a decision of its own.
             self._enabled = False
-        self._stopped = stopped
+            self._forget_reference()
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response
                    ) -> SetBool.Response:
         if not request.data:
+            if self._enabled:
+                self._forget_reference()
             self._enabled = False
             response.success, response.message = True, 'off; pressures ramp down'
-        elif self._stopped:
-            response.success, response.message = False, 'the emergency stop is on'
+        elif self._e_stop.on:
+            response.success, response.message = False, ': '.join(
+                part for part in ('the emergency stop is on', self._e_stop.doubt) if part)
         else:
-            self._enabled, self._latched = True, ''
+            self._enabled, self._latched = True, ('', '')
+            # Sensors that are still out get the time anew, and a repeat may have been true.
+            self._lost_since = None
+            self._moved_from.clear()
+            for watch in self._watches:
+                watch.forgive_repeats()
             response.success, response.message = True, 'on, from the pressures as they are'
         return response
 
     def _check(self, values: Mapping[str, Any]) -> None:
         config = controller_config(values)
-        bundle = self._bundle_for(values['model'])
+        model = values['model']
+        bundle = self._bundle_for(model)
         RecruitmentController(bundle, config)
-        if bundle.n != self.bundle.n:
-            raise InputError(f"{values['model']} has {bundle.n} motor units; this bundle has "
-                             f'{self.bundle.n}')
+        if model != self._loaded and self._enabled:
+            raise InputError('the model changes only while the controller is off; the pressure '
+                             'loops keep theirs until all nodes are started anew')
+        # What the pressure loops and the readings of this node rest on.
+        for what, new, old in (('motor units', bundle.n, self.bundle.n),
+                               ('largest pressures', bundle.max_pressure.tolist(), self._limit),
+                               ('the length', *(float(each.motor_units[0].geometry.length)
+                                                for each in (bundle, self.bundle)))):
+            if new != old:
+                raise InputError(f'{model}: {what} {new}, here {old}: restart all nodes with it')
 
     def _bundle_for(self, model: str) -> Bundle:
         return self.bundle if model == self._loaded else bundle_from(model)
 
     def _change(self, changes: dict[str, Any]) -> None:
-        if set(changes) <= {'reference_timeout', 'ramp_down_time', 'over_pressure_factor'}:
+        if set(changes) <= {'reference_timeout', 'resume_within', 'ramp_down_time',
+                            'over_pressure_factor'}:
             return
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
@@ -357,7 +429,12 @@ class RecruitmentNode(BundleNode):
         self._reference_meter.report(report, 'reference')
         report.value('state', self._state)
         report.value('enabled', self._enabled)
-        report.value('e_stop', self._stopped)
+        if self._state != 'ACTIVE':
+            urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR', 'LOST')
+            why = [watch.reason for watch in self._watches if watch.reason]
+            report.add(ERROR if urgent else WARN, ' '.join(
+                [self._state, self._latched[1] or '; '.join(why)]).strip())
+        self._e_stop.report(report)
         report.value('model', self.bundle.name)
         report.value('policy', self.p['policy'])
         report.value('scheme', self.p['scheme'])
@@ -374,11 +451,15 @@ class RecruitmentNode(BundleNode):
             if command.saturated in ('high', 'low'):
                 report.add(WARN, f'demand {command.demand:.1f} N is out of reach '
                            f'({command.saturated})')
-        if self._state != 'ACTIVE':
-            urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR')
-            why = [watch.reason for watch in self._watches if watch.reason]
-            report.add(ERROR if urgent else WARN, ' '.join(
-                [self._state, self._latched, '; '.join(why)]).strip())
+        if self._off_target.text:
+            report.add(WARN, self._off_target.text)
+        self._tally.report(report)
+        for topic in (interface.FORCE, interface.STRAIN, interface.REFERENCE_FORCE,
+                      interface.REFERENCE_STRAIN, interface.E_STOP,
+                      *(name(i + 1) for i in range(self.bundle.n)
+                        for name in (interface.pressure_topic, interface.setpoint_topic))):
+            if (count := self.publisher_count(topic)) > 1:
+                report.add(WARN, f'{count} publishers on {topic}')
 
 
 def main(args: list[str] | None = None) -> int:

@@ -37,7 +37,9 @@ def _outer_spec(name: str, unit: str, high: float) -> Spec:
 
 
 SPECS = (
-    *MODEL, *LISTENER, *sensing.SPECS,
+    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + '; changes only while it is off',
+         dynamic=True),
+    *LISTENER, *sensing.SPECS,
     Spec('start_enabled', False, 'act without being enabled first'),
     Spec('wait_for_reference', False, 'in lock-step wait for a reference of the same stamp: set '
          'it where a reference_generator runs'),
@@ -54,8 +56,8 @@ SPECS = (
     *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
     *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
            dynamic=True) for name, unit in _LOAD_FIELDS),
-    Spec('reference_timeout', 0.0, 'switch to zero when the reference is older, s; 0 for never',
-         0.0, 3600.0, dynamic=True),
+    Spec('reference_timeout', 0.0, 'vent and forget the reference when it is older, s; 0 for '
+         'never', 0.0, 3600.0, dynamic=True),
     Spec('ramp_down_time', 0.5, 'time over which switching off lets the air out, s', 0.0, 60.0,
          dynamic=True),
     Spec('over_pressure_factor', 1.15, 'switch off above the largest pressure times this',
@@ -67,8 +69,12 @@ SPECS = (
     Spec('sensor_timeout', 0.1, 'a reading older than this is stale, s', 0.01, 10.0),
     Spec('hold_time', 0.2, 'a bad reading holds the pressures so long, then vents, s', 0.0, 10.0),
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
-    Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while pressures move is '
-         'stuck, s; 0 for instruments without noise', 0.0, 60.0),
+    Spec('resume_within', 2.0, 'pressure returns by itself after sensors were out for less than '
+         'this, s; after longer `enable` is needed, with 0 always', 0.0, 3600.0, dynamic=True),
+    Spec('stuck_time', 0.5, 'a force that repeats exactly so long while pressures move is '
+         'stuck, s; 0 for a load cell without noise', 0.0, 60.0),
+    Spec('strain_stuck_time', 0.0, 'the same for strain; 0, for never: a load may hold it still',
+         0.0, 60.0),
 )
 
 

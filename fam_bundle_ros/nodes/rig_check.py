@@ -18,6 +18,12 @@ from fam_bundle_ros.nodes.recording import matching_qos
 
 #: Pa: FluidPressure below this is not absolute; a motor unit at rest shows about 101 kPa.
 _ABSOLUTE = 50e3
+#: Largest pressure, Pa gauge.
+_HIGHEST = 1.5e6
+#: Share of ambient by which a reading of it may be off: weather, height, offset of the sensor.
+_AMBIENT = 0.15
+#: N and 1: nearer to zero than this neither sign nor unit can be told.
+_LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
 _MOST_UNITS = 64
@@ -34,14 +40,22 @@ class Finding:
     what : str
     detail : str
         What was seen, and where it is not right what to do.
+    note : bool
+        Nothing is wrong that can be seen from here: something is left to you.
     """
 
     ok: bool
     what: str
     detail: str
+    note: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """Return ``ok``, ``note`` or ``FAIL``."""
+        return 'FAIL' if not self.ok else 'note' if self.note else 'ok'
 
     def __str__(self) -> str:
-        return f"{'ok  ' if self.ok else 'FAIL'} {self.what}: {self.detail}"
+        return f'{self.verdict:4} {self.what}: {self.detail}'
 
 
 class _Listener(BundleNode):
@@ -76,7 +90,7 @@ class _Listener(BundleNode):
 
 def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, units: int = 1,
               domain: int | None = None, length: float = 0.127, ambient: float = 101325.0,
-              patience: float = 5.0,
+              gauge: bool = False, patience: float = 5.0,
               progress: Callable[[float], None] | None = None) -> list[Finding]:
     """
     Listen to a rig and return what is right and wrong with what it sends.
@@ -93,6 +107,8 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
     length : float, m
         Rest length, for a rig that sends the contraction alone.
     ambient : float, Pa (absolute)
+    gauge : bool
+        The rig is to send gauge pressure, as with the parameter ``pressure_is_gauge``.
     patience : float, s
         How long the rig's topics are waited for.
     progress : callable, optional
@@ -115,7 +131,7 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
             while (not sensors <= set(node.types()) and time.monotonic() - begin < patience
                    and not signals.received):
                 spinner.spin(0.1)
-            units = max(units, _listen(node, length, ambient))
+            units = max(units, _listen(node, length))
             begin = time.monotonic()
             while time.monotonic() - begin < seconds and not signals.received:
                 spinner.spin(0.2)
@@ -123,13 +139,13 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
                     progress(time.monotonic() - begin)
             if signals.received:
                 raise KeyboardInterrupt
-            return _judge(node, units, seconds)
+            return _judge(node, units, seconds, ambient, gauge)
     finally:
         spinner.close()
         context.try_shutdown()
 
 
-def _listen(node: _Listener, length: float, ambient: float) -> int:
+def _listen(node: _Listener, length: float) -> int:
     """Subscribe to every sensor of the right type; return the number of motor units."""
     types = node.types()
     units = 0
@@ -139,9 +155,9 @@ def _listen(node: _Listener, length: float, ambient: float) -> int:
     readers: dict[str, Callable[[Any], float]] = {
         interface.FORCE: interface.read_force,
         interface.STRAIN: lambda m: interface.read_strain(m, length)[0],
-        interface.SUPPLY: lambda m: interface.read_pressure(m, ambient),
-        **{interface.pressure_topic(i + 1): lambda m: interface.read_pressure(m, ambient)
-           for i in range(units)}}
+        # As they come: what they are is the question.
+        **{name: lambda m: m.fluid_pressure for name in (
+            interface.SUPPLY, *(interface.pressure_topic(i + 1) for i in range(units)))}}
     for topic in interface.topics(units):
         name = node.resolve_topic_name(topic.name)
         if topic.name in readers and topic.type_name in types.get(name, ()):
@@ -149,7 +165,8 @@ def _listen(node: _Listener, length: float, ambient: float) -> int:
     return units
 
 
-def _judge(node: _Listener, units: int, seconds: float) -> list[Finding]:
+def _judge(node: _Listener, units: int, seconds: float, ambient: float,
+           gauge: bool) -> list[Finding]:
     types = node.types()
     expected = {topic.name: topic for topic in interface.topics(units)}
     findings = []
@@ -164,7 +181,8 @@ def _judge(node: _Listener, units: int, seconds: float) -> list[Finding]:
             findings.append(Finding(optional and not found, name, f'{seen}; expected {wanted}'
                                     + (' (optional)' if optional else '')))
             continue
-        findings += _judge_channel(name, node.rows.get(name, []), node.bad.get(name), seconds)
+        findings += _judge_channel(name, node.rows.get(name, []), node.bad.get(name), seconds,
+                                   ambient, gauge)
     for i in range(units):
         name = interface.valve_topic(i + 1)
         heard = node.count_subscribers(name)
@@ -176,7 +194,7 @@ def _judge(node: _Listener, units: int, seconds: float) -> list[Finding]:
 
 
 def _judge_channel(name: str, rows: list[tuple[float, int, float]], bad: str | None,
-                   seconds: float) -> list[Finding]:
+                   seconds: float, ambient: float, gauge: bool) -> list[Finding]:
     if bad:
         return [Finding(False, name, bad)]
     if len(rows) < 5:
@@ -193,26 +211,65 @@ def _judge_channel(name: str, rows: list[tuple[float, int, float]], bad: str | N
     if len(finite) < len(values):
         findings.append(Finding(False, f'{name} values',
                                 f'{len(values) - len(finite)} of {len(values)} are no number'))
+    if len(finite) and np.ptp(finite) == 0.0:
+        findings.append(Finding(True, f'{name} noise', f'none: all {len(finite)} readings are the '
+                                'same; is it alive? Set stuck_time to 0 for an instrument without '
+                                'noise', note=True))
     if len(finite):
-        findings.append(_judge_values(name, finite))
+        findings.append(_judge_values(name, finite, ambient, gauge))
     return findings
 
 
-def _judge_values(name: str, values: np.ndarray) -> Finding:
+def _judge_values(name: str, values: np.ndarray, ambient: float, gauge: bool) -> Finding:
     middle = float(np.median(values))
     noise = float(1.4826 * np.median(np.abs(np.diff(values) - np.median(np.diff(values))))
                   / np.sqrt(2.0)) if len(values) > 2 else 0.0
     if name == interface.FORCE:
-        ok = -20.0 < middle < 5000.0
-        return Finding(ok, 'force unit and sign', f'{middle:.2f} N, noise {noise:.2f} N' + (
-            '' if ok else '; expected N, tension positive: is the sign or the unit wrong?'))
+        return _judge_force(middle, noise)
     if name == interface.STRAIN:
-        ok = -0.1 < middle < 0.5
-        return Finding(ok, 'strain unit and sign', f'{middle:.4f}, noise {noise:.1e}' + (
-            '' if ok else '; expected a fraction (not % or mm), positive when shorter'))
-    absolute = middle + 101325.0
-    ok = absolute > _ABSOLUTE and middle < 1.5e6
-    hint = ('' if ok else '; FluidPressure is absolute: set pressure_is_gauge for a driver that '
-            'sends gauge' if absolute <= _ABSOLUTE else '; expected Pa')
-    return Finding(ok, f'{name} unit', f'{absolute / 1e3:.1f} kPa absolute, noise '
-                   f'{noise / 1e3:.2f} kPa{hint}')
+        return _judge_strain(middle, noise)
+    return _judge_pressure(name, middle, noise, ambient, gauge)
+
+
+def _judge_force(middle: float, noise: float) -> Finding:
+    seen = f'{middle:.2f} N, noise {noise:.2f} N'
+    if abs(middle) < _LITTLE_FORCE:
+        return Finding(True, 'force unit and sign', f'{seen}; cannot be told at rest: pull with a '
+                       'known weight, and see the same in N with a plus', note=True)
+    ok = 0.0 < middle < 5000.0
+    return Finding(ok, 'force sign' if ok else 'force unit and sign', seen + (
+        '; whether it is N cannot be told: compare with a known weight' if ok else
+        '; expected N, tension positive: is the sign or the unit wrong?'), note=ok)
+
+
+def _judge_strain(middle: float, noise: float) -> Finding:
+    seen = f'{middle:.4f}, noise {noise:.1e}'
+    if abs(middle) < _LITTLE_STRAIN:
+        return Finding(True, 'strain unit and sign', f'{seen}; cannot be told near zero: shorten '
+                       'the bundle by a tenth, and see 0.1', note=True)
+    ok = -0.1 < middle < 0.5
+    return Finding(ok, 'strain unit and sign', seen + (
+        '' if ok else '; expected a fraction (not % or mm), positive when shorter'))
+
+
+def _judge_pressure(name: str, middle: float, noise: float, ambient: float,
+                    gauge: bool) -> Finding:
+    what, seen = f'{name} unit', f'{middle / 1e3:.1f} kPa, noise {noise / 1e3:.2f} kPa'
+    kilo = abs(middle - ambient / 1e3) < _AMBIENT * ambient / 1e3
+    if (kilo or name == interface.SUPPLY and 50.0 < middle < 3e3) and noise < 10.0:
+        # No gauge is off by just so much, and so quiet.
+        return Finding(False, what, f'{middle:.1f}, noise {noise:.2f}: looks like kPa, expected '
+                       'Pa')
+    if gauge:
+        if abs(middle - ambient) < _AMBIENT * ambient:
+            return Finding(False, what, f'{seen}: looks absolute; leave out --gauge and '
+                           'pressure_is_gauge, or vent it first')
+        ok = -_AMBIENT * ambient < middle < _HIGHEST
+        little = abs(middle) < _AMBIENT * ambient
+        return Finding(ok, what, f'{seen} gauge' + (
+            '; expected Pa' if not ok else '; Pa or kPa cannot be told at rest: see that it '
+            'rises with the air' if little else ''), note=ok and little)
+    ok = _ABSOLUTE < middle < _HIGHEST + ambient
+    hint = ('' if ok else '; FluidPressure is absolute: set pressure_is_gauge (here --gauge) for '
+            'a driver that sends gauge' if middle <= _ABSOLUTE else '; expected Pa')
+    return Finding(ok, what, f'{seen}{hint}' if hint else seen.replace(' kPa,', ' kPa absolute,'))

@@ -5,6 +5,9 @@
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
+
+from fam_bundle_ros.control import LoadModel
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.parameters import Spec
 from fam_bundle_ros.plant import (
@@ -18,6 +21,7 @@ from fam_bundle_ros.plant import (
     SupplyConfig,
     ValveConfig,
 )
+from fam_bundle_ros.simulation import load_model_of
 
 #: Loads by the name that a parameter gives them, with the parameters that they take.
 _LOADS: dict[str, tuple[type[Load], dict[str, str]]] = {
@@ -122,6 +126,25 @@ def load_from(values: dict[str, Any]) -> Load:
 def load_change(kind: str, changes: dict[str, Any]) -> dict[str, float]:
     """Return the fields of a load that the changed parameters set."""
     return {field: changes[name] for field, name in _LOADS[kind][1].items() if name in changes}
+
+
+def load_model_parameters(load: Load, length: float) -> dict[str, float]:
+    """Return what a user would tell the controller of a load, on a bundle of a rest length."""
+    known = load_model_of(load, length)
+    force, stiffness = _line(known)
+    return {'load_model.force': force, 'load_model.stiffness': stiffness,
+            'load_model.inertia': float(known.inertia),
+            'load_model.damping': float(known.damping)}
+
+
+def _line(known: LoadModel) -> tuple[float, float]:
+    """Return force at zero strain and stiffness, N, fitted to a table: parameters are numbers."""
+    if not known.table:
+        return float(known.force), float(known.stiffness)
+    strain, force = np.array(known.table).T
+    # The parameters take nothing below zero, nor does a fit that is zero but for rounding.
+    slope = max(float(np.polyfit(strain, force, 1)[0]), 0.0)
+    return max(float(np.mean(force - slope * strain)), 0.0), slope
 
 
 def rig_config(values: dict[str, Any]) -> RigConfig:

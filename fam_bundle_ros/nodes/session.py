@@ -19,7 +19,6 @@ import numpy as np
 from rclpy.context import Context
 
 from fam_bundle_ros.bagwriter import BagWriter
-from fam_bundle_ros.control import LoadModel
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, save_model
 from fam_bundle_ros.nodes import interface
@@ -32,8 +31,9 @@ from fam_bundle_ros.nodes.recording import record, Recorder
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.rig_check import check_rig, Finding
+from fam_bundle_ros.nodes.rig_parameters import load_model_parameters
 from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
-from fam_bundle_ros.simulation import load_model_of, Log, Trajectory
+from fam_bundle_ros.simulation import Log, Trajectory
 
 __all__ = ['check_rig', 'Finding', 'record', 'run_trajectory']
 
@@ -246,24 +246,9 @@ def _as_file(model: Bundle | str | Path, folder: str, name: str) -> str:
 
 def _parameters(config: RigConfig, rig: Rig) -> dict[str, Any]:
     """Return what a user would tell the controller about the rig."""
-    known = load_model_of(rig.load, rig.length)
-    force, stiffness = _line(known)
     return {'ambient_pressure': config.ambient_pressure,
             'supply.pressure': config.supply.pressure,
             'valve.conductance': config.valve.conductance,
             'valve.dead_band': config.valve.dead_band,
             'tube_volume': config.chamber.tube_volume,
-            'load_model.force': force,
-            'load_model.stiffness': stiffness,
-            'load_model.inertia': float(known.inertia),
-            'load_model.damping': float(known.damping)}
-
-
-def _line(known: LoadModel) -> tuple[float, float]:
-    """Return force at zero strain and stiffness, N, fitted to a table: parameters are numbers."""
-    if not known.table:
-        return float(known.force), float(known.stiffness)
-    strain, force = np.array(known.table).T
-    # The parameters take nothing below zero, nor does a fit that is zero but for rounding.
-    slope = max(float(np.polyfit(strain, force, 1)[0]), 0.0)
-    return max(float(np.mean(force - slope * strain)), 0.0), slope
+            **load_model_parameters(rig.load, rig.length)}

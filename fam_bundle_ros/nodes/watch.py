@@ -124,6 +124,10 @@ class SensorWatch:
             self._fault = ''
         return self.check(now)
 
+    def forgive_repeats(self) -> None:
+        """Count exact repeats anew: somebody has decided to go on with this reading."""
+        self._moving = 0.0
+
     def check(self, now: float) -> Health:
         """Return the health now; call it too while nothing comes."""
         self._notice_reset(now)

@@ -60,7 +60,9 @@ def test_effects_lists_the_whole_catalogue(fam_bundle, tmp_path):
 
 def test_tune_shows_gains_and_margins(fam_bundle, tmp_path):
     """`tune` prints gains and keeps the margins that are asked for."""
-    result = fam_bundle('tune', '--phase-margin', '60', '--json', 'gains.json')
+    result = fam_bundle('tune', '--phase-margin', '60', '--transport-delay', '0ms',
+                        '--sample-period', '2e0ms', '--spool-frequency', '125Hz',
+                        '--json', 'gains.json')
     assert result.returncode == 0, result.stderr
     found = json.loads((tmp_path / 'gains.json').read_text())
     assert found['phase_margin_deg'] >= 60.0
@@ -73,6 +75,9 @@ def test_tune_shows_gains_and_margins(fam_bundle, tmp_path):
     (['effects', 'coulomb_frction'], ['coulomb_frction', 'coulomb_friction']),
     (['tune', '--sample-period', '2 kPa'], ['--sample-period', 'kPa']),
     (['tune', '--gain-margin', 'much'], ['--gain-margin']),
+    (['tune', '--gain-margin', '-3'], ['--gain-margin']),
+    (['tune', '--phase-margin', '-1'], ['--phase-margin']),
+    (['tune', '--transport-delay', '1kPa'], ['--transport-delay', 'kPa']),
     (['tune', '--phase-margin', '175'], ['no gain keeps']),
     (['map', 'spie2021', '--out', 'no/such/folder/map.html'], ['no/such/folder/map.html']),
     (['map', '--outt', 'a.html'], ['--outt']),

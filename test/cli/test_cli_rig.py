@@ -51,11 +51,31 @@ def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundl
     assert running_bundle.returncode == 0, stderr
 
 
+def test_run_tells_the_controller_of_the_mass_it_hangs_up(running_bundle, ros_context):
+    """5 kg on 127 mm with 5 N s/m: weight, inertia and damping in the controller's own units."""
+    from rcl_interfaces.srv import GetParameters
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    names = ['force', 'stiffness', 'inertia', 'damping']
+    node = rclpy.create_node('asker', context=ros_context)
+    client = node.create_client(GetParameters, '/bundle/recruitment_controller/get_parameters')
+    executor = SingleThreadedExecutor(context=ros_context)
+    executor.add_node(node)
+    assert client.wait_for_service(20.0)
+    future = client.call_async(GetParameters.Request(names=[f'load_model.{n}' for n in names]))
+    executor.spin_until_future_complete(future, timeout_sec=10.0)
+    told = [value.double_value for value in future.result().values]
+    executor.shutdown()
+    node.destroy_node()
+    assert told == pytest.approx([5.0 * 9.80665, 0.0, 5.0 * 0.127, 5.0 * 0.127], abs=1e-3)
+
+
 def test_run_refuses_what_it_does_not_know(fam_bundle, domain_id):
     """A model or a parameter that is not there: one line, status 2, nothing started."""
     for arguments, word in ((['--model', 'absent'], 'absent'),
                             (['--params-file', 'absent.yaml'], 'absent.yaml'),
                             (['--ros-args', '-p', 'rate:=-3.0'], 'rate'),
+                            (['--ros-args', '-p', 'load_model.mass:=5.0'], 'load_model.mass'),
                             (['--policy', 'brave'], 'brave')):
         result = fam_bundle('run', *arguments)
         assert result.returncode == 2, arguments

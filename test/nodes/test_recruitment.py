@@ -6,9 +6,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
+from rcl_interfaces.msg import Log
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import UInt8
+from std_msgs.msg import Bool, UInt8
 from std_srvs.srv import SetBool, Trigger
+import yaml
 
 from fam_bundle_ros.model import load_model, save_model
 from fam_bundle_ros.nodes import interface
@@ -29,6 +31,22 @@ def bundle(graph, quiet):
         nodes = make_nodes(graph.context, overrides=values,
                            simulator={'script': graph.pacer},
                            generator={'profile': profile or hold(40.0)})
+        graph.add(*nodes)
+        return nodes[-1], next(n for n in nodes if isinstance(n, RecruitmentNode))
+    return start
+
+
+@pytest.fixture
+def live(graph, quiet):
+    """Return a function: a bundle in wall time, enabled, that the test gives references."""
+    def start(**overrides):
+        # Being held up by other tests is not what it is about.
+        values = {**quiet, 'sensors.force_noise': 0.9, 'sensors.pressure_noise': 350.0,
+                  'sensors.strain_noise': 5e-5, 'monitor': False, 'generate': False,
+                  'start_enabled': True, 'trip_pressure': 1e6, 'sensor_timeout': 5.0,
+                  'setpoint_timeout': 5.0, 'command_timeout': 5.0,
+                  **{name.replace('__', '.'): value for name, value in overrides.items()}}
+        nodes = make_nodes(graph.context, overrides=values)
         graph.add(*nodes)
         return nodes[-1], next(n for n in nodes if isinstance(n, RecruitmentNode))
     return start
@@ -91,6 +109,29 @@ def test_lost_sensor_holds_then_vents_then_recovers(graph, bundle, fault, reason
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
 
 
+@pytest.mark.parametrize(('resume_within', 'lost'), [(2.0, 2.5), (0.0, 0.5)])
+def test_after_a_long_loss_pressure_waits_for_enable(graph, bundle, resume_within, lost):
+    """Sensors that come back when nobody expects it any more bring no pressure with them."""
+    rig, node = bundle(hold(60.0), resume_within=resume_within)
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+    graph.advance(rig, 0.6)
+    graph.set('plant_simulator', faults__silent='force')
+    graph.advance(rig, lost)
+    graph.set('plant_simulator', faults__silent='')
+    graph.advance(rig, 1.0)
+    assert rig.rig.truth.pressure.max() < 5e3
+    assert node._state == 'LOST'
+
+    def status():
+        return [m.status[0] for m in seen if m.status[0].name == 'bundle/recruitment_controller']
+    text = f'vented for {resume_within:g} s: off until enabled again'
+    graph.until(lambda: text in status()[-1].message, 'diagnostics')
+    assert status()[-1].level == b'\x02'
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.advance(rig, 1.2)
+    assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
 def test_frozen_force_is_not_believed(graph, bundle):
     """A force that repeats exactly while pressures move is stuck."""
     rig, node = bundle(Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0)))
@@ -99,6 +140,27 @@ def test_frozen_force_is_not_believed(graph, bundle):
     graph.advance(rig, lambda: node._state in ('HOLD', 'SENSOR'), 'the watch')
     assert 'has shown exactly' in node._watches[0].reason
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
+
+
+def test_encoder_without_noise_on_a_rig_that_stands_still(graph, bundle):
+    """A strain that repeats exactly while pressures move is true where the load is held."""
+    ramp = Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0))
+    rig, node = bundle(ramp, sensors__strain_noise=0.0)
+    states = set()
+    graph.advance(rig, lambda: (states.add(node._state), graph.pacer.time > 2.5)[1], 'the ramp')
+    assert states <= {'WAITING', 'ACTIVE'}
+    assert rig.rig.truth.force == pytest.approx(75.0, abs=2.0)
+
+
+def test_stuck_strain_is_found_where_it_must_move_and_left_by_enable(graph, bundle):
+    """With strain_stuck_time it vents; readings that are otherwise good can be enabled again."""
+    ramp = Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0))
+    rig, node = bundle(ramp, sensors__strain_noise=0.0, strain_stuck_time=0.5)
+    graph.advance(rig, lambda: node._state == 'LOST', 'the watch')
+    assert 'strain has shown exactly 0.1' in node._latched[1]
+    graph.advance(rig, 0.5)
+    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    graph.advance(rig, lambda: rig.rig.truth.force > 60.0, 'force', 1.0)
 
 
 def test_switching_on_and_off_makes_no_jump(graph, bundle):
@@ -135,11 +197,11 @@ def test_emergency_stop_needs_enable_to_go_on(graph, bundle):
     rig, node = bundle(hold(60.0))
     graph.advance(rig, 0.5)
     graph.call(Trigger, 'e_stop_trigger')
-    graph.until(lambda: node._stopped, 'the stop')
+    graph.until(lambda: node._e_stop.on, 'the stop')
     assert not graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
     graph.advance(rig, 0.3)
     graph.call(Trigger, 'e_stop_reset')
-    graph.until(lambda: not node._stopped, 'the reset')
+    graph.until(lambda: not node._e_stop.on, 'the reset')
     graph.advance(rig, 0.3)
     assert rig.rig.truth.pressure.max() < 5e3
     assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
@@ -147,13 +209,101 @@ def test_emergency_stop_needs_enable_to_go_on(graph, bundle):
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
 
 
+def disable(graph, node):
+    """Switch off by hand."""
+    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+
+
+def stop(graph, node):
+    """Stop, and take the stop back."""
+    graph.call(Trigger, 'e_stop_trigger')
+    graph.until(lambda: node._state == 'E_STOP', 'the stop')
+    graph.call(Trigger, 'e_stop_reset')
+    graph.until(lambda: node._state == 'OFF', 'the reset')
+
+
+def over_pressure(graph, node):
+    """Let a valve hang open for a moment."""
+    graph.set('plant_simulator', faults__stuck_valve='mu1=1.0')
+    graph.until(lambda: node._state == 'OVER_PRESSURE', 'over-pressure')
+    graph.set('plant_simulator', faults__stuck_valve='')
+
+
+def time_out(graph, node):
+    """Ask for references that keep coming, for a moment."""
+    graph.set('recruitment_controller', reference_timeout=0.2)
+    graph.until(lambda: node._state == 'NO_REFERENCE', 'the time-out')
+    graph.set('recruitment_controller', reference_timeout=0.0)
+
+
+@pytest.mark.parametrize('event', [disable, stop, over_pressure, time_out])
+def test_old_reference_never_comes_back(graph, live, event):
+    """After anything that switched off, enable waits for a reference that is new."""
+    rig, node = live(start_enabled=False)
+    publisher = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    graph.until(lambda: publisher.get_subscription_count() == 1, 'the node')
+    publisher.publish(interface.force_message(1, 60.0))
+    graph.until(lambda: node._reference_meter.last is not None, 'the reference')
+    # One from before the first enable counts.
+    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    graph.until(lambda: rig.rig.truth.force > 40.0, 'force')
+    event(graph, node)
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.until(lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
+    graph.spin(0.5)
+    assert rig.rig.truth.pressure.max() < 5e3
+    assert node._state == ('NO_REFERENCE' if event is time_out else 'WAITING')
+    publisher.publish(interface.force_message(1, 60.0))
+    graph.until(lambda: rig.rig.truth.force > 40.0, 'force')
+
+
+def test_rig_yaml_asks_for_references_that_keep_coming():
+    """On a real rig an operator that died leaves no pressure."""
+    values = yaml.safe_load(config_path('rig.yaml').read_text())['/**']['ros__parameters']
+    assert 0.0 < values['reference_timeout'] <= 5.0
+
+
+def test_stop_of_one_button_is_not_taken_back_by_another(graph, live):
+    """While two publish e_stop, a False may come from the one that knows of no stop."""
+    _, node = live()
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+    button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
+    graph.until(lambda: graph.probe.count_publishers('/bundle/e_stop') == 2
+                and button.get_subscription_count() >= 3, 'the button')
+    button.publish(interface.bool_message(True))
+    graph.until(lambda: node._e_stop.on, 'the stop')
+    assert graph.call(Trigger, 'e_stop_reset').success
+    graph.until(lambda: node._e_stop.doubt, 'the False of the rig')
+    answer = graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    assert not answer.success
+    assert '2 publishers on e_stop' in answer.message
+    graph.until(lambda: any('2 publishers on e_stop' in m.status[0].message
+                            and m.status[0].level == b'\x02' for m in seen), 'diagnostics')
+    # With one publisher it says what it says.
+    graph.probe.destroy_publisher(button)
+    graph.until(lambda: graph.probe.count_publishers('/bundle/e_stop') == 1, 'one publisher')
+    graph.call(Trigger, 'e_stop_reset')
+    graph.until(lambda: not node._e_stop.on, 'the reset')
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+
+
 def test_policy_and_model_change_while_it_runs(graph, bundle, tmp_path):
-    """A better model file is taken over without a stop; a bad one is refused in words."""
+    """A better model file is taken over while it is off; a bad one is refused in words."""
     rig, node = bundle(hold(60.0))
     graph.advance(rig, 0.5)
     better = tmp_path / 'better.yaml'
     save_model(load_model(config_path('models/spie2021.yaml')).named('better'), better)
+    refused = graph.set('recruitment_controller', model=str(better))[0]
+    assert not refused.successful
+    assert 'only while the controller is off' in refused.reason
+    assert node.bundle.name == 'spie2021'
+    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    longer = tmp_path / 'longer.yaml'
+    longer.write_text(better.read_text().replace('127 mm', '130 mm'))
+    refused = graph.set('recruitment_controller', model=str(longer))[0]
+    assert 'the length 0.13, here 0.127: restart all nodes' in refused.reason
     assert graph.set('recruitment_controller', model=str(better))[0].successful
+    graph.call(SetBool, 'enable', SetBool.Request(data=True))
     assert node.bundle.name == 'better'
     refused = graph.set('recruitment_controller', model='/nowhere.yaml')[0]
     assert not refused.successful
@@ -223,6 +373,77 @@ def test_reference_that_is_no_number_is_refused(graph, quiet):
         send(float('nan'))
         graph.spin()
     assert node._reference.value == 30.0
+
+
+def warnings_of(graph, node='bundle/recruitment_controller'):
+    """Return a function: whether a node's newest diagnostics hold a text, at WARN or worse."""
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+
+    def warned(text):
+        mine = [m.status[0] for m in seen if m.status[0].name == node]
+        return bool(mine) and text in mine[-1].message and mine[-1].level >= b'\x01'
+    return warned
+
+
+def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
+    """60 N asked for and far from it for seconds: a tube that is off, say."""
+    rig, node = bundle(hold(60.0))
+    warned = warnings_of(graph)
+    graph.advance(rig, 1.0)
+    # What leaves by the leak is more than the valve lets in.
+    graph.set('plant_simulator', faults__leak='mu1=0.01,mu2=0.01')
+    graph.advance(rig, 1.5)
+    assert node._off_target.text == ''
+    graph.advance(rig, 1.5)
+    graph.until(lambda: warned('asked for is 60 N, for'), 'the warning')
+    graph.set('plant_simulator', faults__leak='')
+    graph.advance(rig, 2.0)
+    assert node._off_target.text == ''
+
+
+def test_diagnostics_warn_of_who_talks_in_between(graph, live):
+    """Another setpoint, another reference, the two modes in turn, references refused."""
+    live()
+    warned = warnings_of(graph)
+    setpoint = graph.probe.create_publisher(FluidPressure, 'mu1/pressure_setpoint', 10)
+    force = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    strain = graph.probe.create_publisher(JointState, 'reference/strain', 10)
+    graph.until(lambda: warned('2 publishers on mu1/pressure_setpoint'), 'setpoints')
+    graph.probe.destroy_publisher(setpoint)
+    other = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    graph.until(lambda: warned('2 publishers on reference/force'), 'references')
+    graph.probe.destroy_publisher(other)
+
+    def in_turn():
+        force.publish(interface.force_message(1, 40.0))
+        strain.publish(interface.reference_strain_message(1, 0.1))
+        return warned('times between force and strain')
+    graph.until(in_turn, 'the modes in turn')
+
+    def no_number():
+        force.publish(interface.force_message(1, float('nan')))
+        return warned('references refused: reference is nan')
+    graph.until(no_number, 'the refusal')
+
+
+@pytest.mark.parametrize(('names', 'positions', 'velocities', 'text'), [
+    (['strain'], [0.1], [1e6], 'reference moves at 1e+06 1/s; expected a size up to 10'),
+    (['strain'], [0.1], [float('-inf')], 'reference moves at -inf 1/s'),
+    (['contraction', 'strain'], [0.01], [], 'with 1 positions'),
+    (['strain'], [0.1], [0.1, 0.2], '2 velocities'),
+])
+def test_strain_reference_that_cannot_be_meant_is_refused(graph, names, positions, velocities,
+                                                         text):
+    """It changes neither the reference nor the mode, and the log says why."""
+    node = graph.add(RecruitmentNode(context=graph.context))
+    force = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    strain = graph.probe.create_publisher(JointState, 'reference/strain', 10)
+    log = graph.listen('/rosout', Log, interface.LATCHED)
+    graph.until(lambda: (force.publish(interface.force_message(1, 30.0)),
+                         node._reference is not None)[1], 'the reference')
+    message = JointState(name=names, position=positions, velocity=velocities)
+    graph.until(lambda: (strain.publish(message), any(text in m.msg for m in log))[1], 'the log')
+    assert (node._reference.kind, node._reference.value) == ('force', 30.0)
 
 
 def test_diagnostics_explain_the_decision(graph, bundle):

@@ -218,14 +218,13 @@ def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id
     assert [str(f) for f in findings if not f.ok] == []
     text = '\n'.join(map(str, findings))
     assert 'mu2/pressure unit: 1' in text
-    assert 'force unit and sign' in text
+    assert ' N, noise ' in text
     assert record(tmp_path / 'bag', 1.5, domain=domain_id) > 500
     assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
 
 
-def test_check_rig_says_what_is_wrong(domain_id):
-    """Gauge pressure, strain in %, no stamps, nobody at the valves, no MU2: one finding each."""
-    source = """
+#: A driver in a process of its own: force, strain, stamp of force, pressure as it is sent.
+DRIVER = """
 import sys, time
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes import interface
@@ -240,17 +239,28 @@ class Bad(BundleNode):
         self.c = self.publisher('mu1/pressure', FluidPressure)
         self.every(0.01, self.tick)
     def tick(self):
-        self.a.publish(interface.force_message(0, -80.0))
-        self.b.publish(interface.strain_message(self.now_ns(), 12.0, 0.0, 0.127))
-        self.c.publish(interface.pressure_message(self.now_ns(), 20e3, 0.0))
-sys.exit(run(lambda context: [Bad(context)], ''))
+        force, strain, stamp, pressure = eval(sys.argv[1])
+        self.a.publish(interface.force_message(stamp and self.now_ns(), force))
+        self.b.publish(interface.strain_message(self.now_ns(), strain, 0.0, 0.127))
+        self.c.publish(interface.pressure_message(self.now_ns(), pressure, 0.0))
+sys.exit(run(lambda context: [Bad(context)], '', ['driver']))
 """
-    process = subprocess.Popen([sys.executable, '-c', source])
+
+
+def check_driver(domain_id, force, strain, stamp, pressure, **options):
+    """Return what check_rig finds of a driver that sends these numbers."""
+    process = subprocess.Popen([sys.executable, '-c', DRIVER,
+                                repr((force, strain, stamp, pressure))])
     try:
-        findings = check_rig(seconds=0.5, units=2, domain=domain_id, patience=3.0)
+        return check_rig(seconds=1.0, domain=domain_id, **{'patience': 15.0, **options})
     finally:
         process.terminate()
         process.wait(10)
+
+
+def test_check_rig_says_what_is_wrong(domain_id):
+    """Gauge pressure, strain in %, no stamps, nobody at the valves, no MU2: one finding each."""
+    findings = check_driver(domain_id, -80.0, 12.0, 0, 20e3, units=2, patience=5.0)
     wrong = {f.what: f.detail for f in findings if not f.ok}
     assert 'zero or go backwards' in wrong['force stamps']
     assert 'tension positive' in wrong['force unit and sign']
@@ -259,6 +269,27 @@ sys.exit(run(lambda context: [Bad(context)], ''))
     assert 'nobody listens' in wrong['mu1/valve_command']
     assert 'nobody publishes it' in wrong['mu2/pressure']
     assert 'e_stop' in wrong
+
+
+@pytest.mark.parametrize(('pressure', 'gauge', 'verdict', 'text'), [
+    (101.3, False, 'FAIL', 'looks like kPa, expected Pa'),
+    (180.0, False, 'FAIL', 'pressure_is_gauge'),
+    (180.0, True, 'note', 'cannot be told at rest'),
+    (150e3, True, 'ok', '150.0 kPa, noise 0.00 kPa gauge'),
+    (101.4e3, True, 'FAIL', 'looks absolute'),
+    (101.4e3, False, 'ok', '101.4 kPa absolute'),
+])
+def test_check_rig_tells_gauge_from_absolute_and_from_kpa(domain_id, pressure, gauge, verdict,
+                                                          text):
+    """A gauge driver that is set up as one passes; what rest does not show is left to you."""
+    findings = {f.what: f for f in check_driver(domain_id, 2.0, 0.0, 1, pressure, gauge=gauge)}
+    found = findings['mu1/pressure unit']
+    assert found.verdict == verdict
+    assert text in found.detail
+    assert ('pressure_is_gauge' in found.detail) == (text in ('pressure_is_gauge',
+                                                              'looks absolute'))
+    for name in ('force unit and sign', 'strain unit and sign', 'force noise'):
+        assert findings[name].verdict == 'note'
 
 
 def test_record_without_a_bundle_fails(domain_id, tmp_path, monkeypatch):

@@ -131,6 +131,25 @@ def test_wall_time_vents_without_fresh_commands(graph, quiet):
     assert not rig.rig.e_stopped
 
 
+def test_machine_that_is_too_slow_vents_nothing(graph, quiet, monkeypatch):
+    """The rig falls behind the clock for as long as it takes, and says so; commands stay fresh."""
+    # Sooner than the 10 s behind that the clock may be before it must have been set.
+    monkeypatch.setattr('fam_bundle_ros.nodes.plant_simulator._SET', 400_000_000)
+    pacer = graph.pacer
+    pacer.condition = lambda: False
+    pacer.before = lambda rig, time_, period: time.sleep(3.0 * period)
+    rig = graph.add(PlantSimulator(context=graph.context, script=pacer, overrides={
+        **quiet, 'command_timeout': 0.3, 'patience': 0.3}))
+    seen = graph.listen('/diagnostics', DiagnosticArray)
+    drive(graph, 2, lambda unit, t: 0.01 * unit)
+    graph.until(lambda: rig._behind > 900_000_000, 'the lag')
+    commands = [tuple(commands) for _, _, commands in pacer.log]
+    begin = commands.index((0.01, 0.02))
+    assert set(commands[begin:]) == {(0.01, 0.02)}
+    graph.until(lambda: 's behind the clock' in seen[-1].status[0].message, 'diagnostics')
+    assert seen[-1].status[0].level == b'\x01'
+
+
 def test_stale_command_is_refused(graph, quiet):
     """A command stamped long ago does not open a valve, however late it arrives."""
     rig = graph.add(PlantSimulator(context=graph.context, overrides=quiet))
@@ -174,12 +193,13 @@ def test_starts_stopped_and_runs_after_reset(graph, rig):
 
 
 def test_e_stop_is_latched_and_vents(graph, rig):
-    """e_stop_trigger lets the air out whatever is commanded, until it is reset."""
+    """e_stop_trigger lets the air out whatever is commanded; `reset` does not take it back."""
     rig = rig()
     drive(graph, 2, lambda unit, t: 0.1)
     graph.advance(rig, lambda: rig.rig.truth.pressure.min() > 100e3, 'pressure')
     assert graph.call(Trigger, 'e_stop_trigger').success
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
+    assert graph.call(Trigger, 'reset').success
     late = graph.listen('e_stop', Bool, interface.LATCHED)
     graph.until(lambda: late, 'the latched message')
     assert late[-1].data is True
@@ -205,12 +225,15 @@ def test_tare_and_reset(graph, rig):
     drive(graph, 2, lambda unit, t: 0.3 if t < 0.06 else 0.0)
     graph.advance(rig, 0.2)
     assert force[-1].wrench.force.x > 20.0
-    assert graph.call(Trigger, 'tare').success
+    answer = graph.call(Trigger, 'tare')
+    assert answer.success
+    assert 'kPa, and what that pulls reads as 0 N now' in answer.message
     graph.advance(rig, 0.05)
     assert abs(force[-1].wrench.force.x) < 1.0
     before = interface.stamp_ns(force[-1].header.stamp)
     assert graph.call(Trigger, 'reset').success
     assert rig.rig.truth.pressure.max() == 0.0
+    assert 'kPa' not in graph.call(Trigger, 'tare').message
     graph.pacer.time = 0.0
     graph.advance(rig, 0.05)
     assert interface.stamp_ns(force[-1].header.stamp) == before + 10 * 5_000_000

@@ -1,0 +1,81 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is not right although every message is: references not reached, refused, contradicting."""
+
+from collections.abc import Mapping
+
+from fam_bundle_ros.control import Reference
+from fam_bundle_ros.nodes.diagnostics import Report, WARN
+
+#: s: a reference that is missed for less is being approached.
+_PATIENCE = 2.0
+_UNITS = {'force': ' N', 'strain': ''}
+
+
+class OffTarget:
+    """
+    Notices a reference that is not reached for so long that it is no transient.
+
+    Parameters
+    ----------
+    limits : mapping
+        Largest error of ``force`` (N) and ``strain`` that is taken for reached.
+
+    Examples
+    --------
+    >>> watch = OffTarget({'force': 5.0, 'strain': 0.02})
+    >>> for now in (0.0, 3.0):
+    ...     watch.update(now, Reference('force', 60.0), {'force': 23.0, 'strain': 0.1})
+    >>> watch.text
+    'force is 23, asked for is 60 N, for 3.0 s'
+    """
+
+    def __init__(self, limits: Mapping[str, float]):
+        self._limits = limits
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew: nothing is asked for."""
+        self._since: float | None = None
+        #: What is off, in words; empty while nothing is.
+        self.text = ''
+
+    def update(self, now: float, reference: Reference, measured: Mapping[str, float]) -> None:
+        """Compare a reference with the readings at a time, s."""
+        kind = reference.kind
+        value = measured[kind]
+        # A reading that is no number is no error here: the sensor's watch tells of it.
+        if not abs(value - reference.value) > self._limits[kind]:
+            self.reset()
+            return
+        if self._since is None or now < self._since:
+            self._since = now
+        if now - self._since >= _PATIENCE:
+            self.text = (f'{kind} is {value:.3g}, asked for is {reference.value:.3g}'
+                         f'{_UNITS[kind]}, for {now - self._since:.1f} s')
+
+
+class ReferenceTally:
+    """Counts, between two reports, references that were refused and changes of the mode."""
+
+    def __init__(self) -> None:
+        self._kind = ''
+        self._changes = 0
+        self._refused: list[str] = []
+
+    def take(self, kind: str) -> None:
+        """Note a reference that was taken."""
+        self._changes += kind != self._kind != ''
+        self._kind = kind
+
+    def refuse(self, reason: str) -> None:
+        """Note one that was not."""
+        self._refused.append(reason)
+
+    def report(self, report: Report) -> None:
+        """Warn of both, and start afresh."""
+        if self._refused:
+            report.add(WARN, f'{len(self._refused)} references refused: {self._refused[-1]}')
+        if self._changes > 1:
+            report.add(WARN, f'references changed {self._changes} times between force and strain')
+        self._refused, self._changes = [], 0
