@@ -39,9 +39,10 @@ class EmergencyStop:
         self._on_stop = on_stop
         self.on = False
         self.doubt = ''
-        node.subscribe(interface.E_STOP, Bool, self._take, interface.LATCHED)
+        node.subscribe(interface.E_STOP, Bool, self.take, interface.LATCHED)
 
-    def _take(self, message: Bool) -> None:
+    def take(self, message: Bool) -> None:
+        """Hear a message."""
         node = self._node
         publishers = node.publisher_count(interface.E_STOP)
         if message.data:

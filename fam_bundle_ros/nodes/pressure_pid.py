@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.pid import ANTI_WINDUP
@@ -26,6 +25,7 @@ from fam_bundle_ros.model.pneumatics import ValveFlow
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import Spec, table
@@ -114,7 +114,6 @@ class PressurePidNode(BundleNode):
         self._setpoint_received = 0.0
         self._strain = (math.nan, math.nan)
         self._supply = math.nan
-        self._stopped = False
         #: State and reason.
         self._latched: tuple[str, str] | None = None
         self._state = 'WAITING'
@@ -130,7 +129,7 @@ class PressurePidNode(BundleNode):
         self.subscribe(interface.setpoint_topic(self.unit), FluidPressure, self._on_setpoint)
         self.subscribe(interface.STRAIN, JointState, self._on_strain)
         self.subscribe(interface.SUPPLY, FluidPressure, self._on_supply)
-        self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.LATCHED)
+        self._e_stop = EmergencyStop(self, self._on_e_stop)
         p.on_change(self, _settings, self._change)
         self._diagnostics = Diagnostics(self, self._report)
         self.every(0.02, self._check_time)
@@ -173,11 +172,8 @@ class PressurePidNode(BundleNode):
         else:
             self._supply = value
 
-    def _on_e_stop(self, message: Bool) -> None:
-        if self._stopped and not message.data:
-            self._latched = None
-        self._stopped = bool(message.data)
-        if self._stopped and not self.lock_step:
+    def _on_e_stop(self) -> None:
+        if not self.lock_step:
             # At once, whether or not a reading comes to be answered.
             self._command = self._vent('E_STOP', '')
             self._publish(self.now_ns(), self._command)
@@ -278,6 +274,9 @@ class PressurePidNode(BundleNode):
         """
         health = (self._watch.check(now) if pressure is None or not new
                   else self._watch.see(now, pressure, self._must_move(pressure)))
+        if self._e_stop.on:
+            self._latched = None
+            return self._vent('E_STOP', '')
         limit = self._max_pressure * self.p['over_pressure_factor']
         setpoint = self._setpoint
         if pressure is not None and pressure > limit and not self._latched:
@@ -289,8 +288,6 @@ class PressurePidNode(BundleNode):
         elif self._still.lasted >= self.p['response_time'] > 0.0 and not self._latched:
             self._latch('NO_RESPONSE', f'{self._seen} and unmoved for '
                         f'{self._still.lasted:.1f} s: supply, valve, tube or sensor?')
-        if self._stopped:
-            return self._vent('E_STOP', '')
         if self._latched:
             return self._vent(self._latched[0], '')
         if health == Health.VENT:
@@ -352,7 +349,7 @@ class PressurePidNode(BundleNode):
         report.value('integral, Pa/s', state.integral)
         report.value('anti_windup', self.p['anti_windup'])
         report.value('saturated', state.saturated)
-        report.value('e_stop', self._stopped)
+        self._e_stop.report(report)
         if self._state != 'ACTIVE':
             urgent = self._state in ('OVER_PRESSURE', 'NO_RESPONSE', 'SENSOR', 'NO_SETPOINT')
             latched, reason = self._latched or ('', '')

@@ -198,7 +198,7 @@ def test_e_stop_vents(graph, pair):
     graph.answer_pressures(2, lambda unit, t: 100e3)
     graph.advance(rig, 0.2)
     graph.call(Trigger, 'e_stop_trigger')
-    graph.until(lambda: pids[0]._stopped and pids[1]._stopped, 'the message')
+    graph.until(lambda: pids[0]._e_stop.on and pids[1]._e_stop.on, 'the message')
     graph.advance(rig, 0.05)
     assert graph.pacer.log[-1][2] == [-1.0, -1.0]
     assert {pid._state for pid in pids} == {'E_STOP'}
@@ -263,7 +263,7 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
     assert (node._state, commands[-1] > 0.0) == ('ACTIVE', True)
     begin = time.monotonic()
     if event == 'e_stop':
-        node._on_e_stop(Bool(data=True))
+        node._e_stop.take(Bool(data=True))
         assert commands[-1] == -1.0
     while True:
         if event != 'setpoint':
