@@ -40,9 +40,9 @@ from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.nodes.recruitment_parameters import (
     controller_config,
-    ReferenceRate,
     SPECS,
 )
+from fam_bundle_ros.nodes.references import MovingReference, ReferenceRate
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.watch import Health, SensorWatch, WatchConfig
 
@@ -88,7 +88,7 @@ class RecruitmentNode(BundleNode):
         self._latched = ('', '')
         self._lost_since: float | None = None
         self._state = 'WAITING'
-        self._reference: Reference | None = None
+        self._reference = MovingReference()
         #: State while there is no reference.
         self._without_reference = 'WAITING'
         self._reference_rate = ReferenceRate(
@@ -122,6 +122,8 @@ class RecruitmentNode(BundleNode):
         self.subscribe(interface.REFERENCE_STRAIN, JointState, self._tallied(self._on_strain))
         self._e_stop = EmergencyStop(self, self._on_e_stop)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
+        if self.bundle.unusual_order:
+            self.get_logger().warning(self.bundle.unusual_order)
         self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report)
         self.every(max(1.0 / self.p['rate'], 2e-3), self._sensing.check_time)
@@ -186,13 +188,11 @@ class RecruitmentNode(BundleNode):
         if self.lock_step and self.p['wait_for_reference']:
             self._sensing.put('reference', stamp, reference)
         else:
-            self._reference = reference
+            self._reference.take(reference, self._now())
 
     # --- the tick ------------------------------------------------------------------------------
 
     def _on_sample(self, sample: Sample) -> None:
-        # A reference that was lost on the way leaves the last one.
-        self._reference = sample.extra.get('reference') or self._reference
         dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
         now = time.monotonic()
         if not self.lock_step and -_CLOCK_SET < dt <= 0.0:
@@ -201,6 +201,9 @@ class RecruitmentNode(BundleNode):
         self._decided = now
         if not self.lock_step or sample.stamp != self._answered:
             self._answered = sample.stamp
+            # A reference that was lost on the way leaves the last one.
+            if reference := sample.extra.get('reference'):
+                self._reference.take(reference, self._now())
             self._decide(sample, dt)
         self._publish(sample.stamp)
 
@@ -217,7 +220,7 @@ class RecruitmentNode(BundleNode):
             self._off_target.reset()
             self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE', 'LOST'))
             return
-        reference = self._reference
+        reference = self._reference.at(self._now())
         assert reference is not None
         readable = all(watch.health == Health.GOOD for watch in self._watches)
         if dt < 0.0:
@@ -296,7 +299,7 @@ class RecruitmentNode(BundleNode):
             return self._latched[0]
         if not self._enabled:
             return 'OFF'
-        if self._reference is None:
+        if self._reference.last is None:
             return self._without_reference
         limit = self.p['reference_timeout']
         last = self._reference_meter.last
@@ -323,7 +326,7 @@ class RecruitmentNode(BundleNode):
 
     def _forget_reference(self, state: str = 'WAITING') -> None:
         """Wait for a new one: what was asked for before may not be wanted when it goes on."""
-        self._reference = None
+        self._reference = MovingReference()
         self._without_reference = state
         self._take_over = True
 

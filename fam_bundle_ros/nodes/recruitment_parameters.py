@@ -78,27 +78,6 @@ SPECS = (
 )
 
 
-class ReferenceRate:
-    """Works out how fast a force reference moves: a wrench has no room to say it."""
-
-    def __init__(self, step: float):
-        self._step = step
-        self._last: tuple[int, float] | None = None
-        self._rate = 0.0
-
-    def update(self, stamp: int, value: float) -> float:
-        """Return the rate, N/s; 0 after a step or a pause."""
-        last, self._last = self._last, (stamp, value)
-        if last is None or not 0 < stamp - last[0] <= 100_000_000:
-            if last is None or stamp != last[0]:
-                self._rate = 0.0
-            return self._rate
-        dt = (stamp - last[0]) * 1e-9
-        change = value - last[1]
-        self._rate = change / dt if abs(change - self._rate * dt) <= self._step else 0.0
-        return self._rate
-
-
 def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
     """Return the controller's settings; InputError where they do not fit together."""
     outer: dict[str, Any] = {

@@ -367,12 +367,12 @@ def test_reference_that_is_no_number_is_refused(graph, quiet):
 
     def send(value):
         publisher.publish(interface.force_message(1, value))
-        return node._reference is not None
+        return node._reference.last is not None
     graph.until(lambda: send(30.0), 'the reference')
     for _ in range(5):
         send(float('nan'))
         graph.spin()
-    assert node._reference.value == 30.0
+    assert node._reference.last.value == 30.0
 
 
 def warnings_of(graph, node='bundle/recruitment_controller'):
@@ -440,10 +440,10 @@ def test_strain_reference_that_cannot_be_meant_is_refused(graph, names, position
     strain = graph.probe.create_publisher(JointState, 'reference/strain', 10)
     log = graph.listen('/rosout', Log, interface.LATCHED)
     graph.until(lambda: (force.publish(interface.force_message(1, 30.0)),
-                         node._reference is not None)[1], 'the reference')
+                         node._reference.last is not None)[1], 'the reference')
     message = JointState(name=names, position=positions, velocity=velocities)
     graph.until(lambda: (strain.publish(message), any(text in m.msg for m in log))[1], 'the log')
-    assert (node._reference.kind, node._reference.value) == ('force', 30.0)
+    assert (node._reference.last.kind, node._reference.last.value) == ('force', 30.0)
 
 
 def test_diagnostics_explain_the_decision(graph, bundle):
