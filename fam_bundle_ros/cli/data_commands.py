@@ -117,6 +117,10 @@ def diagnose(
         console.print('the error that is left looks like', style='bold')
         for shape in result.shapes_left:
             console.print(f'  {escape(str(shape))}', soft_wrap=True)
+    if result.located and result.verdict != 'adequate':
+        console.print('where the model fails', style='bold')
+        for region in result.located:
+            console.print(f'  {escape(str(region))}', soft_wrap=True)
     console.print(f'[bold]next[/bold]: {escape(result.next_experiment)}', soft_wrap=True)
     for note in result.notes:
         console.print(f'note: {escape(note)}', style='dim', soft_wrap=True)

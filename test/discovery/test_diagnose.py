@@ -112,6 +112,25 @@ def test_noise_and_outliers_alone_name_nothing(sweeps, paper_muscle):
         assert result.rows_left_out >= 0.7 * bad.sum()
 
 
+def test_one_isobar_that_is_off_at_every_visit_is_no_noise(sweeps, paper_muscle):
+    """3 N at one isobar, the same each time: said where; slow noise as large stays adequate."""
+    data = sweeps(extra=lambda e, p, way, t: 3.0 * (np.abs(p - 165e3) < 5e3))
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'unexplained'
+    assert 'at 165 kPa' in result.summary
+    assert 'at 165 kPa' in result.located[0].where
+    timeless = build('map', data.strain, data.pressure, data.force, data.trial // 6)
+    assert 'at 165 kPa' in diagnose(paper_muscle, timeless).summary
+    rng = np.random.default_rng(3)
+    slow = np.zeros(len(data))
+    for k in range(1, len(data)):
+        slow[k] = 0.95 * slow[k - 1] + rng.standard_normal()
+    clean = sweeps()
+    noisy = build('slow', clean.strain, clean.pressure, clean.force + slow, clean.trial,
+                  clean.time)
+    assert diagnose(paper_muscle, noisy).verdict == 'adequate'
+
+
 def test_what_no_effect_explains_is_described_and_can_be_added(sweeps, paper_muscle):
     """A stop at strain 0.17 is unexplained; its shape in words makes a model that fits."""
     data = sweeps(extra=lambda e, p, way, t: -400 * np.maximum(e - 0.17, 0))
