@@ -54,6 +54,11 @@ class Candidate:
     reason: str
     votes: float | None = None
 
+    @property
+    def label(self) -> str:
+        """The effect, and the shape of it whose error this is where that is another one."""
+        return self.effect if self.shape == self.effect else f'{self.effect} as {self.shape}'
+
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as DESIGN.md's JSON has it."""
         return {'effect': self.effect, 'shape': self.shape, 'family': self.family,
@@ -136,7 +141,7 @@ class Diagnosis:
         if self.shortlist:
             lines.append(self.shortlist_title)
             for entry in self.shortlist:
-                lines.append(f'  {entry.effect:<26} p {entry.probability:5.2f}  '
+                lines.append(f'  {entry.label:<26} p {entry.probability:5.2f}  '
                              f'{entry.error_N:8.3g} N   {entry.reason}')
         for group in self.tied:
             lines.append('tied: ' + ', '.join(group))

@@ -10,7 +10,7 @@ import pytest
 from fam_bundle_ros.discovery import add_effect, diagnose, ladder, orders, read_measurement
 from fam_bundle_ros.discovery.measurement import build
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import dumps_model, load_model, loads_model
+from fam_bundle_ros.model import catalogue, dumps_model, load_model, loads_model
 
 NAMES = [f'p{k:02d}' for k in range(1, 11)]
 
@@ -163,6 +163,25 @@ def test_effects_that_the_data_cannot_tell_apart_are_tied(sweeps, paper_muscle):
     group = next(g for g in result.tied if 'coulomb_friction' in g)
     assert 'viscous_damping' in group
     assert 'ten times' in result.next_experiment
+
+
+def test_adding_an_effect_by_its_head_gives_the_shape_that_was_diagnosed(sweeps, paper_muscle):
+    """Damping with the square of the speed: `add viscous_damping` leaves what diagnose showed."""
+    data = sweeps()
+    rate = np.where(data.trial % 2, 3.0, 1.0) * 0.024 * np.sign(data.direction)
+    fast = build('fast', data.strain, data.pressure,
+                 data.force - 9000.0 * rate * np.abs(rate), data.trial,
+                 data.time / np.where(data.trial % 2, 3.0, 1.0) + 1e3 * data.trial)
+    result = diagnose(paper_muscle, fast)
+    assert result.effects == ('viscous_damping',)
+    assert result.shapes == ('viscous_power',)
+    assert 'viscous_damping as viscous_power' in str(result)
+    added = add_effect(paper_muscle, 'viscous_damping', fast)
+    assert added.effects == ('viscous_power',)
+    assert added.error_N == pytest.approx(result.error_N['best'], rel=0.01)
+    assert 'the shape of viscous_damping that fits best' in str(added)
+    literal = add_effect(paper_muscle, catalogue.get('viscous_damping')(), fast)
+    assert literal.effects == ('viscous_damping',)
 
 
 def test_adding_fails_on_an_effect_that_is_there_or_unknown(sweeps, paper_muscle):
