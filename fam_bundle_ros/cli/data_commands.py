@@ -105,8 +105,8 @@ def diagnose(
         answered = result.verdict != 'unexplained'
         table(('candidate', 'probability' if answered else 'among these', 'error (N)', 'why'),
               [(effect_name(c.effect).append(c.label[len(c.effect):]), f'{c.probability:.2f}',
-                c.error_N, c.reason) for c in result.shortlist], '' if answered else result.shortlist_title,
-              numeric=(1, 2))
+                c.error_N, c.reason) for c in result.shortlist],
+              '' if answered else result.shortlist_title, numeric=(1, 2))
     if result.shapes:
         console.print(f"add: [bold]fam_bundle add {' '.join(result.shapes)} --data {escape(data)} "
                       f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)

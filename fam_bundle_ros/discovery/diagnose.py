@@ -13,6 +13,7 @@ with numbers, `words` into sentences.
 
 from __future__ import annotations
 
+from dataclasses import replace
 import time
 from typing import Any
 
@@ -22,13 +23,14 @@ from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.fit import Fit, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, what_does_not_repeat
 from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Scale, Search
 from fam_bundle_ros.discovery.structure import surface_share
 from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
-from fam_bundle_ros.discovery.uncertainty import confounding, estimates
+from fam_bundle_ros.discovery.trials import Offsets, trial_offsets
+from fam_bundle_ros.discovery.uncertainty import confounding, covariance, estimates
 from fam_bundle_ros.discovery.words import Finding, next_experiment, notes_on, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 
@@ -38,6 +40,9 @@ SEARCH_ROWS = 3000
 TIE = 6.0
 #: Where something is still missing, an error larger by this factor is no reason for a choice.
 _NEAR = 1.1
+#: "Down to the noise" is said of errors up to this many noise floors, which are themselves
+#: uncertain by several per cent.
+_AT_NOISE = 1.2
 #: A shape in what is left counts from this gain in chi2 (some four hundred shapes are tried).
 _SHAPE_GATE = 25.0
 #: ... and from this size, in noise standard deviations.
@@ -71,24 +76,30 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     data = as_measurement(measurement)
     comparison = compare(model, data)
     data = comparison.measurement
+    offsets = trial_offsets(data, comparison.residual) if data.is_static else None
+    if offsets is not None:
+        # repeats tell them whatever the model lacks, and a map has no memory that could make them
+        data = replace(data, force=data.force - offsets.rows)
     problem = Problem(data, model, largest=rows)
     search = Search(problem, model, cand.candidates(model, data), progress).run()
     if progress:
         progress(0.9, 'weighing what is left')
-    finding = _verdict(problem, search, comparison.noise)
     full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
     base = confirm(full, search.fit(()))
+    final = _shown(full, search)
+    finding = _verdict(problem, search, comparison.noise)
+    finding = _down_to_the_noise(full, final, finding, offsets)
     chosen = search.chosen if finding.named else []
-    final = base if not chosen else confirm(full, search.fit(chosen))
+    final = final if chosen else base
     scale = Scale.of(full, final)
     ranking = _ranking(search, full, final, chosen)
     tied = _ties(search, chosen)
-    floor = noise_floor(data.select(full.weight), final.residual[full.weight])
     kept = full.weight
+    floor = noise_floor(data.select(kept), final.residual[kept])
     keep_nominal = finding.verdict == 'adequate'
     return Diagnosis(
         verdict=finding.verdict, summary=summarise(finding, search, tied, base),
-        model=model, measurement=data, comparison=comparison,
+        model=model, measurement=comparison.measurement, comparison=comparison,
         effects=tuple(cand.head(name) for name in chosen), shapes=tuple(chosen),
         error_N={'model': rms(comparison.residual[kept]), 'recalibrated': rms(
             base.residual[kept]), 'best': rms(final.residual[kept])},
@@ -97,8 +108,9 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         parameters=tuple(estimates(final, scale)), moved=final.moved(),
         best=model if keep_nominal else with_intervals(final, scale, kept),
         recalibrated=base.model, shapes_left=tuple(finding.left.templates),
-        notes=(data.notes + notes_on(data, floor, base, final)
-               + _rivals(search, finding, tied) + _reshaped(problem, search, finding)),
+        notes=(data.notes + ((finding.offset,) if finding.offset else ())
+               + notes_on(data, floor, base, final) + _rivals(search, finding, tied)
+               + _reshaped(problem, search, finding)),
         rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
         ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
 
@@ -126,6 +138,56 @@ def _verdict(problem: Problem, search: Search, floor: NoiseFloor) -> Finding:
         return Finding('unexplained', describe(problem, base), explained,
                        f'it explains only {100 * explained:.0f} % of the error')
     return Finding('partial', left, explained)
+
+
+def _shown(full: Problem, search: Search) -> Fit:
+    """
+    Return the chosen effects confirmed on every row, without those whose size may be zero.
+
+    The search weighs an effect with all that the fit moves along with it; to be named, its own
+    size must differ from nothing (95 %).
+    """
+    from scipy import stats
+    while search.chosen:
+        final = confirm(full, search.fit(search.chosen))
+        known = covariance(final, Scale.of(full, final))
+        keys = [term.key.partition('.') for term in final.terms]
+        for name in search.chosen:
+            effect = search.effects[name]
+            sizes = [j for j, (owner, _, own) in enumerate(keys)
+                     if owner == name and effect.off.get(own) == 0.0]
+            value = np.array([final.values[j] / final.terms[j].scale for j in sizes])
+            distance = float(value @ np.linalg.pinv(known[np.ix_(sizes, sizes)]) @ value)
+            if sizes and distance < stats.chi2.ppf(0.95, len(sizes)):
+                search.drop(name)
+                break
+        else:
+            return final
+    return confirm(full, search.fit(()))
+
+
+def _down_to_the_noise(full: Problem, final: Fit, finding: Finding, offsets: Offsets | None,
+                       ) -> Finding:
+    """Return the verdict less sure where trials have offsets, or more than noise is left."""
+    kept = full.weight
+    data, left = full.data.select(kept), final.residual[kept]
+    found = offsets or trial_offsets(data, left)
+    if found is not None and found.size > _SHAPE_SIZE * full.row_noise:
+        finding = replace(finding, offset=str(found))
+        if finding.verdict in ('adequate', 'recalibrate'):
+            return replace(finding, verdict='unexplained', hidden=str(found))
+        if finding.named:
+            return replace(finding, verdict='partial', rest=str(found))
+    if finding.verdict != 'missing_effect':
+        return finding
+    floor = noise_floor(data, left).value
+    pure = what_does_not_repeat(data, left)
+    if pure is not None:
+        floor = max(floor, rms(pure[np.isfinite(pure)]))
+    if rms(left) < _AT_NOISE * floor:
+        return finding
+    return replace(finding, verdict='partial',
+                   rest=f'{rms(left):.3g} N are left where the noise is {floor:.3g} N')
 
 
 def _structured(problem: Problem, fit: Fit, left: Described) -> bool:

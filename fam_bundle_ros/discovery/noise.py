@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.discovery.trials import trial_offsets
 
 #: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
 _LOOPS = 0.2
@@ -93,9 +94,15 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     NoiseFloor
     """
     values = measurement.force if residual is None else residual
-    floor = _floor(measurement, values)
     if not measurement.is_static:
-        return floor
+        return _floor(measurement, values)
+    # rows of a map are neighbours across its trials: what those differ by is no noise
+    offsets = trial_offsets(measurement, values)
+    if offsets is not None:
+        values = values - offsets.rows
+    floor = _floor(measurement, values)
+    if offsets is not None:
+        floor = replace(floor, note=str(offsets))
     floor = replace(floor, in_file_order=_smoothness(measurement, values, by_strain=False),
                     in_strain_order=_smoothness(measurement, values, by_strain=True))
     if not floor.hides_loops:

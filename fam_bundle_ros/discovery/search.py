@@ -219,9 +219,13 @@ class Search(Sets):
             loss, name = min(losses)
             if loss >= GATE:
                 return
-            at = self.chosen.index(name)
-            self.chosen.pop(at)
-            self.gains.pop(at)
+            self.drop(name)
+
+    def drop(self, name: str) -> None:
+        """Take an effect out of what was chosen."""
+        at = self.chosen.index(name)
+        self.chosen.pop(at)
+        self.gains.pop(at)
 
     # --- does it hold on data that the fit did not see? ----------------------------------------
 

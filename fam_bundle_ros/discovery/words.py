@@ -23,7 +23,8 @@ class Finding:
     A verdict, what is left in the error, and the share of it that is explained.
 
     ``refused`` says why what the search chose is no answer, ``hidden`` what these data cannot
-    show at all.
+    show at all, ``rest`` what effects leave that explain a part, ``offset`` by how much trials
+    differ, in words.
     """
 
     verdict: str
@@ -31,6 +32,8 @@ class Finding:
     explained: float = 1.0
     refused: str = ''
     hidden: str = ''
+    rest: str = ''
+    offset: str = ''
 
     @property
     def named(self) -> bool:
@@ -62,8 +65,8 @@ def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...
     named, one = ' and '.join(shapes), len(shapes) == 1
     if finding.verdict == 'partial':
         text = (f"{named} {'explains' if one else 'explain'} "
-                f"{100 * finding.explained:.0f} % of the error, but {'its' if one else 'their'} "
-                'shape is not quite right')
+                f'{100 * finding.explained:.0f} % of the error, but ' + (
+                    finding.rest or f"{'its' if one else 'their'} shape is not quite right"))
     else:
         text = (f"{named} {'is missing and explains' if one else 'are missing and explain'} the "
                 'error down to the noise')
@@ -89,6 +92,8 @@ def next_experiment(problem: Problem, search: Search, finding: Finding,
                     + without_force(chosen[slot], tied[0][1]))
         return (f'{best.words}: separates {tied[0][0]} from {tied[0][1]} '
                 f'(by {np.sqrt(best.separation):.0f} noise sd)')
+    if finding.offset and finding.offset in (finding.hidden, finding.rest):
+        return 'tare the load cell before each trial and measure again'
     if finding.hidden:
         return 'give the time of each row, or one file for each direction of motion'
     if finding.verdict == 'unexplained':

@@ -7,7 +7,14 @@ import json
 import numpy as np
 import pytest
 
-from fam_bundle_ros.discovery import add_effect, diagnose, ladder, orders, read_measurement
+from fam_bundle_ros.discovery import (
+    add_effect,
+    compare,
+    diagnose,
+    ladder,
+    orders,
+    read_measurement,
+)
 from fam_bundle_ros.discovery.measurement import build
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import catalogue, dumps_model, load_model, loads_model
@@ -129,6 +136,45 @@ def test_one_isobar_that_is_off_at_every_visit_is_no_noise(sweeps, paper_muscle)
     noisy = build('slow', clean.strain, clean.pressure, clean.force + slow, clean.trial,
                   clean.time)
     assert diagnose(paper_muscle, noisy).verdict == 'adequate'
+
+
+def test_an_offset_of_each_trial_is_neither_noise_nor_an_effect(sweeps, paper_muscle):
+    """Repeats tared differently: said so, noise within trials, and end caps are found."""
+    def repeats(model, trials):
+        once = sweeps(model, cycles=1, noise=0.0)
+        count = len(once)
+        rng = np.random.default_rng(7)
+        force = np.tile(once.force, 3) + np.repeat([0.0, 2.0, -2.0], count)
+        return build('map', np.tile(once.strain, 3), np.tile(once.pressure[:, 0], 3),
+                     force + 0.6 * rng.standard_normal(3 * count),
+                     np.repeat([0, 1, 2], count) if trials else None)
+    for trials in (True, False):
+        result = diagnose(paper_muscle, repeats(paper_muscle, trials))
+        assert result.verdict == 'unexplained'
+        assert 'its own offset, 2 N rms: tare' in result.summary
+        assert 'tare' in result.next_experiment
+        assert result.noise.value == pytest.approx(0.6, rel=0.1)
+        assert compare(paper_muscle, result.measurement).noise.value == result.noise.value
+    hidden = diagnose(paper_muscle, repeats(paper_muscle.with_effect(
+        'end_caps', dead_length=12e-3), True))
+    assert hidden.verdict == 'partial'
+    assert hidden.effects == ('end_caps',)
+    assert 'down to the noise' not in hidden.summary
+
+
+def test_an_effect_whose_size_may_be_zero_is_not_named(sweeps, paper_muscle):
+    """Sweeps, each with its own tare: no bias of the load cell, and no end reached."""
+    rng = np.random.default_rng(5)
+    data = sweeps()
+    tare = 1.5 * rng.standard_normal(len(data.trial_names))
+    data = build('tare', data.strain, data.pressure, data.force + tare[data.trial], data.trial,
+                 data.time)
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'unexplained'
+    assert 'its own offset' in ' '.join((result.summary, *result.notes))
+    for estimate in result.parameters:
+        if estimate.key.partition('.')[0] in result.shapes:
+            assert estimate.interval[0] * estimate.interval[1] > 0
 
 
 def test_what_no_effect_explains_is_described_and_can_be_added(sweeps, paper_muscle):
