@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,13 +26,13 @@ from fam_bundle_ros.discovery.grouping import rms
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, what_does_not_repeat
 from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
-from fam_bundle_ros.discovery.search import Progress, Scale, Search
+from fam_bundle_ros.discovery.search import GATE, Progress, Scale, Search
 from fam_bundle_ros.discovery.structure import surface_share
 from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
 from fam_bundle_ros.discovery.trials import Offsets, trial_offsets
 from fam_bundle_ros.discovery.uncertainty import confounding, covariance, estimates
 from fam_bundle_ros.discovery.words import Finding, next_experiment, notes_on, summarise
-from fam_bundle_ros.model import Bundle, catalogue
+from fam_bundle_ros.model import Bundle, catalogue, Place
 
 #: Rows that the search works on; longer logs are averaged down to about this many.
 SEARCH_ROWS = 3000
@@ -89,11 +89,19 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     final = _shown(full, search)
     finding = _verdict(problem, search, comparison.noise)
     finding = _down_to_the_noise(full, final, finding, offsets)
+    told = finding.named or finding.verdict == 'unexplained'
+    reshapes = _reshapes(search, search.chosen if finding.named else []) if told else []
+    rival = _rival(search, reshapes)
+    if rival is not None:
+        finding = _less_sure(search, finding, rival)
     chosen = search.chosen if finding.named else []
     final = final if chosen else base
     scale = Scale.of(full, final)
-    ranking = _ranking(search, full, final, chosen)
+    ranking = _ranking(search, full, final, chosen, rival)
     tied = _ties(search, chosen)
+    next_one = next_experiment(problem, search, finding, tied, data)
+    if rival is not None and chosen:
+        tied = _join(tied, cand.head(rival.instead), rival.shape)
     kept = full.weight
     floor = noise_floor(data.select(kept), final.residual[kept])
     keep_nominal = finding.verdict == 'adequate'
@@ -104,13 +112,13 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         error_N={'model': rms(comparison.residual[kept]), 'recalibrated': rms(
             base.residual[kept]), 'best': rms(final.residual[kept])},
         noise=floor, ranking=ranking, tied=tied, located=comparison.located,
-        next_experiment=next_experiment(problem, search, finding, tied, data),
+        next_experiment=next_one,
         parameters=tuple(estimates(final, scale)), moved=final.moved(),
         best=model if keep_nominal else with_intervals(final, scale, kept),
         recalibrated=base.model, shapes_left=tuple(finding.left.templates),
         notes=(data.notes + ((finding.offset,) if finding.offset else ())
                + notes_on(data, floor, base, final) + _rivals(search, finding, tied)
-               + _reshaped(problem, search, finding)),
+               + _reshaped(search, finding, reshapes)),
         rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
         ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
 
@@ -248,7 +256,7 @@ def confirm(full: Problem, fit: Fit) -> Fit:
 
 
 def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
-             ) -> tuple[Candidate, ...]:
+             rival: Reshape | None) -> tuple[Candidate, ...]:
     """Return every effect with the best set that holds it; chosen effects first."""
     scale = search.scale
     # sets of as many effects compete with each other, and with none at all
@@ -257,6 +265,8 @@ def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
     best = min(scores.values())
     weights = {key: np.exp(-0.5 * min(score - best, 700.0)) for key, score in scores.items()}
     total = sum(weights.values())
+    if rival is not None:
+        total += np.exp(0.5 * min(best - rival.score, 700.0))
     entries = []
     for name in dict.fromkeys(cand.head(n) for n in search.effects):
         sets = [key for key in scores if name in {cand.head(n) for n in key}]
@@ -368,23 +378,94 @@ def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
     return tuple(notes)
 
 
-def _reshaped(problem: Problem, search: Search, finding: Finding) -> tuple[str, ...]:
-    """Return a note where another shape of an effect that the model has would do better."""
-    if finding.verdict not in ('unexplained', 'partial'):
-        return ()
-    notes = []
-    names = search.chosen if finding.named else []
-    before = search.fit(names)
+class Reshape(NamedTuple):
+    """
+    Another shape of an effect that the model has, in its place or beside it.
+
+    ``instead`` is the chosen effect that it makes needless, empty where it joins them all.
+    """
+
+    where: str
+    shape: str
+    instead: str
+    fit: Fit
+    score: float
+
+    def left(self, problem: Problem) -> str:
+        """Return what it would leave, in words."""
+        return (f'{self.shape} {self.where} would leave '
+                f'{rms(self.fit.residual[problem.weight]):.3g} N')
+
+
+def _reshapes(search: Search, names: list[str]) -> list[Reshape]:
+    """Return the model's effects in their other shapes, beside the chosen effects or for one."""
+    found = []
+    tries = []
     for old, shape in cand.other_shapes(search.model):
-        try:
-            model = search.model.without_effect(old).with_effect(shape)
-            trial = Search(problem, model, search.effects)
-            after = trial.fit(names)
-        except ValueError:
-            continue
-        if search.excess(names) > 0 and trial.excess(names) < 0.3 * search.excess(names):
-            kept = problem.weight
-            notes.append(f'{shape.name} instead of {old} would leave '
-                         f'{rms(after.residual[kept]):.3g} N instead of '
+        tries.append((search.model.without_effect(old), f"in the place of the model's {old}",
+                      shape))
+        if shape.place is Place.FORCE:  # two laws of one wall in sum are a law of it too
+            tries.append((search.model, f"beside the model's {old}", shape))
+    for model, where, shape in tries:
+        trial = Search(search.problem, model, {**search.effects, shape.name: shape})
+        for instead in ['', *names]:
+            held = [shape.name, *(name for name in names if name != instead)]
+            try:
+                for count in range(len(held) + 1):
+                    fit = trial.fit(held[:count])
+            except ValueError:  # a shape that this model cannot take
+                break
+            found.append(Reshape(where, shape.name, instead, fit,
+                                 trial.score(held, search.scale)))
+    return found
+
+
+def _rival(search: Search, reshapes: list[Reshape]) -> Reshape | None:
+    """
+    Return the shape of an effect of the model's own that does as well as an effect it lacks.
+
+    By the score that candidates are compared by; and it must explain as much: a shape of fewer
+    parameters alone scores well where there is little to explain.
+    """
+    loss = search.scale.inflation * search.scale.tau
+    final = search.fit(search.chosen)
+    now = search.score(search.chosen, search.scale)
+    for each in sorted((r for r in reshapes if r.instead), key=lambda r: r.score):
+        without = search.fit([name for name in search.chosen if name != each.instead])
+        reached = (without.chi2 - each.fit.chi2) / loss + without.prior - each.fit.prior
+        needed = (without.chi2 - final.chi2) / loss + without.prior - final.prior
+        if each.score < now + TIE and reached * _NEAR > needed:
+            return each
+    return None
+
+
+def _less_sure(search: Search, finding: Finding, rival: Reshape) -> Finding:
+    """Return the verdict where a shape of an effect of the model's own does as well, or better."""
+    text = rival.left(search.problem)
+    finding = replace(finding, reshape=f'{rival.shape} {rival.where}')
+    if rival.score + GATE < search.score(search.chosen, search.scale):
+        near = ' and '.join(cand.head(name) for name in search.chosen)
+        return replace(finding, verdict='unexplained',
+                       hidden=f'{text}, and explains more with less than {near}')
+    return replace(finding, verdict='partial', rest='; '.join(filter(None, (finding.rest, text))))
+
+
+def _join(tied: tuple[tuple[str, ...], ...], name: str, other: str) -> tuple[tuple[str, ...], ...]:
+    """Return the ties with one more in the group that an effect leads."""
+    if not any(group[0] == name for group in tied):
+        return (*tied, (name, other))
+    return tuple((*group, other) if group[0] == name else group for group in tied)
+
+
+def _reshaped(search: Search, finding: Finding, reshapes: list[Reshape]) -> tuple[str, ...]:
+    """Return notes where another shape of an effect that the model has would do better."""
+    kept = search.problem.weight
+    before = search.fit(search.chosen if finding.named else [])
+    usual = search.problem.samples - len(before.terms)
+    notes = []
+    for each in reshapes:
+        if not each.instead and before.chi2 > usual and (
+                each.fit.chi2 - usual < 0.3 * (before.chi2 - usual)):
+            notes.append(f'{each.left(search.problem)} instead of '
                          f'{rms(before.residual[kept]):.3g} N')
     return tuple(notes)

@@ -24,7 +24,7 @@ class Finding:
 
     ``refused`` says why what the search chose is no answer, ``hidden`` what these data cannot
     show at all, ``rest`` what effects leave that explain a part, ``offset`` by how much trials
-    differ, in words.
+    differ, in words, ``reshape`` a shape to try and where in the model.
     """
 
     verdict: str
@@ -34,6 +34,7 @@ class Finding:
     hidden: str = ''
     rest: str = ''
     offset: str = ''
+    reshape: str = ''
 
     @property
     def named(self) -> bool:
@@ -78,6 +79,8 @@ def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...
 def next_experiment(problem: Problem, search: Search, finding: Finding,
                     tied: tuple[tuple[str, ...], ...], data: Measurement) -> str:
     """Return the experiment that would tell most."""
+    if finding.reshape:
+        return f'write {finding.reshape} into the model file and diagnose again'
     if finding.named and tied:
         chosen = search.chosen
         slot = [cand.head(name) for name in chosen].index(tied[0][0])

@@ -177,6 +177,20 @@ def test_an_effect_whose_size_may_be_zero_is_not_named(sweeps, paper_muscle):
             assert estimate.interval[0] * estimate.interval[1] > 0
 
 
+def test_another_shape_of_the_wall_is_no_end_cap(sweeps, paper_muscle):
+    """A wall that is a spring besides: end caps fit, but a polynomial wall does so with less."""
+    data = sweeps(extra=lambda e, p, way, t: -80 * e)
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'unexplained'
+    assert result.effects == ()
+    assert "bladder_polynomial beside the model's bladder_elasticity" in result.summary
+    assert 'write bladder_polynomial' in result.next_experiment
+    better = add_effect(paper_muscle, 'bladder_polynomial', data)
+    assert better.error_N < 0.62
+    caps = diagnose(paper_muscle, sweeps(paper_muscle.with_effect('end_caps', dead_length=12e-3)))
+    assert (caps.verdict, caps.effects, caps.tied) == ('missing_effect', ('end_caps',), ())
+
+
 def test_what_no_effect_explains_is_described_and_can_be_added(sweeps, paper_muscle):
     """A stop at strain 0.17 is unexplained; its shape in words makes a model that fits."""
     data = sweeps(extra=lambda e, p, way, t: -400 * np.maximum(e - 0.17, 0))
