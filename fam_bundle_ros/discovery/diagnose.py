@@ -13,6 +13,7 @@ with numbers, `words` into sentences.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 import time
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.fit import Fit, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
+from fam_bundle_ros.discovery.measurement import RESOLUTION
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, what_does_not_repeat
 from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
@@ -34,12 +36,16 @@ from fam_bundle_ros.discovery.uncertainty import confounding, covariance, estima
 from fam_bundle_ros.discovery.words import Finding, next_experiment, notes_on, summarise
 from fam_bundle_ros.model import Bundle, catalogue, Place
 
+#: From a fit of the search to an error in N.
+ErrorOf = Callable[[Fit], float]
 #: Rows that the search works on; longer logs are averaged down to about this many.
 SEARCH_ROWS = 3000
 #: Effects whose scores differ by less cannot be told apart (odds of 20 to 1).
 TIE = 6.0
 #: Where something is still missing, an error larger by this factor is no reason for a choice.
 _NEAR = 1.1
+#: A model that leaves so much of the force's standard deviation tells hardly more than a constant.
+_NOTHING = 0.9
 #: "Down to the noise" is said of errors up to this many noise floors, which are themselves
 #: uncertain by several per cent.
 _AT_NOISE = 1.2
@@ -88,16 +94,19 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     base = confirm(full, search.fit(()))
     final = _shown(full, search)
     finding = _verdict(problem, search, comparison.noise)
+    if rms(base.residual[full.weight]) < RESOLUTION * np.abs(data.force).max():
+        finding = Finding('recalibrate' if _moved(problem, search) else 'adequate', finding.left)
     finding = _down_to_the_noise(full, final, finding, offsets)
     told = finding.named or finding.verdict == 'unexplained'
     reshapes = _reshapes(search, search.chosen if finding.named else []) if told else []
     rival = _rival(search, reshapes)
+    error = _error_on_every_row(full, base, search)
     if rival is not None:
-        finding = _less_sure(search, finding, rival)
+        finding = _less_sure(search, finding, rival, error)
     chosen = search.chosen if finding.named else []
     final = final if chosen else base
     scale = Scale.of(full, final)
-    ranking = _ranking(search, full, final, chosen, rival)
+    ranking = _ranking(search, full, final, chosen, rival, error)
     tied = _ties(search, chosen)
     next_one = next_experiment(problem, search, finding, tied, data)
     if rival is not None and chosen:
@@ -117,8 +126,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         best=model if keep_nominal else with_intervals(final, scale, kept),
         recalibrated=base.model, shapes_left=tuple(finding.left.templates),
         notes=(data.notes + ((finding.offset,) if finding.offset else ())
-               + notes_on(data, floor, base, final) + _rivals(search, finding, tied)
-               + _reshaped(search, finding, reshapes)),
+               + notes_on(data, floor, base, final) + _rivals(search, finding, tied, error)
+               + _reshaped(search, finding, reshapes, error)),
         rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
         ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
 
@@ -128,12 +137,21 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
 def _verdict(problem: Problem, search: Search, floor: NoiseFloor) -> Finding:
     base, final = search.fit(()), search.fit(search.chosen)
     left = describe(problem, final)
+    spread = float(problem.data.force[problem.weight].std())
+    rest = rms(final.residual[problem.weight])
+    if rest > _NOTHING * spread and not cand.force_hardly_changes(problem.data):
+        return Finding('unexplained', left, 0.0, hidden='the force does not follow the model at '
+                       f'all: the refitted model leaves {100 * rest / spread:.0f} % of its '
+                       'standard deviation',
+                       next='check columns, units and that data and model are of one muscle')
     structured = _structured(problem, final, left)
     if not search.chosen:
         if structured:
             return Finding('unexplained', left, 0.0)
         if floor.hides_loops:
-            return Finding('unexplained', Described([]), 0.0, hidden=floor.note)
+            return Finding('unexplained', Described([]), 0.0, hidden=floor.note,
+                           next='give the time of each row, or one file for each direction of '
+                           'motion')
         return Finding('recalibrate' if _moved(problem, search) else 'adequate', left)
     before = search.excess(())
     explained = 1.0 - search.excess(search.chosen) / max(before, 1e-9)
@@ -179,13 +197,16 @@ def _down_to_the_noise(full: Problem, final: Fit, finding: Finding, offsets: Off
     """Return the verdict less sure where trials have offsets, or more than noise is left."""
     kept = full.weight
     data, left = full.data.select(kept), final.residual[kept]
+    if finding.named and rms(left) < RESOLUTION * np.abs(data.force).max():
+        return replace(finding, verdict='missing_effect')
     found = offsets or trial_offsets(data, left)
     if found is not None and found.size > _SHAPE_SIZE * full.row_noise:
         finding = replace(finding, offset=str(found))
+        tare = 'tare the load cell before each trial and measure again'
         if finding.verdict in ('adequate', 'recalibrate'):
-            return replace(finding, verdict='unexplained', hidden=str(found))
+            return replace(finding, verdict='unexplained', hidden=str(found), next=tare)
         if finding.named:
-            return replace(finding, verdict='partial', rest=str(found))
+            return replace(finding, verdict='partial', rest=str(found), next=tare)
     if finding.verdict != 'missing_effect':
         return finding
     floor = noise_floor(data, left).value
@@ -255,8 +276,20 @@ def confirm(full: Problem, fit: Fit) -> Fit:
     return again
 
 
+def _error_on_every_row(full: Problem, base: Fit, search: Search) -> ErrorOf:
+    """
+    Return a function from a fit of the search to its error on every row, N rms.
+
+    Averaged rows have less noise: by as much as the base model's error, confirmed on every row,
+    is larger there.
+    """
+    thin = search.problem.weight
+    noise = rms(base.residual[full.weight]) ** 2 - rms(search.fit(()).residual[thin]) ** 2
+    return lambda fit: float(np.hypot(rms(fit.residual[thin]), np.sqrt(max(noise, 0.0))))
+
+
 def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
-             rival: Reshape | None) -> tuple[Candidate, ...]:
+             rival: Reshape | None, error: ErrorOf) -> tuple[Candidate, ...]:
     """Return every effect with the best set that holds it; chosen effects first."""
     scale = search.scale
     # sets of as many effects compete with each other, and with none at all
@@ -281,10 +314,10 @@ def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
         problem = full if fit is final else search.problem
         own = [e for e in estimates(fit, Scale.of(problem, fit))
                if e.key.startswith(shape + '.')]
-        kept = problem.weight
         entries.append(Candidate(
             name, shape, cand.family(shape), float(sum(weights[k] for k in sets) / total),
-            rms(fit.residual[kept]), float(scores[key] - best), tuple(own),
+            rms(fit.residual[full.weight]) if fit is final else error(fit),
+            float(scores[key] - best), tuple(own),
             catalogue.get(shape).signature, search.votes.get(shape)))
     place = {cand.head(name): k for k, name in enumerate(chosen)}
     entries.sort(key=lambda c: (place.get(c.effect, len(place)), c.score))
@@ -349,7 +382,7 @@ def with_intervals(fit: Fit, scale: Scale, kept: np.ndarray) -> Bundle:
 
 
 def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
-            ) -> tuple[str, ...]:
+            error_of: ErrorOf) -> tuple[str, ...]:
     """
     Return notes on other effects that leave hardly more, where the shape is not quite right.
 
@@ -358,8 +391,7 @@ def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
     """
     if finding.verdict != 'partial':
         return ()
-    kept = search.problem.weight
-    error = rms(search.fit(search.chosen).residual[kept])
+    error = error_of(search.fit(search.chosen))
     notes = []
     for name in search.chosen:
         rest = {other for other in search.chosen if other != name}
@@ -368,7 +400,7 @@ def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
         near = {}
         for key in search.fits:
             new = [n for n in key if n not in rest]
-            left = rms(search.fit(key).residual[kept])
+            left = error_of(search.fit(key))
             if (len(key) == len(search.chosen) and rest <= set(key) and left < _NEAR * error
                     and cand.head(new[0]) not in known):
                 near[cand.head(new[0])] = left
@@ -391,10 +423,9 @@ class Reshape(NamedTuple):
     fit: Fit
     score: float
 
-    def left(self, problem: Problem) -> str:
+    def left(self, error: ErrorOf) -> str:
         """Return what it would leave, in words."""
-        return (f'{self.shape} {self.where} would leave '
-                f'{rms(self.fit.residual[problem.weight]):.3g} N')
+        return f'{self.shape} {self.where} would leave {error(self.fit):.3g} N'
 
 
 def _reshapes(search: Search, names: list[str]) -> list[Reshape]:
@@ -439,10 +470,11 @@ def _rival(search: Search, reshapes: list[Reshape]) -> Reshape | None:
     return None
 
 
-def _less_sure(search: Search, finding: Finding, rival: Reshape) -> Finding:
+def _less_sure(search: Search, finding: Finding, rival: Reshape, error: ErrorOf) -> Finding:
     """Return the verdict where a shape of an effect of the model's own does as well, or better."""
-    text = rival.left(search.problem)
-    finding = replace(finding, reshape=f'{rival.shape} {rival.where}')
+    text = rival.left(error)
+    finding = replace(finding, next=f'write {rival.shape} {rival.where} into the model file and '
+                      'diagnose again')
     if rival.score + GATE < search.score(search.chosen, search.scale):
         near = ' and '.join(cand.head(name) for name in search.chosen)
         return replace(finding, verdict='unexplained',
@@ -457,15 +489,14 @@ def _join(tied: tuple[tuple[str, ...], ...], name: str, other: str) -> tuple[tup
     return tuple((*group, other) if group[0] == name else group for group in tied)
 
 
-def _reshaped(search: Search, finding: Finding, reshapes: list[Reshape]) -> tuple[str, ...]:
+def _reshaped(search: Search, finding: Finding, reshapes: list[Reshape], error: ErrorOf,
+              ) -> tuple[str, ...]:
     """Return notes where another shape of an effect that the model has would do better."""
-    kept = search.problem.weight
     before = search.fit(search.chosen if finding.named else [])
     usual = search.problem.samples - len(before.terms)
     notes = []
     for each in reshapes:
         if not each.instead and before.chi2 > usual and (
                 each.fit.chi2 - usual < 0.3 * (before.chi2 - usual)):
-            notes.append(f'{each.left(search.problem)} instead of '
-                         f'{rms(before.residual[kept]):.3g} N')
+            notes.append(f'{each.left(error)} instead of {error(before):.3g} N')
     return tuple(notes)

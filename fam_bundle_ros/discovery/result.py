@@ -159,7 +159,13 @@ class Diagnosis:
 
     @property
     def shortlist(self) -> tuple[Candidate, ...]:
-        """The first six of ``ranking`` that are named or have a probability worth showing."""
+        """
+        The first six of ``ranking`` that are named or have a probability worth showing.
+
+        None where no effect is missing: there is nothing to be probable.
+        """
+        if self.verdict in ('adequate', 'recalibrate'):
+            return ()
         return tuple(entry for entry in self.ranking
                      if entry.effect in self.effects or entry.probability >= 0.005)[:6]
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.discovery.grouping import pressure_levels
-from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.discovery.measurement import Measurement, RESOLUTION
 
 #: Chance of an alarm where trials differ by nothing but noise.
 _ALARM = 1e-3
@@ -71,7 +71,10 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     noise = float(left[shared] @ left[shared]) / free
     if between < noise * stats.f.ppf(1.0 - _ALARM, rank, free):
         return None
-    return Offsets(offset[trial], float(np.sqrt(offset @ offset / rank)))
+    size = float(np.sqrt(offset @ offset / rank))
+    if size < RESOLUTION * np.abs(measurement.force).max():
+        return None
+    return Offsets(offset[trial], size)
 
 
 def _cells_of_a_map(measurement: Measurement) -> np.ndarray:

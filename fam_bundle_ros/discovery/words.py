@@ -24,7 +24,7 @@ class Finding:
 
     ``refused`` says why what the search chose is no answer, ``hidden`` what these data cannot
     show at all, ``rest`` what effects leave that explain a part, ``offset`` by how much trials
-    differ, in words, ``reshape`` a shape to try and where in the model.
+    differ, in words, ``next`` what to do about it.
     """
 
     verdict: str
@@ -34,7 +34,7 @@ class Finding:
     hidden: str = ''
     rest: str = ''
     offset: str = ''
-    reshape: str = ''
+    next: str = ''
 
     @property
     def named(self) -> bool:
@@ -79,8 +79,8 @@ def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...
 def next_experiment(problem: Problem, search: Search, finding: Finding,
                     tied: tuple[tuple[str, ...], ...], data: Measurement) -> str:
     """Return the experiment that would tell most."""
-    if finding.reshape:
-        return f'write {finding.reshape} into the model file and diagnose again'
+    if finding.next:
+        return finding.next
     if finding.named and tied:
         chosen = search.chosen
         slot = [cand.head(name) for name in chosen].index(tied[0][0])
@@ -95,10 +95,6 @@ def next_experiment(problem: Problem, search: Search, finding: Finding,
                     + without_force(chosen[slot], tied[0][1]))
         return (f'{best.words}: separates {tied[0][0]} from {tied[0][1]} '
                 f'(by {np.sqrt(best.separation):.0f} noise sd)')
-    if finding.offset and finding.offset in (finding.hidden, finding.rest):
-        return 'tare the load cell before each trial and measure again'
-    if finding.hidden:
-        return 'give the time of each row, or one file for each direction of motion'
     if finding.verdict == 'unexplained':
         shape = finding.left.templates[0].words if finding.left.templates else 'the error'
         return (f'measure where the error is largest again, in finer steps and at two speeds '

@@ -225,6 +225,41 @@ def test_effects_that_the_data_cannot_tell_apart_are_tied(sweeps, paper_muscle):
     assert 'ten times' in result.next_experiment
 
 
+def test_candidates_are_held_against_the_same_rows_as_the_headline(sweeps, paper_muscle):
+    """Rows are averaged for the search only; without a missing effect nothing is probable."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction', force=3.0), cycles=8)
+    result = diagnose(paper_muscle, data)
+    assert len(data) > 3000
+    assert min(entry.error_N for entry in result.ranking) > 0.98 * result.error_N['best']
+    clean = diagnose(paper_muscle, sweeps())
+    assert clean.shortlist == ()
+    assert clean.ranking
+
+
+def test_no_other_speed_is_asked_for_where_speed_tells_nothing(sweeps, paper_muscle):
+    """Offset of the strain sensor against bias of the gauge: neither knows of speed."""
+    data = sweeps(paper_muscle.with_effect('strain_sensor_offset', offset=0.004))
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'missing_effect'
+    assert 'strain_sensor_offset' in result.next_experiment
+    assert 'ten times' not in result.next_experiment
+
+
+def test_a_force_that_follows_no_model_is_said_to(sweeps, paper_muscle):
+    """White noise for a force is no matter of calibration; data without noise lack nothing."""
+    data = sweeps()
+    noise = 50.0 * np.random.default_rng(0).standard_normal(len(data))
+    junk = build('junk', data.strain, data.pressure, noise, data.trial, data.time)
+    result = diagnose(paper_muscle, junk)
+    assert result.verdict == 'unexplained'
+    assert 'does not follow the model at all' in result.summary
+    assert 'columns' in result.next_experiment
+    fine = sweeps(noise=0.0)
+    ripple = 2e-3 * np.sin(2 * np.pi * fine.strain / 0.05)
+    clean = build('clean', fine.strain, fine.pressure, fine.force + ripple, fine.trial, fine.time)
+    assert diagnose(paper_muscle, clean).verdict == 'adequate'
+
+
 def test_adding_an_effect_by_its_head_gives_the_shape_that_was_diagnosed(sweeps, paper_muscle):
     """Damping with the square of the speed: `add viscous_damping` leaves what diagnose showed."""
     data = sweeps()
