@@ -207,16 +207,17 @@ def _down_to_the_noise(full: Problem, final: Fit, finding: Finding, offsets: Off
             return replace(finding, verdict='unexplained', hidden=str(found), next=tare)
         if finding.named:
             return replace(finding, verdict='partial', rest=str(found), next=tare)
-    if finding.verdict != 'missing_effect':
+    if finding.verdict not in ('missing_effect', 'adequate'):
         return finding
     floor = noise_floor(data, left).value
     pure = what_does_not_repeat(data, left)
     if pure is not None:
         floor = max(floor, rms(pure[np.isfinite(pure)]))
-    if rms(left) < _AT_NOISE * floor:
+    if rms(left) < max(_AT_NOISE * floor, RESOLUTION * np.abs(data.force).max()):
         return finding
-    return replace(finding, verdict='partial',
-                   rest=f'{rms(left):.3g} N are left where the noise is {floor:.3g} N')
+    rest = f'{rms(left):.3g} N are left where the noise is {floor:.3g} N'
+    return replace(finding, rest=rest,
+                   verdict='partial' if finding.named else finding.verdict)
 
 
 def _structured(problem: Problem, fit: Fit, left: Described) -> bool:

@@ -48,6 +48,9 @@ def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...
     moved = {key.partition('.')[2]: value for key, value in base.moved().items()
              if abs(value) > 0.2}
     far = ', '.join(f'{key} {value:+.1f}' for key, value in moved.items())
+    if finding.verdict == 'adequate' and finding.rest:
+        return ('nothing is left in the error that strain, pressure or motion foretell: '
+                f'{finding.rest} between neighbours or repeats, the rest is slow or uneven noise')
     if finding.verdict == 'adequate':
         return 'the model explains the data down to their noise'
     if finding.verdict == 'recalibrate':
