@@ -171,9 +171,10 @@ def _shown(full: Problem, search: Search) -> Fit:
     Return the chosen effects confirmed on every row, without those whose size may be zero.
 
     The search weighs an effect with all that the fit moves along with it; to be named, its own
-    size must differ from nothing (95 %).
+    size must differ from nothing (95 %). Another effect that does as well takes its place.
     """
     from scipy import stats
+    weak: set[str] = set()
     while search.chosen:
         final = confirm(full, search.fit(search.chosen))
         known = covariance(final, Scale.of(full, final))
@@ -185,7 +186,17 @@ def _shown(full: Problem, search: Search) -> Fit:
             value = np.array([final.values[j] / final.terms[j].scale for j in sizes])
             distance = float(value @ np.linalg.pinv(known[np.ix_(sizes, sizes)]) @ value)
             if sizes and distance < stats.chi2.ppf(0.95, len(sizes)):
-                search.drop(name)
+                weak.add(name)
+                now = search.score(search.chosen, search.scale)
+                rest = set(search.chosen) - {name}
+                others = [(search.score(key, search.scale), (set(key) - rest).pop())
+                          for key in search.fits if len(key) == len(search.chosen)
+                          and rest <= set(key) and not weak & set(key)]
+                score, other = min(others, default=(np.inf, name))
+                if score < now + TIE:
+                    search.chosen[search.chosen.index(name)] = other
+                else:
+                    search.drop(name)
                 break
         else:
             return final
