@@ -104,9 +104,12 @@ def diagnose(
     if result.shortlist:
         answered = result.verdict != 'unexplained'
         table(('candidate', 'probability' if answered else 'among these', 'error (N)', 'why'),
-              [(effect_name(c.effect), f'{c.probability:.2f}', c.error_N, c.reason)
-               for c in result.shortlist], '' if answered else result.shortlist_title,
-              numeric=(1, 2))
+              [(effect_name(c.effect).append(c.label[len(c.effect):]), f'{c.probability:.2f}',
+                c.error_N, c.reason) for c in result.shortlist],
+              '' if answered else result.shortlist_title, numeric=(1, 2))
+    if result.shapes:
+        console.print(f"add: [bold]fam_bundle add {' '.join(result.shapes)} --data {escape(data)} "
+                      f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
     if result.parameters:
@@ -117,6 +120,10 @@ def diagnose(
         console.print('the error that is left looks like', style='bold')
         for shape in result.shapes_left:
             console.print(f'  {escape(str(shape))}', soft_wrap=True)
+    if result.located and result.verdict != 'adequate':
+        console.print('where the model fails', style='bold')
+        for region in result.located:
+            console.print(f'  {escape(str(region))}', soft_wrap=True)
     console.print(f'[bold]next[/bold]: {escape(result.next_experiment)}', soft_wrap=True)
     for note in result.notes:
         console.print(f'note: {escape(note)}', style='dim', soft_wrap=True)

@@ -68,10 +68,9 @@ def add(
     with notes.status('refitting'):
         result = add_effect(bundle, wanted, read(data, rest_length, bundle), name)
     save_model(result.model, out)
-    what = ' and '.join(result.effects) or 'nothing; its own parameters were refitted'
-    console.print(f'added {what}: [bold]{result.error_before_N:.3g} N -> {result.error_N:.3g} N'
-                  f'[/bold], {result.held_out_N:.3g} N on data left out; noise floor '
-                  f'{result.noise.value:.3g} N', soft_wrap=True)
+    console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
+                  f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on data left out; '
+                  f'noise floor {result.noise.value:.3g} N', soft_wrap=True)
     table(('parameter', 'value', 'unit', '95 % interval', 'note'),
           [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}', e.flag)
            for e in result.parameters], numeric=(1,))

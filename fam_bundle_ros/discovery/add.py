@@ -16,6 +16,7 @@ from itertools import permutations
 import json
 from typing import Any
 
+from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.diagnose import confirm, SEARCH_ROWS, with_intervals
 from fam_bundle_ros.discovery.fit import base_terms, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
@@ -39,10 +40,13 @@ class Added:
     model : Bundle
         The new model, with the intervals of its parameters and its error.
     effects : tuple of str
+        In the shape in which each was added.
     error_before_N, error_N, held_out_N : float
         Rms of the model as it was, of the new one, and of refits on blocks that they have not
         seen; over the rows that count.
     parameters : tuple of Estimate
+    asked : tuple of str
+        What the effects were asked for by.
     """
 
     model: Bundle
@@ -52,10 +56,18 @@ class Added:
     held_out_N: float
     noise: NoiseFloor
     parameters: tuple[Estimate, ...]
+    asked: tuple[str, ...] = ()
+
+    @property
+    def what(self) -> str:
+        """What was added, in words."""
+        return ' and '.join(
+            name if name == asked else f'{name} (the shape of {asked} that fits best)'
+            for name, asked in zip(self.effects, self.asked)
+        ) or 'nothing; its own parameters were refitted'
 
     def __str__(self) -> str:
-        what = ' and '.join(self.effects) or 'nothing (recalibrated)'
-        return '\n'.join([f'added {what}: error {self.error_before_N:.3g} N -> '
+        return '\n'.join([f'added {self.what}: error {self.error_before_N:.3g} N -> '
                           f'{self.error_N:.3g} N, {self.held_out_N:.3g} N on data left out; '
                           f'{self.noise}', *(f'  {e}' for e in self.parameters)])
 
@@ -86,7 +98,9 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     ----------
     model : Bundle
     effect : str, Effect, or several of them
-        Names of the catalogue, or effects (a user's own). None of them: recalibrate only.
+        Names of the catalogue, or effects (a user's own). None of them: recalibrate only. A name
+        that stands for several shapes takes the one that fits best, as `diagnose` does; an effect
+        is added as it is.
     measurement : Measurement, path, or DataFrame
     name : str, optional
         Name of the new model; by default the old one's with the effects'.
@@ -106,12 +120,15 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
             raise InputError(f'{model.name} has {made.name} already; expected an effect that it '
                              'lacks')
         effects[made.name] = made
+    asked = tuple(effects)
+    for item in listed:
+        if isinstance(item, str):
+            effects.update((shape.name, shape) for shape in cand.shapes_of(item)
+                           if shape.name not in effects)
     problem = Problem(data, model, largest=SEARCH_ROWS)
     search = Search(problem, model, effects)
-    fit = search.fit(())
-    names = list(effects)
-    for count in range(1, len(names) + 1):
-        fit = search.fit(names[:count])
+    names = search.in_best_shapes(asked)
+    fit = search.fit(names)
     full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
     final = confirm(full, fit)
     scale = Scale.of(full, final)
@@ -121,7 +138,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     return Added(new.named(label), tuple(names), rms(full.residual(model)[kept]),
                  rms(final.residual[kept]), held_out_of_whole(full, final, problem, fit),
                  noise_floor(data.select(kept), final.residual[kept]),
-                 tuple(estimates(final, scale)))
+                 tuple(estimates(final, scale)), asked)
 
 
 def _effect(item: str | Effect) -> Effect:

@@ -85,6 +85,12 @@ def _silent(model: Bundle, effect: Effect, data: Measurement) -> bool:
         effect.place is Place.LOSS)
 
 
+def shapes_of(name: str) -> list[Effect]:
+    """Return the other shapes that a head stands for; none for the name of a single shape."""
+    return [kind() for other, kind in catalogue.available().items()
+            if other != name and head(other) == name]
+
+
 def other_shapes(model: Bundle) -> list[tuple[str, Effect]]:
     """Return the other shapes of the effects that a model has: (name of its effect, shape)."""
     have = {effect.name for effect in model.effects}

@@ -13,8 +13,10 @@ with numbers, `words` into sentences.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,22 +24,31 @@ from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.fit import Fit, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.discovery.measurement import RESOLUTION
+from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, what_does_not_repeat
 from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
-from fam_bundle_ros.discovery.search import Progress, Scale, Search
+from fam_bundle_ros.discovery.search import GATE, Progress, Scale, Search
 from fam_bundle_ros.discovery.structure import surface_share
 from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
-from fam_bundle_ros.discovery.uncertainty import confounding, estimates
+from fam_bundle_ros.discovery.trials import Offsets, trial_offsets
+from fam_bundle_ros.discovery.uncertainty import confounding, covariance, estimates
 from fam_bundle_ros.discovery.words import Finding, next_experiment, notes_on, summarise
-from fam_bundle_ros.model import Bundle, catalogue
+from fam_bundle_ros.model import Bundle, catalogue, Place
 
+#: From a fit of the search to an error in N.
+ErrorOf = Callable[[Fit], float]
 #: Rows that the search works on; longer logs are averaged down to about this many.
 SEARCH_ROWS = 3000
 #: Effects whose scores differ by less cannot be told apart (odds of 20 to 1).
 TIE = 6.0
 #: Where something is still missing, an error larger by this factor is no reason for a choice.
 _NEAR = 1.1
+#: A model that leaves so much of the force's standard deviation tells hardly more than a constant.
+_NOTHING = 0.9
+#: "Down to the noise" is said of errors up to this many noise floors, which are themselves
+#: uncertain by several per cent.
+_AT_NOISE = 1.2
 #: A shape in what is left counts from this gain in chi2 (some four hundred shapes are tried).
 _SHAPE_GATE = 25.0
 #: ... and from this size, in noise standard deviations.
@@ -71,34 +82,52 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     data = as_measurement(measurement)
     comparison = compare(model, data)
     data = comparison.measurement
+    offsets = trial_offsets(data, comparison.residual) if data.is_static else None
+    if offsets is not None:
+        # repeats tell them whatever the model lacks, and a map has no memory that could make them
+        data = replace(data, force=data.force - offsets.rows)
     problem = Problem(data, model, largest=rows)
     search = Search(problem, model, cand.candidates(model, data), progress).run()
     if progress:
         progress(0.9, 'weighing what is left')
-    finding = _verdict(problem, search, comparison.noise)
     full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
     base = confirm(full, search.fit(()))
+    final = _shown(full, search)
+    finding = _verdict(problem, search, comparison.noise)
+    if rms(base.residual[full.weight]) < RESOLUTION * np.abs(data.force).max():
+        finding = Finding('recalibrate' if _moved(problem, search) else 'adequate', finding.left)
+    finding = _down_to_the_noise(full, final, finding, offsets)
+    told = finding.named or finding.verdict == 'unexplained'
+    reshapes = _reshapes(search, search.chosen if finding.named else []) if told else []
+    rival = _rival(search, reshapes)
+    error = _error_on_every_row(full, base, search)
+    if rival is not None:
+        finding = _less_sure(search, finding, rival, error)
     chosen = search.chosen if finding.named else []
-    final = base if not chosen else confirm(full, search.fit(chosen))
+    final = final if chosen else base
     scale = Scale.of(full, final)
-    ranking = _ranking(search, full, final, chosen)
+    ranking = _ranking(search, full, final, chosen, rival, error)
     tied = _ties(search, chosen)
-    floor = noise_floor(data.select(full.weight), final.residual[full.weight])
+    next_one = next_experiment(problem, search, finding, tied, data)
+    if rival is not None and chosen:
+        tied = _join(tied, cand.head(rival.instead), rival.shape)
     kept = full.weight
+    floor = noise_floor(data.select(kept), final.residual[kept])
     keep_nominal = finding.verdict == 'adequate'
     return Diagnosis(
         verdict=finding.verdict, summary=summarise(finding, search, tied, base),
-        model=model, measurement=data, comparison=comparison,
+        model=model, measurement=comparison.measurement, comparison=comparison,
         effects=tuple(cand.head(name) for name in chosen), shapes=tuple(chosen),
         error_N={'model': rms(comparison.residual[kept]), 'recalibrated': rms(
             base.residual[kept]), 'best': rms(final.residual[kept])},
         noise=floor, ranking=ranking, tied=tied, located=comparison.located,
-        next_experiment=next_experiment(problem, search, finding, tied, data),
+        next_experiment=next_one,
         parameters=tuple(estimates(final, scale)), moved=final.moved(),
         best=model if keep_nominal else with_intervals(final, scale, kept),
         recalibrated=base.model, shapes_left=tuple(finding.left.templates),
-        notes=(data.notes + notes_on(data, floor, base, final)
-               + _rivals(search, finding, tied) + _reshaped(problem, search, finding)),
+        notes=(data.notes + ((finding.offset,) if finding.offset else ())
+               + notes_on(data, floor, base, final) + _rivals(search, finding, tied, error)
+               + _reshaped(search, finding, reshapes, error)),
         rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
         ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
 
@@ -108,12 +137,21 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
 def _verdict(problem: Problem, search: Search, floor: NoiseFloor) -> Finding:
     base, final = search.fit(()), search.fit(search.chosen)
     left = describe(problem, final)
+    spread = float(problem.data.force[problem.weight].std())
+    rest = rms(final.residual[problem.weight])
+    if rest > _NOTHING * spread and not cand.force_hardly_changes(problem.data):
+        return Finding('unexplained', left, 0.0, hidden='the force does not follow the model at '
+                       f'all: the refitted model leaves {100 * rest / spread:.0f} % of its '
+                       'standard deviation',
+                       next='check columns, units and that data and model are of one muscle')
     structured = _structured(problem, final, left)
     if not search.chosen:
         if structured:
             return Finding('unexplained', left, 0.0)
         if floor.hides_loops:
-            return Finding('unexplained', Described([]), 0.0, hidden=floor.note)
+            return Finding('unexplained', Described([]), 0.0, hidden=floor.note,
+                           next='give the time of each row, or one file for each direction of '
+                           'motion')
         return Finding('recalibrate' if _moved(problem, search) else 'adequate', left)
     before = search.excess(())
     explained = 1.0 - search.excess(search.chosen) / max(before, 1e-9)
@@ -126,6 +164,71 @@ def _verdict(problem: Problem, search: Search, floor: NoiseFloor) -> Finding:
         return Finding('unexplained', describe(problem, base), explained,
                        f'it explains only {100 * explained:.0f} % of the error')
     return Finding('partial', left, explained)
+
+
+def _shown(full: Problem, search: Search) -> Fit:
+    """
+    Return the chosen effects confirmed on every row, without those whose size may be zero.
+
+    The search weighs an effect with all that the fit moves along with it; to be named, its own
+    size must differ from nothing (95 %). Another effect that does as well takes its place.
+    """
+    from scipy import stats
+    weak: set[str] = set()
+    while search.chosen:
+        final = confirm(full, search.fit(search.chosen))
+        known = covariance(final, Scale.of(full, final))
+        keys = [term.key.partition('.') for term in final.terms]
+        for name in search.chosen:
+            effect = search.effects[name]
+            sizes = [j for j, (owner, _, own) in enumerate(keys)
+                     if owner == name and effect.off.get(own) == 0.0]
+            value = np.array([final.values[j] / final.terms[j].scale for j in sizes])
+            distance = float(value @ np.linalg.pinv(known[np.ix_(sizes, sizes)]) @ value)
+            if sizes and distance < stats.chi2.ppf(0.95, len(sizes)):
+                weak.add(name)
+                now = search.score(search.chosen, search.scale)
+                rest = set(search.chosen) - {name}
+                others = [(search.score(key, search.scale), (set(key) - rest).pop())
+                          for key in search.fits if len(key) == len(search.chosen)
+                          and rest <= set(key) and not weak & set(key)]
+                score, other = min(others, default=(np.inf, name))
+                if score < now + TIE:
+                    search.chosen[search.chosen.index(name)] = other
+                else:
+                    search.drop(name)
+                break
+        else:
+            return final
+    return confirm(full, search.fit(()))
+
+
+def _down_to_the_noise(full: Problem, final: Fit, finding: Finding, offsets: Offsets | None,
+                       ) -> Finding:
+    """Return the verdict less sure where trials have offsets, or more than noise is left."""
+    kept = full.weight
+    data, left = full.data.select(kept), final.residual[kept]
+    if finding.named and rms(left) < RESOLUTION * np.abs(data.force).max():
+        return replace(finding, verdict='missing_effect')
+    found = offsets or trial_offsets(data, left)
+    if found is not None and found.size > _SHAPE_SIZE * full.row_noise:
+        finding = replace(finding, offset=str(found))
+        tare = 'tare the load cell before each trial and measure again'
+        if finding.verdict in ('adequate', 'recalibrate'):
+            return replace(finding, verdict='unexplained', hidden=str(found), next=tare)
+        if finding.named:
+            return replace(finding, verdict='partial', rest=str(found), next=tare)
+    if finding.verdict not in ('missing_effect', 'adequate'):
+        return finding
+    floor = noise_floor(data, left).value
+    pure = what_does_not_repeat(data, left)
+    if pure is not None:
+        floor = max(floor, rms(pure[np.isfinite(pure)]))
+    if rms(left) < max(_AT_NOISE * floor, RESOLUTION * np.abs(data.force).max()):
+        return finding
+    rest = f'{rms(left):.3g} N are left where the noise is {floor:.3g} N'
+    return replace(finding, rest=rest,
+                   verdict='partial' if finding.named else finding.verdict)
 
 
 def _structured(problem: Problem, fit: Fit, left: Described) -> bool:
@@ -185,8 +288,20 @@ def confirm(full: Problem, fit: Fit) -> Fit:
     return again
 
 
+def _error_on_every_row(full: Problem, base: Fit, search: Search) -> ErrorOf:
+    """
+    Return a function from a fit of the search to its error on every row, N rms.
+
+    Averaged rows have less noise: by as much as the base model's error, confirmed on every row,
+    is larger there.
+    """
+    thin = search.problem.weight
+    noise = rms(base.residual[full.weight]) ** 2 - rms(search.fit(()).residual[thin]) ** 2
+    return lambda fit: float(np.hypot(rms(fit.residual[thin]), np.sqrt(max(noise, 0.0))))
+
+
 def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
-             ) -> tuple[Candidate, ...]:
+             rival: Reshape | None, error: ErrorOf) -> tuple[Candidate, ...]:
     """Return every effect with the best set that holds it; chosen effects first."""
     scale = search.scale
     # sets of as many effects compete with each other, and with none at all
@@ -195,6 +310,8 @@ def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
     best = min(scores.values())
     weights = {key: np.exp(-0.5 * min(score - best, 700.0)) for key, score in scores.items()}
     total = sum(weights.values())
+    if rival is not None:
+        total += np.exp(0.5 * min(best - rival.score, 700.0))
     entries = []
     for name in dict.fromkeys(cand.head(n) for n in search.effects):
         sets = [key for key in scores if name in {cand.head(n) for n in key}]
@@ -209,10 +326,10 @@ def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
         problem = full if fit is final else search.problem
         own = [e for e in estimates(fit, Scale.of(problem, fit))
                if e.key.startswith(shape + '.')]
-        kept = problem.weight
         entries.append(Candidate(
             name, shape, cand.family(shape), float(sum(weights[k] for k in sets) / total),
-            rms(fit.residual[kept]), float(scores[key] - best), tuple(own),
+            rms(fit.residual[full.weight]) if fit is final else error(fit),
+            float(scores[key] - best), tuple(own),
             catalogue.get(shape).signature, search.votes.get(shape)))
     place = {cand.head(name): k for k, name in enumerate(chosen)}
     entries.sort(key=lambda c: (place.get(c.effect, len(place)), c.score))
@@ -277,7 +394,7 @@ def with_intervals(fit: Fit, scale: Scale, kept: np.ndarray) -> Bundle:
 
 
 def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
-            ) -> tuple[str, ...]:
+            error_of: ErrorOf) -> tuple[str, ...]:
     """
     Return notes on other effects that leave hardly more, where the shape is not quite right.
 
@@ -286,8 +403,7 @@ def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
     """
     if finding.verdict != 'partial':
         return ()
-    kept = search.problem.weight
-    error = rms(search.fit(search.chosen).residual[kept])
+    error = error_of(search.fit(search.chosen))
     notes = []
     for name in search.chosen:
         rest = {other for other in search.chosen if other != name}
@@ -296,7 +412,7 @@ def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
         near = {}
         for key in search.fits:
             new = [n for n in key if n not in rest]
-            left = rms(search.fit(key).residual[kept])
+            left = error_of(search.fit(key))
             if (len(key) == len(search.chosen) and rest <= set(key) and left < _NEAR * error
                     and cand.head(new[0]) not in known):
                 near[cand.head(new[0])] = left
@@ -306,23 +422,93 @@ def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
     return tuple(notes)
 
 
-def _reshaped(problem: Problem, search: Search, finding: Finding) -> tuple[str, ...]:
-    """Return a note where another shape of an effect that the model has would do better."""
-    if finding.verdict not in ('unexplained', 'partial'):
-        return ()
-    notes = []
-    names = search.chosen if finding.named else []
-    before = search.fit(names)
+class Reshape(NamedTuple):
+    """
+    Another shape of an effect that the model has, in its place or beside it.
+
+    ``instead`` is the chosen effect that it makes needless, empty where it joins them all.
+    """
+
+    where: str
+    shape: str
+    instead: str
+    fit: Fit
+    score: float
+
+    def left(self, error: ErrorOf) -> str:
+        """Return what it would leave, in words."""
+        return f'{self.shape} {self.where} would leave {error(self.fit):.3g} N'
+
+
+def _reshapes(search: Search, names: list[str]) -> list[Reshape]:
+    """Return the model's effects in their other shapes, beside the chosen effects or for one."""
+    found = []
+    tries = []
     for old, shape in cand.other_shapes(search.model):
-        try:
-            model = search.model.without_effect(old).with_effect(shape)
-            trial = Search(problem, model, search.effects)
-            after = trial.fit(names)
-        except ValueError:
-            continue
-        if search.excess(names) > 0 and trial.excess(names) < 0.3 * search.excess(names):
-            kept = problem.weight
-            notes.append(f'{shape.name} instead of {old} would leave '
-                         f'{rms(after.residual[kept]):.3g} N instead of '
-                         f'{rms(before.residual[kept]):.3g} N')
+        tries.append((search.model.without_effect(old), f"in the place of the model's {old}",
+                      shape))
+        if shape.place is Place.FORCE:  # two laws of one wall in sum are a law of it too
+            tries.append((search.model, f"beside the model's {old}", shape))
+    for model, where, shape in tries:
+        trial = Search(search.problem, model, {**search.effects, shape.name: shape})
+        for instead in ['', *names]:
+            held = [shape.name, *(name for name in names if name != instead)]
+            try:
+                for count in range(len(held) + 1):
+                    fit = trial.fit(held[:count])
+            except ValueError:  # a shape that this model cannot take
+                break
+            found.append(Reshape(where, shape.name, instead, fit,
+                                 trial.score(held, search.scale)))
+    return found
+
+
+def _rival(search: Search, reshapes: list[Reshape]) -> Reshape | None:
+    """
+    Return the shape of an effect of the model's own that does as well as an effect it lacks.
+
+    By the score that candidates are compared by; and it must explain as much: a shape of fewer
+    parameters alone scores well where there is little to explain.
+    """
+    loss = search.scale.inflation * search.scale.tau
+    final = search.fit(search.chosen)
+    now = search.score(search.chosen, search.scale)
+    for each in sorted((r for r in reshapes if r.instead), key=lambda r: r.score):
+        without = search.fit([name for name in search.chosen if name != each.instead])
+        reached = (without.chi2 - each.fit.chi2) / loss + without.prior - each.fit.prior
+        needed = (without.chi2 - final.chi2) / loss + without.prior - final.prior
+        if each.score < now + TIE and reached * _NEAR > needed:
+            return each
+    return None
+
+
+def _less_sure(search: Search, finding: Finding, rival: Reshape, error: ErrorOf) -> Finding:
+    """Return the verdict where a shape of an effect of the model's own does as well, or better."""
+    text = rival.left(error)
+    finding = replace(finding, next=f'write {rival.shape} {rival.where} into the model file and '
+                      'diagnose again')
+    if rival.score + GATE < search.score(search.chosen, search.scale):
+        near = ' and '.join(cand.head(name) for name in search.chosen)
+        return replace(finding, verdict='unexplained',
+                       hidden=f'{text}, and explains more with less than {near}')
+    return replace(finding, verdict='partial', rest='; '.join(filter(None, (finding.rest, text))))
+
+
+def _join(tied: tuple[tuple[str, ...], ...], name: str, other: str) -> tuple[tuple[str, ...], ...]:
+    """Return the ties with one more in the group that an effect leads."""
+    if not any(group[0] == name for group in tied):
+        return (*tied, (name, other))
+    return tuple((*group, other) if group[0] == name else group for group in tied)
+
+
+def _reshaped(search: Search, finding: Finding, reshapes: list[Reshape], error: ErrorOf,
+              ) -> tuple[str, ...]:
+    """Return notes where another shape of an effect that the model has would do better."""
+    before = search.fit(search.chosen if finding.named else [])
+    usual = search.problem.samples - len(before.terms)
+    notes = []
+    for each in reshapes:
+        if not each.instead and before.chi2 > usual and (
+                each.fit.chi2 - usual < 0.3 * (before.chi2 - usual)):
+            notes.append(f'{each.left(error)} instead of {error(before):.3g} N')
     return tuple(notes)

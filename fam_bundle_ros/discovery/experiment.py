@@ -19,6 +19,10 @@ from fam_bundle_ros.model import Bundle, Motion
 
 #: Below this many noise standard deviations (summed squares) an experiment tells nothing.
 _USELESS = 9.0
+_PLAIN = 'sweep each isobar up and down, with the time logged'
+#: What is harder to do than the plain sweep must separate by so much more: another speed tells
+#: nothing about effects that do not depend on it.
+_WORTH = 1.1
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,9 @@ def menu(problem: Problem, model: Bundle) -> list[tuple[str, Motion]]:
     usual = usual or 0.02
     levels = np.linspace(0.15, 1.0, 4)
     tests = [
+        (_PLAIN, _sweeps(low, high, top, levels, usual)),
         ('sweep the same isobars ten times faster', _sweeps(low, high, top, levels, 10 * usual)),
         ('sweep the same isobars ten times slower', _sweeps(low, high, top, levels, usual / 10)),
-        ('sweep each isobar up and down, with the time logged',
-         _sweeps(low, high, top, levels, usual)),
         ('step the strain, hold each step for 60 s and log the decay', _holds(low, high, top)),
         ('make small strain loops about one point at a fixed pressure',
          _sweeps(low + 0.4 * (high - low), low + 0.5 * (high - low), top, levels, usual)),
@@ -87,7 +90,9 @@ def best_experiment(problem: Problem, first: Fit, second: Fit, scale: Scale,
         separation = float(gap @ gap - part @ np.linalg.solve(system, part))
         if np.isfinite(separation):
             ranked.append(Experiment(words, max(separation, 0.0)))
-    ranked.sort(key=lambda item: -item.separation)
+    plain = max((item.separation for item in ranked if item.words == _PLAIN), default=0.0)
+    ranked.sort(key=lambda item: (-item.separation if item.separation > _WORTH * plain
+                                  else -plain, item.words != _PLAIN))
     top = ranked[0] if ranked and ranked[0].separation > _USELESS else None
     return top, ranked
 

@@ -165,7 +165,7 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None) -> go
 def candidates(result: Diagnosis, most: int = 8) -> go.Figure | None:
     """Draw the probability of every candidate, with the error it leaves; None without any."""
     shown = list(result.ranking[:most])[::-1]
-    if not shown:
+    if not shown or not result.shortlist:
         return None
     title = ('probability among these' if result.verdict == 'unexplained' else 'probability')
     drawing = plotting.figure(title, '', height=110 + 34 * len(shown), showlegend=False)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fam_bundle_ros.discovery.grouping import blocks, reversals, rms
-from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.discovery.measurement import Measurement, RESOLUTION
 from fam_bundle_ros.discovery.noise import autocorrelation_time, second_differences
 from fam_bundle_ros.discovery.predict import motion, predict
 from fam_bundle_ros.model import Bundle, Effect
@@ -156,7 +156,8 @@ class Problem:
         self.motion = motion(self.data)
         residual = self.data.force - predict(model, self.data)
         self.noise = noise or second_differences(self.data, residual) or 1e-9
-        self.noise = max(self.noise, 1e-6 * max(np.abs(self.data.force).max(), 1e-9))
+        finest = RESOLUTION * max(float(np.abs(self.data.force).max()), 1e-9)
+        self.noise = max(self.noise, finest)
         self.weight = ~spikes(self.data, residual, self.noise) & ~reversals(self.data)
         moving = self.data.direction != 0
         # at a crawl the sign of a noisy rate is a guess, and so is the force of friction
@@ -164,7 +165,8 @@ class Problem:
             self.weight &= moving
         if noise is None and self.weight.sum() < len(self.data):
             kept = self.data.select(self.weight)
-            self.noise = second_differences(kept, residual[self.weight]) or self.noise
+            self.noise = max(second_differences(kept, residual[self.weight]) or self.noise,
+                             finest)
         self.model = model
         #: Noise of one row of the measurement, before neighbours were averaged.
         self.row_noise = self.noise

@@ -26,6 +26,8 @@ from fam_bundle_ros.errors import InputError
 MIN_ROWS = 12
 #: More rows than this are refused before they are held in memory (about 0.5 GB of arrays).
 MAX_ROWS = 5_000_000
+#: The best load cells are good to this share of the largest force; what is less is rounding.
+RESOLUTION = 1e-4
 
 #: quantity: (lowest, highest, SI unit, words); a reading outside is a unit slip, not physics.
 _RANGES = {

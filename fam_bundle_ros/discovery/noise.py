@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.discovery.trials import trial_offsets
 
 #: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
 _LOOPS = 0.2
@@ -93,9 +94,15 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     NoiseFloor
     """
     values = measurement.force if residual is None else residual
-    floor = _floor(measurement, values)
     if not measurement.is_static:
-        return floor
+        return _floor(measurement, values)
+    # rows of a map are neighbours across its trials: what those differ by is no noise
+    offsets = trial_offsets(measurement, values)
+    if offsets is not None:
+        values = values - offsets.rows
+    floor = _floor(measurement, values)
+    if offsets is not None:
+        floor = replace(floor, note=str(offsets))
     floor = replace(floor, in_file_order=_smoothness(measurement, values, by_strain=False),
                     in_strain_order=_smoothness(measurement, values, by_strain=True))
     if not floor.hides_loops:
@@ -240,6 +247,33 @@ def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray],
     spread = float(_ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
     correlation = max((spread / repeats) ** 2, 1.0) if repeats > 0 else 1.0
     return repeats, spread, float(min(correlation, 100.0)), len(again)
+
+
+def what_does_not_repeat(measurement: Measurement, values: np.ndarray) -> np.ndarray | None:
+    """
+    Return the pure error of a lack-of-fit test, (T,); nan where nothing was visited twice.
+
+    What a cell's visits have in common is taken off; the rest is noise of whatever colour, and
+    nothing that a model could have foretold. None where less than half of the rows were visited
+    again.
+
+    Parameters
+    ----------
+    values : ndarray, shape (T,)
+        Measured minus modelled force, in any unit.
+    """
+    cell, visit = visit_cells(measurement)
+    count = np.bincount(visit)
+    of_visit = np.zeros(len(count), int)
+    of_visit[visit] = cell
+    visits = np.bincount(of_visit)
+    mean = np.bincount(of_visit, np.bincount(visit, values) / count) / np.maximum(visits, 1)
+    again = visits[cell] > 1
+    if 2 * again.sum() < len(values):
+        return None
+    # as many deviations as visits, but one fewer are free
+    free = np.sqrt(visits[cell] / np.maximum(visits[cell] - 1.0, 1.0))
+    return np.where(again, (values - mean[cell]) * free, np.nan)
 
 
 def autocorrelation_time(residual: np.ndarray, trial: np.ndarray, longest: int = 400) -> float:

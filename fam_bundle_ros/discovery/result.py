@@ -54,6 +54,11 @@ class Candidate:
     reason: str
     votes: float | None = None
 
+    @property
+    def label(self) -> str:
+        """The effect, and the shape of it whose error this is where that is another one."""
+        return self.effect if self.shape == self.effect else f'{self.effect} as {self.shape}'
+
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as DESIGN.md's JSON has it."""
         return {'effect': self.effect, 'shape': self.shape, 'family': self.family,
@@ -136,7 +141,7 @@ class Diagnosis:
         if self.shortlist:
             lines.append(self.shortlist_title)
             for entry in self.shortlist:
-                lines.append(f'  {entry.effect:<26} p {entry.probability:5.2f}  '
+                lines.append(f'  {entry.label:<26} p {entry.probability:5.2f}  '
                              f'{entry.error_N:8.3g} N   {entry.reason}')
         for group in self.tied:
             lines.append('tied: ' + ', '.join(group))
@@ -154,7 +159,13 @@ class Diagnosis:
 
     @property
     def shortlist(self) -> tuple[Candidate, ...]:
-        """The first six of ``ranking`` that are named or have a probability worth showing."""
+        """
+        The first six of ``ranking`` that are named or have a probability worth showing.
+
+        None where no effect is missing: there is nothing to be probable.
+        """
+        if self.verdict in ('adequate', 'recalibrate'):
+            return ()
         return tuple(entry for entry in self.ranking
                      if entry.effect in self.effects or entry.probability >= 0.005)[:6]
 

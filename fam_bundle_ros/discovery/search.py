@@ -85,6 +85,16 @@ class Search(Sets):
         self.scale = Scale.of(self.problem, self.fit(self.chosen))
         return self
 
+    def in_best_shapes(self, names: Iterable[str]) -> list[str]:
+        """Return effects each in the shape that `run` would choose, of those in ``effects``."""
+        self.chosen = []
+        for name in names:
+            self.fit(self.chosen)
+            self.chosen.append(name)
+        self.fit(self.chosen)
+        self._swap()
+        return self.chosen
+
     def _step(self) -> tuple[str, float] | None:
         """Return the effect that earns its place next, and what it gains."""
         best, scale = self._best_next(self.chosen)
@@ -209,9 +219,13 @@ class Search(Sets):
             loss, name = min(losses)
             if loss >= GATE:
                 return
-            at = self.chosen.index(name)
-            self.chosen.pop(at)
-            self.gains.pop(at)
+            self.drop(name)
+
+    def drop(self, name: str) -> None:
+        """Take an effect out of what was chosen."""
+        at = self.chosen.index(name)
+        self.chosen.pop(at)
+        self.gains.pop(at)
 
     # --- does it hold on data that the fit did not see? ----------------------------------------
 

@@ -16,6 +16,11 @@ _FORCES = (
     (-1.0, 'with the sign of the force turned round (tension is positive)'),
     (4.448222, 'with a force in lbf, not in N'), (1.0 / 4.448222, 'with a force in N, not in lbf'),
     (9.80665, 'with a force in kgf, not in N'), (1.0 / 9.80665, 'with a force in N, not in kgf'))
+#: Pressure as it may have been meant: (factor, words).
+_PRESSURES = (
+    (6.894757, 'with pressures in psi, not in kPa'),
+    (1.0 / 6.894757, 'with pressures in kPa, not in psi'),
+    (100.0, 'with pressures in bar, not in kPa'), (0.01, 'with pressures in kPa, not in bar'))
 #: Pa: where the lowest pressure is above this the gauge may show absolute pressure.
 _NEVER_VENTED = 85e3
 #: A slip is mentioned where the error falls to this share by it, and of the force.
@@ -43,6 +48,10 @@ def slips(model: Bundle, data: Measurement, residual: np.ndarray, *,
         tries.append((rms(data.force - predict(model, vented)), rms(data.force),
                       'with pressures that are absolute, not gauge'))
     now = rms(residual)
+    if now > _GOOD * rms(data.force):  # a pressure several times as large is no small error
+        for factor, words in _PRESSURES:
+            meant = predict(model, replace(data, pressure=factor * data.pressure))
+            tries.append((rms(data.force - meant), rms(data.force), words))
     error, force, words = min(tries)
     if error > _BETTER * now or error > _GOOD * force:
         return ()

@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.discovery.fit import base_terms, Fit, Problem
-from fam_bundle_ros.discovery.noise import autocorrelation_time
+from fam_bundle_ros.discovery.grouping import pressure_levels
+from fam_bundle_ros.discovery.measurement import pressure_labels
+from fam_bundle_ros.discovery.noise import autocorrelation_time, what_does_not_repeat
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect, Parameter
 from fam_bundle_ros.model.effects.expression import expression_class
@@ -163,6 +165,18 @@ def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
                 f'only above {onset / 1e3:.0f} kPa, {words}', 'N/Pa', (),
                 f'k * {formula} * max(0, pressure - {onset:.0f})' if single else None,
                 'above_pressure', 1)
+    for label, column in zip(pressure_labels(data), problem.motion.pressure.T):
+        means = np.sort(pressure_levels(column)[1])
+        if len(means) < 3:
+            continue
+        for k, centre in enumerate(means):
+            # half way to the next isobar: the neighbours keep 2 % of it
+            width = 0.5 * float(np.abs(np.delete(means, k) - centre).min())
+            unit = label.partition('.')[2]
+            add(np.exp(-((column - centre) / width) ** 2),
+                f'at {unit}{" " * bool(unit)}{centre / 1e3:.0f} kPa and not at other pressures',
+                'N', (), f'k * exp(-((pressure - {centre:.0f}) / {width:.0f})**2)'
+                if single else None, 'one_isobar', 1)
     below = np.minimum(force, 0.0)
     if (below < 0).mean() > 0.01:
         resistive = ('resistive', 'slack', 'bladder')
@@ -340,8 +354,21 @@ def describe(problem: Problem, fit: Fit, most: int = 5) -> Described:
     moved = inverse @ (slope - jacobian.T @ columns @ weight)
     left = r - columns @ weight - jacobian @ moved
     count = max(problem.samples - len(pull) - len(weight), 1)
-    inflation = max(float(left @ left) / count, 1.0)
+    freedom = problem.samples / count
     tau = autocorrelation_time(left, problem.data.trial)
+    noises = [(left[kept] ** 2 * freedom, np.ones(problem.samples, bool), tau)]
+    # a misfit that comes back at each visit has a memory too, and is no noise
+    pure = what_does_not_repeat(problem.data.select(kept), left[kept])
+    if pure is not None:
+        noises.append((pure ** 2, np.isfinite(pure), autocorrelation_time(
+            np.nan_to_num(pure), problem.data.trial[kept])))
+
+    def loss(columns: np.ndarray) -> float:
+        """Return the chi2 of noise in a shape: noise may be larger where the shape is."""
+        share = np.sum(columns[kept] ** 2, axis=1)
+        return min(max(float(np.average(squares[rows], weights=share[rows] + 1e-300)), 1.0) * tau
+                   for squares, rows, tau in noises)
+
     reference = float(r @ r) + float(pull @ prior @ pull) - float(slope @ inverse @ slope)
     excess = max(reference - problem.samples, 1e-9)
     found: list[Template] = []
@@ -350,7 +377,7 @@ def describe(problem: Problem, fit: Fit, most: int = 5) -> Described:
             continue
         found.append(Template(
             shape.words, float(np.linalg.norm(weight) if len(weight) > 1 else weight[0]),
-            shape.unit, float(np.clip(gain / excess, 0, 1)), gain / (inflation * tau),
+            shape.unit, float(np.clip(gain / excess, 0, 1)), gain / loss(columns),
             shape.families, shape.expression, shape.kind,
             float(np.sqrt(np.mean((columns @ weight) ** 2)) * problem.noise)))
         if len(found) == most:

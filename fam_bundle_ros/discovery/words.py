@@ -23,7 +23,8 @@ class Finding:
     A verdict, what is left in the error, and the share of it that is explained.
 
     ``refused`` says why what the search chose is no answer, ``hidden`` what these data cannot
-    show at all.
+    show at all, ``rest`` what effects leave that explain a part, ``offset`` by how much trials
+    differ, in words, ``next`` what to do about it.
     """
 
     verdict: str
@@ -31,6 +32,9 @@ class Finding:
     explained: float = 1.0
     refused: str = ''
     hidden: str = ''
+    rest: str = ''
+    offset: str = ''
+    next: str = ''
 
     @property
     def named(self) -> bool:
@@ -44,6 +48,9 @@ def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...
     moved = {key.partition('.')[2]: value for key, value in base.moved().items()
              if abs(value) > 0.2}
     far = ', '.join(f'{key} {value:+.1f}' for key, value in moved.items())
+    if finding.verdict == 'adequate' and finding.rest:
+        return ('nothing is left in the error that strain, pressure or motion foretell: '
+                f'{finding.rest} between neighbours or repeats, the rest is slow or uneven noise')
     if finding.verdict == 'adequate':
         return 'the model explains the data down to their noise'
     if finding.verdict == 'recalibrate':
@@ -62,8 +69,8 @@ def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...
     named, one = ' and '.join(shapes), len(shapes) == 1
     if finding.verdict == 'partial':
         text = (f"{named} {'explains' if one else 'explain'} "
-                f"{100 * finding.explained:.0f} % of the error, but {'its' if one else 'their'} "
-                'shape is not quite right')
+                f'{100 * finding.explained:.0f} % of the error, but ' + (
+                    finding.rest or f"{'its' if one else 'their'} shape is not quite right"))
     else:
         text = (f"{named} {'is missing and explains' if one else 'are missing and explain'} the "
                 'error down to the noise')
@@ -75,6 +82,8 @@ def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...
 def next_experiment(problem: Problem, search: Search, finding: Finding,
                     tied: tuple[tuple[str, ...], ...], data: Measurement) -> str:
     """Return the experiment that would tell most."""
+    if finding.next:
+        return finding.next
     if finding.named and tied:
         chosen = search.chosen
         slot = [cand.head(name) for name in chosen].index(tied[0][0])
@@ -89,8 +98,6 @@ def next_experiment(problem: Problem, search: Search, finding: Finding,
                     + without_force(chosen[slot], tied[0][1]))
         return (f'{best.words}: separates {tied[0][0]} from {tied[0][1]} '
                 f'(by {np.sqrt(best.separation):.0f} noise sd)')
-    if finding.hidden:
-        return 'give the time of each row, or one file for each direction of motion'
     if finding.verdict == 'unexplained':
         shape = finding.left.templates[0].words if finding.left.templates else 'the error'
         return (f'measure where the error is largest again, in finer steps and at two speeds '

@@ -7,10 +7,17 @@ import json
 import numpy as np
 import pytest
 
-from fam_bundle_ros.discovery import add_effect, diagnose, ladder, orders, read_measurement
+from fam_bundle_ros.discovery import (
+    add_effect,
+    compare,
+    diagnose,
+    ladder,
+    orders,
+    read_measurement,
+)
 from fam_bundle_ros.discovery.measurement import build
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import dumps_model, load_model, loads_model
+from fam_bundle_ros.model import catalogue, dumps_model, load_model, loads_model
 
 NAMES = [f'p{k:02d}' for k in range(1, 11)]
 
@@ -112,6 +119,78 @@ def test_noise_and_outliers_alone_name_nothing(sweeps, paper_muscle):
         assert result.rows_left_out >= 0.7 * bad.sum()
 
 
+def test_one_isobar_that_is_off_at_every_visit_is_no_noise(sweeps, paper_muscle):
+    """3 N at one isobar, the same each time: said where; slow noise as large stays adequate."""
+    data = sweeps(extra=lambda e, p, way, t: 3.0 * (np.abs(p - 165e3) < 5e3))
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'unexplained'
+    assert 'at 165 kPa' in result.summary
+    assert 'at 165 kPa' in result.located[0].where
+    timeless = build('map', data.strain, data.pressure, data.force, data.trial // 6)
+    assert 'at 165 kPa' in diagnose(paper_muscle, timeless).summary
+    rng = np.random.default_rng(3)
+    slow = np.zeros(len(data))
+    for k in range(1, len(data)):
+        slow[k] = 0.95 * slow[k - 1] + rng.standard_normal()
+    clean = sweeps()
+    noisy = build('slow', clean.strain, clean.pressure, clean.force + slow, clean.trial,
+                  clean.time)
+    assert diagnose(paper_muscle, noisy).verdict == 'adequate'
+
+
+def test_an_offset_of_each_trial_is_neither_noise_nor_an_effect(sweeps, paper_muscle):
+    """Repeats tared differently: said so, noise within trials, and end caps are found."""
+    def repeats(model, trials):
+        once = sweeps(model, cycles=1, noise=0.0)
+        count = len(once)
+        rng = np.random.default_rng(7)
+        force = np.tile(once.force, 3) + np.repeat([0.0, 2.0, -2.0], count)
+        return build('map', np.tile(once.strain, 3), np.tile(once.pressure[:, 0], 3),
+                     force + 0.6 * rng.standard_normal(3 * count),
+                     np.repeat([0, 1, 2], count) if trials else None)
+    for trials in (True, False):
+        result = diagnose(paper_muscle, repeats(paper_muscle, trials))
+        assert result.verdict == 'unexplained'
+        assert 'its own offset, 2 N rms: tare' in result.summary
+        assert 'tare' in result.next_experiment
+        assert result.noise.value == pytest.approx(0.6, rel=0.1)
+        assert compare(paper_muscle, result.measurement).noise.value == result.noise.value
+    hidden = diagnose(paper_muscle, repeats(paper_muscle.with_effect(
+        'end_caps', dead_length=12e-3), True))
+    assert hidden.verdict == 'partial'
+    assert hidden.effects == ('end_caps',)
+    assert 'down to the noise' not in hidden.summary
+
+
+def test_an_effect_whose_size_may_be_zero_is_not_named(sweeps, paper_muscle):
+    """Sweeps, each with its own tare: no bias of the load cell, and no end reached."""
+    rng = np.random.default_rng(5)
+    data = sweeps()
+    tare = 1.5 * rng.standard_normal(len(data.trial_names))
+    data = build('tare', data.strain, data.pressure, data.force + tare[data.trial], data.trial,
+                 data.time)
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'unexplained'
+    assert 'its own offset' in ' '.join((result.summary, *result.notes))
+    for estimate in result.parameters:
+        if estimate.key.partition('.')[0] in result.shapes:
+            assert estimate.interval[0] * estimate.interval[1] > 0
+
+
+def test_another_shape_of_the_wall_is_no_end_cap(sweeps, paper_muscle):
+    """A wall that is a spring besides: end caps fit, but a polynomial wall does so with less."""
+    data = sweeps(extra=lambda e, p, way, t: -80 * e)
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'unexplained'
+    assert result.effects == ()
+    assert "bladder_polynomial beside the model's bladder_elasticity" in result.summary
+    assert 'write bladder_polynomial' in result.next_experiment
+    better = add_effect(paper_muscle, 'bladder_polynomial', data)
+    assert better.error_N < 0.62
+    caps = diagnose(paper_muscle, sweeps(paper_muscle.with_effect('end_caps', dead_length=12e-3)))
+    assert (caps.verdict, caps.effects, caps.tied) == ('missing_effect', ('end_caps',), ())
+
+
 def test_what_no_effect_explains_is_described_and_can_be_added(sweeps, paper_muscle):
     """A stop at strain 0.17 is unexplained; its shape in words makes a model that fits."""
     data = sweeps(extra=lambda e, p, way, t: -400 * np.maximum(e - 0.17, 0))
@@ -144,6 +223,60 @@ def test_effects_that_the_data_cannot_tell_apart_are_tied(sweeps, paper_muscle):
     group = next(g for g in result.tied if 'coulomb_friction' in g)
     assert 'viscous_damping' in group
     assert 'ten times' in result.next_experiment
+
+
+def test_candidates_are_held_against_the_same_rows_as_the_headline(sweeps, paper_muscle):
+    """Rows are averaged for the search only; without a missing effect nothing is probable."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction', force=3.0), cycles=8)
+    result = diagnose(paper_muscle, data)
+    assert len(data) > 3000
+    assert min(entry.error_N for entry in result.ranking) > 0.98 * result.error_N['best']
+    clean = diagnose(paper_muscle, sweeps())
+    assert clean.shortlist == ()
+    assert clean.ranking
+
+
+def test_no_other_speed_is_asked_for_where_speed_tells_nothing(sweeps, paper_muscle):
+    """Offset of the strain sensor against bias of the gauge: neither knows of speed."""
+    data = sweeps(paper_muscle.with_effect('strain_sensor_offset', offset=0.004))
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == 'missing_effect'
+    assert 'strain_sensor_offset' in result.next_experiment
+    assert 'ten times' not in result.next_experiment
+
+
+def test_a_force_that_follows_no_model_is_said_to(sweeps, paper_muscle):
+    """White noise for a force is no matter of calibration; data without noise lack nothing."""
+    data = sweeps()
+    noise = 50.0 * np.random.default_rng(0).standard_normal(len(data))
+    junk = build('junk', data.strain, data.pressure, noise, data.trial, data.time)
+    result = diagnose(paper_muscle, junk)
+    assert result.verdict == 'unexplained'
+    assert 'does not follow the model at all' in result.summary
+    assert 'columns' in result.next_experiment
+    fine = sweeps(noise=0.0)
+    ripple = 2e-3 * np.sin(2 * np.pi * fine.strain / 0.05)
+    clean = build('clean', fine.strain, fine.pressure, fine.force + ripple, fine.trial, fine.time)
+    assert diagnose(paper_muscle, clean).verdict == 'adequate'
+
+
+def test_adding_an_effect_by_its_head_gives_the_shape_that_was_diagnosed(sweeps, paper_muscle):
+    """Damping with the square of the speed: `add viscous_damping` leaves what diagnose showed."""
+    data = sweeps()
+    rate = np.where(data.trial % 2, 3.0, 1.0) * 0.024 * np.sign(data.direction)
+    fast = build('fast', data.strain, data.pressure,
+                 data.force - 9000.0 * rate * np.abs(rate), data.trial,
+                 data.time / np.where(data.trial % 2, 3.0, 1.0) + 1e3 * data.trial)
+    result = diagnose(paper_muscle, fast)
+    assert result.effects == ('viscous_damping',)
+    assert result.shapes == ('viscous_power',)
+    assert 'viscous_damping as viscous_power' in str(result)
+    added = add_effect(paper_muscle, 'viscous_damping', fast)
+    assert added.effects == ('viscous_power',)
+    assert added.error_N == pytest.approx(result.error_N['best'], rel=0.01)
+    assert 'the shape of viscous_damping that fits best' in str(added)
+    literal = add_effect(paper_muscle, catalogue.get('viscous_damping')(), fast)
+    assert literal.effects == ('viscous_damping',)
 
 
 def test_adding_fails_on_an_effect_that_is_there_or_unknown(sweeps, paper_muscle):

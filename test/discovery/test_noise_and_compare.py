@@ -61,7 +61,9 @@ def test_friction_is_odd_and_rubber_is_even(sweeps, paper_muscle):
     (lambda data: {'force': -data.force}, 'sign of the force'),
     (lambda data: {'force': data.force / 4.448}, 'in lbf, not in N'),
     (lambda data: {'force': data.force * 9.807}, 'in N, not in kgf'),
-    (lambda data: {'pressure': data.pressure + 101325.0}, 'absolute, not gauge')])
+    (lambda data: {'pressure': data.pressure + 101325.0}, 'absolute, not gauge'),
+    (lambda data: {'pressure': data.pressure / 6.895}, 'in psi, not in kPa'),
+    (lambda data: {'pressure': data.pressure / 100.0}, 'in bar, not in kPa')])
 def test_a_slip_of_unit_or_sign_is_named_before_any_physics(sweeps, paper_muscle, slip, words):
     """Data that pass every range but were meant otherwise: said so, though friction is hidden."""
     data = sweeps(paper_muscle.with_effect('coulomb_friction'))
