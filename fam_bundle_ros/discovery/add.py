@@ -17,8 +17,8 @@ import json
 from typing import Any
 
 from fam_bundle_ros.discovery import candidates as cand
-from fam_bundle_ros.discovery.diagnose import confirm, SEARCH_ROWS, with_intervals
-from fam_bundle_ros.discovery.fit import base_terms, held_out_of_whole, Problem
+from fam_bundle_ros.discovery.diagnose import SEARCH_ROWS, with_intervals
+from fam_bundle_ros.discovery.fit import base_terms, confirm, held_out_of_whole, Problem
 from fam_bundle_ros.discovery.grouping import rms
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.discovery.predict import matched, predict

@@ -10,7 +10,7 @@ Levenberg-Marquardt with bounds, written for many fits of few parameters on the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,6 +127,10 @@ class Fit:
         """Return how many tolerances each of the model's own parameters has moved."""
         return {term.key: float((value - term.prior) / term.scale)
                 for term, value in zip(self.terms, self.values) if term.prior is not None}
+
+
+#: From a fit to an error in N.
+ErrorOf = Callable[[Fit], float]
 
 
 class Problem:
@@ -386,3 +390,14 @@ def held_out_error(problem: Problem, fit: Fit, scheme: str = '') -> float:
     """Return the rms of `held_out_residual` over the rows that count, N."""
     residual = held_out_residual(problem, fit, scheme)[problem.weight]
     return float(np.sqrt(np.mean(residual ** 2))) if len(residual) else float('nan')
+
+
+def confirm(full: Problem, fit: Fit) -> Fit:
+    """Return a fit of the search refitted on every row."""
+    if len(full.data) == len(fit.residual):
+        return fit
+    again = full.fit(fit.model, fit.terms,
+                     {t.key: v for t, v in zip(fit.terms, fit.values)}, iterations=4,
+                     tolerance=1.0)
+    again.added = fit.added
+    return again

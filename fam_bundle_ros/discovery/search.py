@@ -25,6 +25,10 @@ GATE = 10.0
 #: The first shape of a family is kept unless another one is better by this much.
 HEAD_MARGIN = 6.0
 MOST_EFFECTS = 4
+#: Effects whose scores differ by less cannot be told apart (odds of 20 to 1).
+TIE = 6.0
+#: Where something is still missing, an error larger by this factor is no reason for a choice.
+NEAR = 1.1
 #: A further effect must be at least so large, in noise standard deviations of one row.
 _SEEN = 0.15
 #: A further effect must take at least this share of what the others took: a shape that is not
