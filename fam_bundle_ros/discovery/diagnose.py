@@ -37,7 +37,7 @@ from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import NEAR, Progress, Scale, Search, TIE
 from fam_bundle_ros.discovery.trials import trial_offsets
 from fam_bundle_ros.discovery.uncertainty import confounding, estimates
-from fam_bundle_ros.discovery.verdict import hold_against_noise, judge, moved, without_weak
+from fam_bundle_ros.discovery.verdict import hold_against_noise, judge, moved
 from fam_bundle_ros.discovery.words import Finding, next_experiment, notes_on, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 
@@ -82,7 +82,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         progress(0.9, 'weighing what is left')
     full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
     base = confirm(full, search.fit(()))
-    final = without_weak(full, search)
+    final = confirm(full, search.fit(search.chosen))
     finding = judge(problem, search, comparison.noise)
     if rms(base.residual[full.weight]) < RESOLUTION * np.abs(data.force).max():
         finding = Finding('recalibrate' if moved(problem, search) else 'adequate', finding.left)

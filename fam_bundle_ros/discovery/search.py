@@ -223,13 +223,9 @@ class Search(Sets):
             loss, name = min(losses)
             if loss >= GATE:
                 return
-            self.drop(name)
-
-    def drop(self, name: str) -> None:
-        """Take an effect out of what was chosen."""
-        at = self.chosen.index(name)
-        self.chosen.pop(at)
-        self.gains.pop(at)
+            at = self.chosen.index(name)
+            self.chosen.pop(at)
+            self.gains.pop(at)
 
     # --- does it hold on data that the fit did not see? ----------------------------------------
 

@@ -14,15 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from fam_bundle_ros.discovery import candidates as cand
-from fam_bundle_ros.discovery.fit import confirm, Fit, Problem
+from fam_bundle_ros.discovery.fit import Fit, Problem
 from fam_bundle_ros.discovery.grouping import rms
 from fam_bundle_ros.discovery.measurement import RESOLUTION
 from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, what_does_not_repeat
-from fam_bundle_ros.discovery.search import Scale, Search, TIE
+from fam_bundle_ros.discovery.search import Scale, Search
 from fam_bundle_ros.discovery.structure import surface_share
 from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
 from fam_bundle_ros.discovery.trials import Offsets, trial_offsets
-from fam_bundle_ros.discovery.uncertainty import covariance
 from fam_bundle_ros.discovery.words import Finding
 
 #: A model that leaves so much of the force's standard deviation tells hardly more than a constant.
@@ -67,43 +66,6 @@ def judge(problem: Problem, search: Search, floor: NoiseFloor) -> Finding:
         return Finding('unexplained', describe(problem, base), explained,
                        f'it explains only {100 * explained:.0f} % of the error')
     return Finding('partial', left, explained)
-
-
-def without_weak(full: Problem, search: Search) -> Fit:
-    """
-    Return the chosen effects confirmed on every row, without those whose size may be zero.
-
-    The search weighs an effect with all that the fit moves along with it; to be named, its own
-    size must differ from nothing (95 %). Another effect that does as well takes its place.
-    """
-    from scipy import stats
-    weak: set[str] = set()
-    while search.chosen:
-        final = confirm(full, search.fit(search.chosen))
-        known = covariance(final, Scale.of(full, final))
-        keys = [term.key.partition('.') for term in final.terms]
-        for name in search.chosen:
-            effect = search.effects[name]
-            sizes = [j for j, (owner, _, own) in enumerate(keys)
-                     if owner == name and effect.off.get(own) == 0.0]
-            value = np.array([final.values[j] / final.terms[j].scale for j in sizes])
-            distance = float(value @ np.linalg.pinv(known[np.ix_(sizes, sizes)]) @ value)
-            if sizes and distance < stats.chi2.ppf(0.95, len(sizes)):
-                weak.add(name)
-                now = search.score(search.chosen, search.scale)
-                rest = set(search.chosen) - {name}
-                others = [(search.score(key, search.scale), (set(key) - rest).pop())
-                          for key in search.fits if len(key) == len(search.chosen)
-                          and rest <= set(key) and not weak & set(key)]
-                score, other = min(others, default=(np.inf, name))
-                if score < now + TIE:
-                    search.chosen[search.chosen.index(name)] = other
-                else:
-                    search.drop(name)
-                break
-        else:
-            return final
-    return confirm(full, search.fit(()))
 
 
 def hold_against_noise(full: Problem, final: Fit, finding: Finding, offsets: Offsets | None,
