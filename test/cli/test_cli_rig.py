@@ -42,7 +42,7 @@ def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundl
     assert len(rows) > 300
     # A strain was asked for: the rig has a load that moves.
     strain = [float(row.split(',')[2]) for row in rows[1:]]
-    assert max(strain) - min(strain) > 0.02
+    assert max(strain) - min(strain) > 0.005
     again = fam_bundle('record', 'bag', '--seconds', '1')
     assert again.returncode == 2
     assert 'bag' in again.stderr
