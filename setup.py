@@ -48,9 +48,12 @@ setup(
     # rclpy and the messages come from ROS (package.xml) or from requirements.txt.
     install_requires=['numpy>=1.26', 'scipy>=1.11', 'PyYAML>=6', 'pint>=0.19', 'control>=0.10'],
     extras_require={
+        'fast': ['numba'],
+        'files': ['openpyxl', 'npTDMS', 'h5py', 'pyarrow'],
         'tools': ['typer', 'rich', 'rosbags', 'plotly>=6', 'pandas>=2'],
         'web': ['nicegui>=3'],
-        'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'playwright'],
+        'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'playwright',
+                 'scikit-learn'],
     },
     zip_safe=False,
     maintainer='fam_bundle_ros contributors',

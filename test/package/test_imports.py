@@ -23,7 +23,7 @@ ALLOWED = {
             'benchmarks', 'workbench'},
 }
 # Modules that know nothing of physics and serve every layer.
-PLAIN = {'bagwriter', 'errors', 'palette', 'plotting', 'resources', 'units'}
+PLAIN = {'bagwriter', 'errors', 'kernels', 'palette', 'plotting', 'resources', 'units'}
 # Only nodes/ and the commands that start nodes may speak ROS.
 ROS = {'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'std_msgs', 'geometry_msgs',
        'sensor_msgs', 'trajectory_msgs', 'diagnostic_msgs', 'std_srvs', 'rosgraph_msgs',

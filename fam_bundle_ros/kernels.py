@@ -1,0 +1,187 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plain functions on records, run as they are or compiled by numba.
+
+A kernel is a Python function of numbers, lists of numbers and records: arithmetic, `math`, `if`,
+`for`, and calls of other kernels by name. It runs unchanged on dataclasses with lists (no numba
+needed), and `compiled` turns it and every kernel that it calls into machine code that works on
+NumPy records with the same field names (`pack`, `unpack`). Compiled code is kept in the user's
+cache folder, in a folder named by a hash of the sources and of numba's version.
+"""
+
+from collections.abc import Callable, Iterator
+import contextlib
+from dataclasses import fields, is_dataclass
+from functools import cache
+import hashlib
+import os
+from pathlib import Path
+import types
+from typing import Any
+
+import numpy as np
+
+PACKAGE = 'fam_bundle_ros'
+#: Set to anything but 0, this makes everything run without numba.
+PLAIN_VARIABLE = 'FAM_BUNDLE_PLAIN'
+
+
+@cache
+def numba() -> Any:
+    """Return the numba module, or None where it is not installed or not wanted."""
+    if os.environ.get(PLAIN_VARIABLE, '0') != '0':
+        return None
+    try:
+        import numba
+    except ImportError:
+        return None
+    return numba
+
+
+# --- records -----------------------------------------------------------------------------------
+
+def pack(instance: Any) -> np.void:
+    """
+    Return a NumPy record with the fields and values of a dataclass instance.
+
+    Floats, integers, booleans, nested dataclasses, and lists (of lists) of numbers become fields
+    of the same name. Two instances have one dtype when their lists have the same lengths.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass
+    ... class Chamber:
+    ...     pressure: float
+    ...     volume: list
+    >>> float(pack(Chamber(2e5, [1e-5, 2e-5]))['volume'][1])
+    2e-05
+    """
+    record = np.zeros(1, _dtype(instance))[0]
+    _write(record, instance)
+    return record
+
+
+def unpack(record: np.void, instance: Any) -> None:
+    """Write the values of a record back into the dataclass instance it was packed from."""
+    for item in fields(instance):
+        value, now = record[item.name], getattr(instance, item.name)
+        if is_dataclass(now):
+            unpack(value, now)
+        elif isinstance(now, (list, np.ndarray)):
+            now[:] = value.tolist()
+        else:
+            setattr(instance, item.name, value.item())
+
+
+def _dtype(instance):
+    def kind(value):
+        if is_dataclass(value):
+            return (_dtype(value),)
+        array = np.asarray(value)
+        if array.dtype.kind not in 'bif':
+            raise TypeError(f'{type(instance).__name__} has a field of {array.dtype}; a record '
+                            'holds numbers')
+        number = {'b': '?', 'i': 'i8', 'f': 'f8'}[array.dtype.kind]
+        return (number, array.shape) if array.shape else (number,)
+    return np.dtype([(item.name, *kind(getattr(instance, item.name)))
+                     for item in fields(instance)], align=True)
+
+
+def _write(record, instance):
+    for item in fields(instance):
+        value = getattr(instance, item.name)
+        if is_dataclass(value):
+            _write(record[item.name], value)
+        else:
+            record[item.name] = value
+
+
+# --- compilation -------------------------------------------------------------------------------
+
+@cache
+def compiled(function: Callable) -> Callable:
+    """
+    Return a kernel as machine code, with every kernel that it calls.
+
+    Raises
+    ------
+    RuntimeError
+        When numba is not there; ask `numba` first.
+    """
+    engine = numba()
+    if engine is None:
+        raise RuntimeError('numba is not installed')
+    with _cache_folder(fingerprint(function)) as keep:
+        return engine.njit(error_model='numpy', cache=keep)(_rebound(function))
+
+
+@cache
+def _inner(function):
+    """Return a kernel for use inside another one: compiled with it, no file of its own."""
+    return numba().njit(error_model='numpy')(_rebound(function))
+
+
+def _rebound(function):
+    """Return the function with the kernels among its globals replaced by compiled ones."""
+    names = dict(_globals(function))
+    for name, value in names.items():
+        if isinstance(value, types.FunctionType):
+            names[name] = _inner(value)
+        elif hasattr(value, 'compiled_names'):
+            names[name] = value.compiled_names()
+    names['__name__'] = function.__module__
+    return types.FunctionType(function.__code__, names, function.__name__,
+                              function.__defaults__)
+
+
+def _globals(function) -> Iterator[tuple[str, Any]]:
+    """Yield the global names that a function uses, with their values."""
+    for name in function.__code__.co_names:
+        if name in function.__globals__:
+            yield name, function.__globals__[name]
+
+
+def fingerprint(function: Callable) -> str:
+    """Return a hash of the code of a kernel and of all that it calls, and of numba's version."""
+    seen: dict[Callable, None] = {}
+
+    def walk(kernel):
+        if kernel not in seen:
+            seen[kernel] = None
+            for _, value in _globals(kernel):
+                if isinstance(value, types.FunctionType):
+                    walk(value)
+    walk(function)
+    digest = hashlib.sha256(numba().__version__.encode())
+    for kernel in seen:
+        code = kernel.__code__
+        numbers = [(n, v) for n, v in _globals(kernel) if isinstance(v, (int, float))]
+        digest.update(repr((kernel.__qualname__, code.co_code, code.co_names,
+                            [c for c in code.co_consts if not isinstance(c, types.CodeType)],
+                            numbers)).encode())
+    return digest.hexdigest()[:16]
+
+
+def cache_root() -> Path:
+    """Return the folder of compiled code; XDG_CACHE_HOME moves it."""
+    base = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
+    return Path(base) / PACKAGE
+
+
+@contextlib.contextmanager
+def _cache_folder(key):
+    """Let numba keep what is decorated inside in a folder of its own; yield if that works."""
+    config = numba().config
+    folder, before = cache_root() / key, config.CACHE_DIR
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        keep = os.access(folder, os.W_OK)
+    except OSError:
+        keep = False
+    config.CACHE_DIR = str(folder) if keep else before
+    try:
+        yield keep
+    finally:
+        config.CACHE_DIR = before

@@ -1,0 +1,75 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels run as plain Python and compiled, on the same records, with the same numbers."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from fam_bundle_ros import kernels
+
+needs_numba = pytest.mark.skipif(kernels.numba() is None, reason='numba is not installed')
+RATE = 0.5
+
+
+@dataclass
+class Valve:
+    opening: float
+
+
+@dataclass
+class Chamber:
+    pressure: float
+    flow: list
+    steps: int
+    open: bool
+    valve: Valve
+
+
+def chamber():
+    return Chamber(2.0, [1.0, -0.25], 0, False, Valve(0.5))
+
+
+def helper(state, i):
+    state.pressure += RATE * state.valve.opening * state.flow[i]
+
+
+def kernel(state, count):
+    for _ in range(count):
+        for i in range(2):
+            helper(state, i)
+            state.flow[i] *= 0.9
+        state.steps += 1
+    state.open = state.pressure > 1.0
+    return state.pressure
+
+
+def test_a_record_returns_to_the_instance_it_was_packed_from():
+    """Packing and unpacking loses no field, nested or not."""
+    full, empty = chamber(), Chamber(0.0, [0.0, 0.0], 7, True, Valve(0.0))
+    kernels.unpack(kernels.pack(full), empty)
+    assert empty == full
+
+
+def test_a_record_of_text_is_refused():
+    """Only numbers can be packed; the field's class is named."""
+    with pytest.raises(TypeError, match='Valve'):
+        kernels.pack(Valve('wide'))
+
+
+@needs_numba
+def test_compiled_and_plain_kernels_change_their_records_alike():
+    """A kernel that calls another one gives the same numbers on a record and on a dataclass."""
+    plain, packed = chamber(), chamber()
+    record = kernels.pack(packed)
+    assert kernels.compiled(kernel)(record, 5) == pytest.approx(kernel(plain, 5), rel=1e-15)
+    kernels.unpack(record, packed)
+    assert packed == plain
+
+
+@needs_numba
+def test_the_fingerprint_follows_the_kernels_that_are_called(monkeypatch):
+    """Changed code or constants of a called kernel must not find old compiled code."""
+    before = kernels.fingerprint(kernel)
+    monkeypatch.setitem(kernel.__globals__, 'RATE', 0.6)
+    assert kernels.fingerprint(kernel) != before
