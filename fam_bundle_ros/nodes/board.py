@@ -99,7 +99,7 @@ class Board:
     # --- what happens --------------------------------------------------------------------------
 
     def opened(self) -> None:
-        """The port is open."""
+        """Note that the port is open."""
         self._opened += 1
         self.reconnects = self._opened - 1
         self._splitter = LineSplitter()
@@ -107,7 +107,7 @@ class Board:
         self._become(Talk.GREETING)
 
     def closed(self, reason: str) -> None:
-        """The port is not, or no longer, open."""
+        """Note that the port is not, or no longer, open."""
         self._leave(Talk.CLOSED, reason)
 
     def feed(self, data: bytes, received: float) -> list[tuple[BoardSample, float]]:

@@ -124,7 +124,7 @@ def hello_line() -> bytes:
 
 def command_line(number: int, time: int, supply: bool, stop: bool,
                  valves: Sequence[float]) -> bytes:
-    """
+    r"""
     Return a command.
 
     Parameters
@@ -143,7 +143,7 @@ def command_line(number: int, time: int, supply: bool, stop: bool,
     Examples
     --------
     >>> command_line(7, 1500, True, False, (0.25, -1.0))
-    b'C,7,1500,1,0,250,-1000*F7EC\\n'
+    b'C,7,1500,1,0,250,-1000*96B8\n'
     """
     fields = [number % WRAP, time % WRAP, int(supply), int(stop),
               *(round(FULL * valve) for valve in valves)]
@@ -214,7 +214,7 @@ def _number(text: str) -> float:
 
 
 class LineSplitter:
-    """
+    r"""
     Cuts what comes from a port into lines, however it is cut on the way.
 
     Attributes
@@ -225,7 +225,7 @@ class LineSplitter:
     Examples
     --------
     >>> splitter = LineSplitter()
-    >>> splitter.feed(b'ab'), splitter.feed(b'c\\r\\nd')
+    >>> splitter.feed(b'ab'), splitter.feed(b'c\r\nd')
     ([], [b'abc'])
     """
 

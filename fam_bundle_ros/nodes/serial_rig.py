@@ -38,6 +38,8 @@ SUPPLY_ENABLE = 'supply_enable'
 _HEARTBEAT = 0.02
 #: s. Commands are not sent closer together than this, however fast they come.
 _CLOSEST = 0.4e-3
+#: s. Two readings of clocks that are further apart do not belong together.
+_HELD_UP = 50e-6
 
 
 class SerialRig(BundleNode):
@@ -84,7 +86,8 @@ class SerialRig(BundleNode):
         self._commanded: set[int] = set()
         self._number = self._dropped = self._refused = 0
         self._last_sent = 0.0
-        self._why = self._board_air = self._last_cut = ''
+        #: Why the air is shut, here and on the board; what cut it last.
+        self._why, self._board_air, self._last_cut = 'nothing sent yet', '', ''
         self._sample_meter, self._command_meter = Meter(), Meter()
         self._set_up_interface()
         self._announce()
@@ -147,7 +150,7 @@ class SerialRig(BundleNode):
 
     def _publish(self, readings: Readings, taken: float) -> None:
         self._sample_meter.tick()
-        stamp = self.now_ns() - round(1e9 * (time.monotonic() - taken))
+        stamp = self._ros_time(taken)
         self._force.publish(interface.force_message(stamp, readings.force))
         self._strain.publish(_contraction_message(stamp, readings.contraction))
         if readings.supply is not None:
@@ -156,6 +159,14 @@ class SerialRig(BundleNode):
         for i, (publisher, value) in enumerate(zip(self._pressure, readings.pressure)):
             publisher.publish(interface.pressure_message(stamp, value, self.ambient,
                                                          f'mu{i + 1}'))
+
+    def _ros_time(self, steady: float) -> int:
+        """Return a steady time (s) as ROS time, ns."""
+        for _ in range(3):
+            before, now, after = time.monotonic(), self.now_ns(), time.monotonic()
+            if after - before < _HELD_UP:
+                break
+        return now - round(1e9 * (0.5 * (before + after) - steady))
 
     def _judge(self, button: bool, air: int) -> None:
         """Stop for what the board shows; note when it cuts the air by itself."""
@@ -176,7 +187,7 @@ class SerialRig(BundleNode):
         command = interface.read_valve(message, unit + 1)
         self._command_meter.tick()
         now = time.monotonic()
-        age = (self.now_ns() - interface.stamp_ns(message.header.stamp)) * 1e-9
+        age = (self._ros_time(now) - interface.stamp_ns(message.header.stamp)) * 1e-9
         if not self._air.command(unit, command, now - age, now):
             self._refused += 1
             self.say(f'stale {unit}', f'valve command of mu{unit + 1} refused: stamped {age:.3f} '
