@@ -63,9 +63,9 @@ class Board:
     newest : BoardSample or None
     taken : float, s
         When it was taken.
-    lost, garbled, reconnects, restarts, late : int
+    lost, garbled, reconnects, restarts, skipped : int
         Lines that never came, that could not be read, how often the port was opened again, how
-        often the board began anew, and samples that would have gone back in time.
+        often the board began anew, and samples whose time is not known (see `feed`).
     last_garbled : str
         Why the last garbled line could not be read.
     round_trip : float, s
@@ -76,7 +76,7 @@ class Board:
         self._units = units
         self._timeout = timeout
         self._on_lost = on_lost
-        self.lost = self.garbled = self.reconnects = self.restarts = self.late = 0
+        self.lost = self.garbled = self.reconnects = self.restarts = self.skipped = 0
         self.last_garbled = ''
         self.name = ''
         self.round_trip = 0.0
@@ -111,7 +111,12 @@ class Board:
         self._leave(Talk.CLOSED, reason)
 
     def feed(self, data: bytes, received: float) -> list[tuple[BoardSample, float]]:
-        """Take bytes; return the samples that move on in time, each with when it was taken."""
+        """
+        Take bytes; return the samples in them, each with when it was taken.
+
+        Of lines that come all at once when the port is opened only the first counts: nothing
+        tells yet how far apart they were read.
+        """
         overlong = self._splitter.overlong
         samples = []
         for line in self._splitter.feed(data):
@@ -216,8 +221,7 @@ class Board:
         taken = self._clock.time(sample.time, received)
         self.newest, self.taken = sample, taken
         if taken <= self._latest:
-            # The first lines came late, as those after them show.
-            self.late += 1
+            self.skipped += 1
             return False
         self._latest = taken
         return True

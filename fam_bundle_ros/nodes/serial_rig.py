@@ -309,7 +309,7 @@ class SerialRig(BundleNode):
         report.value('lines lost', board.lost)
         report.value('lines garbled', board.garbled)
         report.value('last garbled line', board.last_garbled or 'none')
-        report.value('samples back in time', board.late)
+        report.value('samples skipped', board.skipped)
         report.value('reconnects', board.reconnects)
         report.value('board restarts', board.restarts)
         report.value('round trip, s', board.round_trip)

@@ -5,6 +5,7 @@
 import math
 import os
 import pty
+import random
 import signal
 import socket
 import subprocess
@@ -227,7 +228,7 @@ class Loop:
 
     def __init__(self, graph, board, **overrides):
         self.graph, self.board = graph, board
-        self.valves = {unit: 0.5 for unit in range(1, board.units + 1)}
+        self.valves = dict.fromkeys(range(1, board.units + 1), 0.5)
         self.enable = True
         self.rig = graph.add(SerialRig(context=graph.context, overrides={
             'url': board.port.url, 'units': board.units, 'start_stopped': False,
@@ -271,7 +272,7 @@ class Loop:
         return self.graph.call(Trigger, 'e_stop_reset')
 
     def status(self, text=''):
-        """Return the diagnostics that come from now on, once a message or value says a text."""
+        """Return diagnostics of now, once a message or value says a text."""
         def find():
             for message in reversed(self.diagnostics):
                 status = message.status[0]
@@ -280,8 +281,12 @@ class Loop:
                     return status, values
             return None
         self.diagnostics.clear()
-        self.until(lambda: find() and text in ' '.join(
-            (find()[0].message, *find()[1].values())), f'diagnostics: {text}')
+
+        def says():
+            self.rig._diagnostics.publish()
+            self.graph.spin()
+            return find() and text in ' '.join((find()[0].message, *find()[1].values()))
+        self.until(says, f'diagnostics: {text}')
         return find()
 
 
@@ -359,7 +364,8 @@ def test_stamps_are_the_times_of_the_readings(graph, port):
     first, *rest = sorted(stamps)
     for number in rest:
         true = (board.times[number] - board.times[first]) % 2**32 * 1e-6
-        assert (stamps[number] - stamps[first]) * 1e-9 == pytest.approx(true, abs=2e-3 + 0.02 * true)
+        assert (stamps[number] - stamps[first]) * 1e-9 == pytest.approx(
+            true, abs=2e-3 + 0.02 * true)
     steps = [stamps[b] - stamps[a] for a, b in zip(sorted(stamps), rest)]
     assert min(steps) > 0
 
@@ -550,7 +556,6 @@ def test_lost_and_garbled_lines_are_counted_and_cost_no_control(graph, port):
 
 def test_noise_alone_brings_no_air(graph, any_port):
     """A port that speaks anything but the protocol: the node lives and says so."""
-    import random
     noise = random.Random(1)
     board = FakeBoard(any_port)
     board._take = lambda data, now: board.heard.append(data)
@@ -595,8 +600,8 @@ def test_unplugged_and_plugged_in_again(graph, any_port):
     before = len(board.heard)
     any_port.plug()
     loop.until(lambda: len(board.heard) > before + 30, 'commands')
-    assert {tuple(heard[2:]) for heard in map(
-        lambda h: (*h[:4], tuple(h[4])), board.heard[before:])} == {(0, 1, (-1000, -1000))}
+    assert {(supply, stop, *valves) for _, _, supply, stop, valves in board.heard[before:]} == {
+        (0, 1, -1000, -1000)}
     _, values = loop.status('stopped: ')
     assert values['reconnects'] == '1'
     assert loop.reset().success
@@ -641,7 +646,7 @@ def test_board_that_takes_no_commands_gets_no_air(graph, any_port):
 
 
 def test_broken_sensor_shows_as_nan_and_a_missing_supply_not_at_all(graph, port):
-    """nan is for the watches of the controllers; an empty supply field is no reading."""
+    """A nan is for the watches of the controllers; an empty supply field is no reading."""
     board = FakeBoard(port)
     board.force, board.supply_text = 'nan', ''
     loop = Loop(graph, board)
