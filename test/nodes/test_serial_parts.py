@@ -27,6 +27,7 @@ SAMPLE = 'S,17,4294967295,9,0,2,-12.5,1e1,601.3,0.1,nan'
 
 
 def said(body):
+    """Return what a body with a right checksum says."""
     return read_line(frame(body).strip())
 
 

@@ -125,6 +125,7 @@ def crc(body):
 
 
 def line(body):
+    """Return a body with its checksum, as a line."""
     return b'%s*%04X\n' % (body.encode(), crc(body.encode()))
 
 
@@ -292,6 +293,7 @@ class Loop:
 
 @pytest.fixture(params=[Pty, Tcp], ids=['pty', 'tcp'])
 def any_port(request, tmp_path):
+    """Yield a serial port and then a TCP port."""
     port = request.param(tmp_path)
     yield port
     port.close()
@@ -299,6 +301,7 @@ def any_port(request, tmp_path):
 
 @pytest.fixture
 def port(tmp_path):
+    """Yield a serial port."""
     port = Pty(tmp_path)
     yield port
     port.close()
