@@ -24,7 +24,7 @@ SPECS = (
     Spec('command_timeout', 0.1, 'a motor unit without a fresh command is vented, s',
          0.01, 10.0),
     Spec('supply_timeout', 0.5, 'the supply is shut and dumped when supply_enable is silent for '
-         'so long, s', 0.15, 5.0),
+         'so long, s', 0.15, 1.0),
     Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
     Spec('trip_pressure', 450e3, 'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
     Spec('board_sends_gauge', True, 'the pressures of the board are gauge, else absolute, after '

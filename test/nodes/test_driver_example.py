@@ -4,6 +4,7 @@
 
 from importlib.util import module_from_spec, spec_from_file_location
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -186,3 +187,14 @@ names['main']()
     assert {'force rate', 'mu2/pressure rate', 'e_stop'} <= {each.what for each in findings}
     assert process.returncode == 0, errors
     assert output.splitlines()[-1] == 'False [-1.0, -1.0]'
+
+
+def test_page_names_topics_and_types_of_the_interface(repository):
+    """The page of drivers lists what a rig sends and takes, with the types of the interface."""
+    page = (repository / 'docs/driver.md').read_text()
+    rows = dict(re.findall(r'^\| `([\w/<>]+)` \| (\w+/\w+) \| (?:in|out)', page, re.MULTILINE))
+    known = {re.sub(r'^mu1', 'mu<i>', topic.name): topic.type_name.replace('/msg', '')
+             for topic in interface.topics(1)}
+    assert {name: known.get(name, kind) for name, kind in rows.items()} == rows
+    assert {'force', 'strain', 'mu<i>/pressure', 'supply/pressure', 'e_stop',
+            'mu<i>/valve_command', 'supply_enable'} == set(rows)
