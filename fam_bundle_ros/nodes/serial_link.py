@@ -135,7 +135,7 @@ class SerialLink:
             try:
                 port = self._new_port()
                 port.open()
-                _no_delay(port)
+                _prepare(port)
             except Exception as error:
                 # Drivers and URL handlers raise what they like; the thread has to go on.
                 self._tell('failed', reason=_reason(error))
@@ -170,7 +170,6 @@ def _read(port: Any) -> bytes:
     if _has_file(port):
         ready = select.select([port], [], [], _SLICE)[0]
         return bytes(port.read(_CHUNK)) if ready else b''
-    port.timeout = _SLICE
     return bytes(port.read(1) + port.read(port.in_waiting))
 
 
@@ -185,13 +184,15 @@ def _writable(port: Any) -> bool:
     return not _has_file(port) or bool(select.select([], [port], [], 0.0)[1])
 
 
-def _no_delay(port: Any) -> None:
-    """Switch off the algorithm of Nagle: it would hold commands back by 40 ms."""
-    if not str(port.portstr).startswith('socket:'):
-        return
-    # The copy of the descriptor is the same socket; pyserial has no option for this.
-    with socket.socket(fileno=os.dup(port.fileno())) as same:
-        same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+def _prepare(port: Any) -> None:
+    if not _has_file(port):
+        # Nothing says when such a port is ready: bound how long it may take.
+        port.timeout = port.write_timeout = _SLICE
+    elif str(port.portstr).startswith('socket:'):
+        # The algorithm of Nagle would hold commands back by 40 ms, and pyserial has no option
+        # for it; the copy of the descriptor is the same socket.
+        with socket.socket(fileno=os.dup(port.fileno())) as same:
+            same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
 def _reason(error: Exception) -> str:

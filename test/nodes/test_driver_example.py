@@ -165,28 +165,36 @@ def test_stop_button_vents_and_is_told(graph, loop):
     assert late[-1].data
 
 
-def test_check_rig_finds_nothing_wrong_and_ctrl_c_vents(graph, domain_id):
+def test_check_rig_finds_nothing_wrong_and_ctrl_c_vents(graph, domain_id, tmp_path):
     """The example as a process: check-rig passes; its last word to the board is to vent."""
+    written = tmp_path / 'written'
+    written.touch()
     process = subprocess.Popen([sys.executable, '-c', f"""
 import random, runpy
 names = runpy.run_path({str(DRIVER)!r})
 class Board:
+    def __init__(self):
+        self.out = open({str(written)!r}, 'w', buffering=1)
     def read(self):
         noise = random.gauss(0.0, 1.0)
         return 50.0 + 0.1 * noise, 0.006 + 1e-6 * noise, [101325.0 + 100.0 * noise] * 2, False
     def write(self, supply, valves):
-        print(supply, valves, flush=True)
+        print(supply, valves, file=self.out)
 names['main'].__globals__['Board'] = Board
 names['main']()
-"""], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+"""], stderr=subprocess.PIPE, text=True)
     findings = check_rig(seconds=0.5, units=2, domain=domain_id, patience=15.0)
+    enable = graph.probe.create_publisher(Bool, 'supply_enable', 10)
+    graph.probe.every(0.05, lambda: enable.publish(Bool(data=True)))
+    graph.until(lambda: written.read_text().endswith('True [-1.0, -1.0]\n'), 'supply')
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=20)
+    graph.until(lambda: process.poll() is not None, 'the end')
+    _, errors = process.communicate()
     assert [str(finding) for finding in findings if not finding.ok
             if finding.what != 'supply/pressure'] == []
     assert {'force rate', 'mu2/pressure rate', 'e_stop'} <= {each.what for each in findings}
     assert process.returncode == 0, errors
-    assert output.splitlines()[-1] == 'False [-1.0, -1.0]'
+    assert written.read_text().endswith('False [-1.0, -1.0]\n')
 
 
 def test_page_names_topics_and_types_of_the_interface(repository):
