@@ -104,12 +104,13 @@ def test_small_lines_are_not_held_back(watch):
                 assert same.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
-def test_full_port_refuses_at_once_and_takes_the_farewell_later(watch, ends):
+@pytest.mark.parametrize('size', [100, 100_000], ids=['line by line', 'in the middle of a line'])
+def test_full_port_refuses_at_once_and_takes_the_farewell_later(watch, ends, size):
     """Nobody reads: lines are refused, not waited for; a line cut in half spoils no other."""
     far, near = ends
     watched = watch(os.ttyname(near))
     watched.next('open')
-    line = b'x' * 99 + b'\n'
+    line = b'x' * (size - 1) + b'\n'
     taken = 0
     while watched.link.write(line):
         taken += 1

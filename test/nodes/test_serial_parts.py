@@ -300,3 +300,14 @@ def test_first_lines_that_come_at_once_are_one_sample(talking):
     assert (talking.board.skipped, talking.board.lost) == (2, 0)
     (_, taken), = talking.sample(4, 1.1)
     assert taken > 1.0
+
+
+def test_clock_of_a_board_that_comes_back_is_followed_anew(talking):
+    """It may have restarted while nobody listened, and its clock with it."""
+    talking.sample(1, 10.0)
+    talking.board.closed('unplugged')
+    assert talking.lost == ['unplugged']
+    talking.board.opened()
+    talking.say('H,1,1,x', 70.0)
+    (_, taken), = talking.say('S,1,15000000,0,0,0,1,2,3,4', 70.0)
+    assert taken == 70.0

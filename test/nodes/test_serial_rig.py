@@ -416,6 +416,19 @@ def test_command_carries_the_time_of_the_reading_that_it_answers(graph, port):
     loop.until(lambda: loop.board.why == 2, 'the board to refuse old answers')
 
 
+def test_every_sample_is_answered_at_once(graph, port):
+    """A command goes out when all motor units have theirs, not with the next heartbeat."""
+    loop = Loop(graph, FakeBoard(port))
+    board = loop.board
+
+    def in_a_row():
+        numbers = [min(board.times, key=lambda n: abs(board.times[n] - ticks))
+                   for _, ticks, *_ in board.heard[-12:]]
+        return any(numbers[k:k + 6] == list(range(numbers[k], numbers[k] + 6))
+                   for k in range(len(numbers) - 5))
+    loop.until(in_a_row, 'six answers to six samples')
+
+
 def test_motor_unit_without_commands_is_vented(graph, port):
     """One that falls silent exhausts; the other goes on, and the supply stays open."""
     loop = Loop(graph, FakeBoard(port), command_timeout=0.15)
