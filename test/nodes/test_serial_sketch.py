@@ -12,6 +12,7 @@ import time
 import tty
 
 import pytest
+import yaml
 
 pytest.importorskip('serial', reason='pyserial is not installed')
 
@@ -218,3 +219,14 @@ def test_page_has_every_parameter(page):
                  else f"'{default}'" if isinstance(default, str) else f'{default:g}')
         assert rows.pop(spec.name) == shown
     assert {name for name in rows if '.' in name or '_' in name} == set()
+
+
+def test_example_parameters_are_the_defaults(repository):
+    """The parameter file that ships names every parameter, with the type and value of the node."""
+    text = (repository / 'config/examples/serial_rig.yaml').read_text()
+    given = yaml.safe_load(text)['/**']['ros__parameters']
+    assert given.pop('ambient_pressure') == 101325.0
+    defaults = {spec.name: spec.default for spec in (*SPECS, *scale_specs(2))}
+    assert given == defaults
+    assert {name: type(value) for name, value in given.items()} == {
+        name: type(value) for name, value in defaults.items()}
