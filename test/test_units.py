@@ -30,4 +30,5 @@ def test_a_shipped_model_loads_without_pint_and_numba(repository):
             f'b = load_model({str(repository / "config/models/spie2021.yaml")!r}); '
             'b.force(0.1, [1e5] * b.n); b.step(b.start_state(), 0.1, 0.1, [1e5] * b.n); '
             'b.model(compiled=False); sys.exit("pint" in sys.modules or "numba" in sys.modules)')
-    assert subprocess.run([sys.executable, '-c', code], cwd=repository, check=False).returncode == 0
+    done = subprocess.run([sys.executable, '-c', code], cwd=repository, check=False)
+    assert done.returncode == 0

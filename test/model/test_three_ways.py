@@ -12,7 +12,6 @@ import pytest
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.model import Bundle, catalogue, loads_model, Motion, Place
-from fam_bundle_ros.model.compose import composition
 from fam_bundle_ros.model.laws.mesh import mesh
 
 from .conftest import units
@@ -53,6 +52,7 @@ def alone(name, shares):
 
 def through(force, unit, strain, rate, pressure, time, dt, start, shape, parameters, tables,
             memory, after):
+    """Call a model's force as a control loop does."""
     return force(unit, strain, rate, pressure, time, dt, start, shape, parameters, tables, memory,
                  after)
 
@@ -102,12 +102,6 @@ def test_the_three_ways_agree(name, shares, seed):
         assert_allclose(run(bundle, motion, compiled=True), whole, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize('name', LAWS)
-def test_no_law_needs_to_be_computed_sample_by_sample(name):
-    """Built-in laws use their memory through recurrences, so that a record is one call."""
-    assert composition((catalogue.get(name),)).runs_along_time
-
-
 @pytest.mark.parametrize('compiled', [False, True])
 def test_volumes_agree_with_the_arrays(compiled):
     """The loop's volume and slope are those of `gas_volume`, with every geometry effect on."""
@@ -127,6 +121,7 @@ def test_volumes_agree_with_the_arrays(compiled):
 
 
 def volume_through(function, unit, strain, pressure, time, shape, parameters, tables):
+    """Call a model's volume or slope as a control loop does."""
     return function(unit, strain, pressure, time, shape, parameters, tables)
 
 
