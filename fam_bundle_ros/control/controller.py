@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fam_bundle_ros.control.allocation import Allocator, SCHEMES
-from fam_bundle_ros.control.belief import belief_of
+from fam_bundle_ros.control.belief import Belief, belief_of
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import KINDS, outer_settings, OuterState, SATURATION
 from fam_bundle_ros.control.reasons import sentence
@@ -173,6 +173,17 @@ class RecruitmentController:
                              self._record)
             self._command = self._told()
         return self._command
+
+    def compiled_model(self) -> Belief:
+        """
+        Return the model that is inverted as compiled kernels take it, with fresh memory.
+
+        Raises
+        ------
+        fam_bundle_ros.kernels.NotCompiled
+            Where numba is not there, or cannot compile a user's effect.
+        """
+        return belief_of(self._allocator.inverted, self._allocator.grid, compiled=True)
 
     def _read(self, measurement):
         pressure = np.asarray(measurement.pressure, float)
