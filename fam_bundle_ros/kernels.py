@@ -77,16 +77,18 @@ def unpack(record: np.void, instance: Any) -> None:
 
 
 def _dtype(instance):
-    def kind(value):
+    def kind(value, annotation):
         if is_dataclass(value):
             return (_dtype(value),)
         array = np.asarray(value)
         if array.dtype.kind not in 'bif':
             raise TypeError(f'{type(instance).__name__} has a field of {array.dtype}; a record '
                             'holds numbers')
-        number = {'b': '?', 'i': 'i8', 'f': 'f8'}[array.dtype.kind]
+        # A whole number in a field of floats stays a float: one dtype for one class.
+        number = 'f8' if 'float' in str(annotation) else {'b': '?', 'i': 'i8', 'f': 'f8'}[
+            array.dtype.kind]
         return (number, array.shape) if array.shape else (number,)
-    return np.dtype([(item.name, *kind(getattr(instance, item.name)))
+    return np.dtype([(item.name, *kind(getattr(instance, item.name), item.type))
                      for item in fields(instance)], align=True)
 
 

@@ -55,8 +55,8 @@ class FaultRecord:
     leak: list[float]
     #: Position of a valve that no longer moves; nan for a valve that does.
     stuck: list[float]
-    #: Channels of the instruments without a reading.
-    lost: list[bool]
+    #: 1 for a channel of the instruments without a reading, else 0.
+    lost: list[int]
     #: Factor on the noise of every channel.
     noise_factor: float
 
@@ -208,8 +208,9 @@ def guard(rig: Any, state: Any) -> None:
 
 def gas_volume(tube_volume: float, model: Any, state: Any, unit: int) -> float:
     """Return the gas volume of a motor unit with tubing at the present strain, m^3."""
+    # A slice: numba passes an array that lies in a record to no function pointer.
     return tube_volume + max(0.0, model.volume(
-        unit, state.motion.strain, state.gauge, state.time, model.shape, model.parameters,
+        unit, state.motion.strain, state.gauge[:], state.time, model.shape, model.parameters,
         model.tables))
 
 
@@ -253,9 +254,9 @@ def settle_volumes(rig: Any, model: Any, state: Any) -> None:
 
 def bundle_force(model: Any, state: Any, strain_rate: float, start: bool) -> float:
     """Return the tension of all motor units now, N, if the load moved at ``strain_rate``."""
-    total = 0.0
-    for i in range(len(state.gauge)):
-        total += model.force(i, state.motion.strain, strain_rate, state.gauge, state.time,
+    total, pressure = 0.0, state.gauge[:]
+    for i in range(len(pressure)):
+        total += model.force(i, state.motion.strain, strain_rate, pressure, state.time,
                              state.time - state.memory_time, start, model.shape,
                              model.parameters, model.tables, model.memory, model.after)
     return total

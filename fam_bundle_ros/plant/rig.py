@@ -123,7 +123,7 @@ def rig_parts(plant: Any, config: RigConfig) -> RigParts:
     """
     plant = stand_in(plant)
     n, length = plant.n, float(plant.length)
-    leak, droop = plant.pneumatics_of_plant
+    leak, droop = plant.pneumatics
     model = plant.model(False)
     air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
                        droop)
@@ -131,7 +131,7 @@ def rig_parts(plant: Any, config: RigConfig) -> RigParts:
                     float(config.trip_pressure), *_dependences(plant, model))
     state = RigState.at_rest(Air.at_rest(air, [0.0] * n), config.load.start(length))
     begin(rig, None, model, state)
-    faults = FaultRecord([leak] * n, [math.nan] * n, [False] * (n + PRESSURE), 1.0)
+    faults = FaultRecord([leak] * n, [math.nan] * n, [0] * (n + PRESSURE), 1.0)
     return RigParts(rig, config.load.record, model, state, faults,
                     SensorRecord.of(config.sensors, *_gauge_errors(plant)),
                     SensorState.fresh(n + PRESSURE))

@@ -173,15 +173,15 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,
     true : vector (c,)
         True values of the channels.
     time : float, s
-    lost : vector (c,) of bool
-        Channels that have dropped out.
+    lost : vector (c,) of int
+        1 for a channel that has dropped out, else 0.
     noise_factor : float
     normal, chance : vector (c,)
         Random numbers of this sample: standard normal, and uniform in 0..1. A sample takes them
         whatever is switched on, so that a fault never changes the noise of another channel.
     """
     for i in range(len(true)):
-        if lost[i] or chance[i] < config.dropout:
+        if lost[i] != 0 or chance[i] < config.dropout:
             if not config.hold:
                 state.shown[i] = math.nan
             continue
@@ -248,9 +248,9 @@ def channel_names(units: int) -> tuple[str, ...]:
     return ('force', 'strain', 'supply', *(f'mu{i + 1}/pressure' for i in range(units)))
 
 
-def lost_channels(faults: SensorFaults, units: int) -> list[bool]:
+def lost_channels(faults: SensorFaults, units: int) -> list[int]:
     """
-    Return for each channel whether it has dropped out.
+    Return 1 for each channel that has dropped out, else 0.
 
     Raises
     ------
@@ -261,4 +261,4 @@ def lost_channels(faults: SensorFaults, units: int) -> list[bool]:
     for channel in faults.dropout:
         if channel not in names:
             raise InputError(f"no sensor channel '{channel}'; there are {', '.join(names)}")
-    return [name in faults.dropout for name in names]
+    return [int(name in faults.dropout) for name in names]

@@ -16,7 +16,8 @@ class _Plant:
                 leak += 1.0 / e.values['time_constant']
             else:
                 droop += e.values['resistance']
-        self.pneumatics_of_plant = (leak, droop)
+        from fam_bundle_ros.plant.foreign import Pneumatics
+        self.pneumatics = Pneumatics (leak, droop)
         self.readings = bundle.readings
 
     def model(self, compiled):
