@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What goes into the recruitment controller each tick, and what comes out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -68,5 +68,5 @@ class Command:
     share: np.ndarray
     saturated: str = ''
     explanation: str = ''
-    margins: Margins = Margins()
+    margins: Margins = field(default_factory=Margins)
     demand: float = 0.0

@@ -17,7 +17,8 @@ from fam_bundle_ros.control import (
     Reference,
     SwitchingConfig,
 )
-from fam_bundle_ros.control.recruitment import Demand, Heading, RecruitmentMachine
+from fam_bundle_ros.control.heading import Heading
+from fam_bundle_ros.control.recruitment import Demand, RecruitmentMachine
 from fam_bundle_ros.errors import InputError
 
 DT = 5e-3
