@@ -10,7 +10,7 @@ NumPy records with the same field names (`pack`, `unpack`). Compiled code is kep
 cache folder, in a folder named by a hash of the sources and of numba's version.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -62,6 +62,14 @@ def pack(instance: Any) -> np.void:
     record = np.zeros(1, _dtype(instance))[0]
     _write(record, instance)
     return record
+
+
+def pack_all(instances: Sequence[Any]) -> np.ndarray:
+    """Return an array of records, one for each of some instances of one dataclass."""
+    records = np.zeros(len(instances), _dtype(instances[0]))
+    for record, instance in zip(records, instances):
+        _write(record, instance)
+    return records
 
 
 def unpack(record: np.void, instance: Any) -> None:

@@ -53,7 +53,8 @@ class FaultRecord:
 
     #: 1/s, rate at which gauge pressure leaks away, with the leak of the plant's own model.
     leak: list[float]
-    #: Position of a valve that no longer moves; nan for a valve that does.
+    #: Position of a valve that no longer moves, infinity for where it is when the fault begins;
+    #: nan for a valve that moves.
     stuck: list[float]
     #: 1 for a channel of the instruments without a reading, else 0.
     lost: list[int]
@@ -131,6 +132,8 @@ def set_valves(state: Any, commands: Any, faults: Any) -> None:
         command = min(max(commands[i], -1.0), 1.0)
         if state.reason != RUNNING:
             command = -1.0
+        if math.isinf(faults.stuck[i]):
+            faults.stuck[i] = state.air.spool[i]
         if not math.isnan(faults.stuck[i]):
             command = faults.stuck[i]
         state.commands[i] = command

@@ -107,7 +107,6 @@ class RigParts:
     load: Any
     model: Any
     state: RigState
-    faults: FaultRecord
     sensors: SensorRecord
     shown: SensorState
 
@@ -123,7 +122,7 @@ def rig_parts(plant: Any, config: RigConfig) -> RigParts:
     """
     plant = stand_in(plant)
     n, length = plant.n, float(plant.length)
-    leak, droop = plant.pneumatics
+    _, droop = plant.pneumatics
     model = plant.model(False)
     air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
                        droop)
@@ -131,8 +130,7 @@ def rig_parts(plant: Any, config: RigConfig) -> RigParts:
                     float(config.trip_pressure), *_dependences(plant, model))
     state = RigState.at_rest(Air.at_rest(air, [0.0] * n), config.load.start(length))
     begin(rig, None, model, state)
-    faults = FaultRecord([leak] * n, [math.nan] * n, [0] * (n + PRESSURE), 1.0)
-    return RigParts(rig, config.load.record, model, state, faults,
+    return RigParts(rig, config.load.record, model, state,
                     SensorRecord.of(config.sensors, *_gauge_errors(plant)),
                     SensorState.fresh(n + PRESSURE))
 
@@ -177,6 +175,8 @@ class Rig:
     config : RigConfig
     seed : int
         Of the sensors' noise.
+    faults : Faults, optional
+        What is broken from the start.
 
     Attributes
     ----------
@@ -184,6 +184,12 @@ class Rig:
     load : Load
     length : float
         Rest length of the bundle, m.
+    leak : float
+        Rate at which every chamber's gauge pressure leaks away after the plant's model, 1/s.
+    parts : RigParts
+        The records that kernels take.
+    draws : Draws
+        Random numbers of the instruments, those of the samples to come.
 
     Examples
     --------
@@ -195,22 +201,23 @@ class Rig:
     True
     """
 
-    def __init__(self, bundle: Any, config: RigConfig = RigConfig(), seed: int = 0):
+    def __init__(self, bundle: Any, config: RigConfig = RigConfig(), seed: int = 0,
+                 faults: Faults | None = None):
         self.bundle = bundle
         self.config = config
-        self.faults = Faults()
+        self.faults = faults or Faults()
         self._seed = seed
         self.reset()
 
     def reset(self) -> None:
         """Return to the start: at rest, vented, seed as new, not stopped. Faults stay."""
         self.load = self.config.load
-        self._parts = rig_parts(self.bundle, self.config)
-        self._state, self._load = self._parts.state, self._parts.load
-        self.length = self._parts.rig.length
-        self._leak = list(self._parts.faults.leak)
+        self.parts = rig_parts(self.bundle, self.config)
+        self._state, self._load = self.parts.state, self.parts.load
+        self.length, self.leak = self.parts.rig.length, stand_in(self.bundle).pneumatics[0]
         self._e_stop_reason = ''
-        self._draws = Draws(self._seed, self.bundle.n + PRESSURE)
+        self.draws = Draws(self._seed, self.bundle.n + PRESSURE)
+        self._broken = fault_record(self.faults, self.leak, self.bundle.n)
         self._read()
 
     @property
@@ -267,10 +274,13 @@ class Rig:
         commands = self._checked(valve_commands)
         if not 0.0 < duration < math.inf:
             raise InputError(f'duration is {duration!r} s; expected a positive number')
-        self._apply_faults()
-        parts = self._parts
-        rig_step(parts.rig, self._load, parts.model, self._state, commands, parts.faults,
+        self._broken = fault_record(self.faults, self.leak, self.bundle.n)
+        parts = self.parts
+        rig_step(parts.rig, self._load, parts.model, self._state, commands, self._broken,
                  duration)
+        for unit, position in self.faults.stuck_valve.items():
+            if position is None:
+                self.faults.stuck_valve[unit] = self._broken.stuck[unit]
         self._read()
         return self._readings
 
@@ -302,8 +312,8 @@ class Rig:
 
     def tare(self) -> None:
         """Zero the force reading at the present force (as the mean of many samples would)."""
-        sensors = self._parts.sensors
-        self._parts.shown.tare = (sensors.gain[FORCE] * self._state.force
+        sensors = self.parts.sensors
+        self.parts.shown.tare = (sensors.gain[FORCE] * self._state.force
                                   + sensors.offset[FORCE] + sensors.bias[FORCE])
 
     def e_stop(self, reason: str = 'emergency stop') -> None:
@@ -329,14 +339,13 @@ class Rig:
     def _true(self) -> list[float]:
         """Return the true value of every channel."""
         true = [0.0] * (self.bundle.n + PRESSURE)
-        true_channels(self._parts.rig, self._state, true)
+        true_channels(self.parts.rig, self._state, true)
         return true
 
     def _read(self) -> None:
-        parts = self._parts
-        parts.faults.lost = lost_channels(self.faults, self.bundle.n)
-        read_sensors(parts.sensors, parts.shown, self._true(), self._state.time,
-                     parts.faults.lost, self.faults.noise_factor, *self._draws.row())
+        parts, broken = self.parts, self._broken
+        read_sensors(parts.sensors, parts.shown, self._true(), self._state.time, broken.lost,
+                     broken.noise_factor, *self.draws.row())
         self._readings = self._as_readings(parts.shown.shown, parts.shown.strain_rate)
 
     def _as_readings(self, channels, strain_rate) -> Readings:
@@ -354,22 +363,26 @@ class Rig:
                 raise InputError(f'valve command {i + 1} is {value}; expected -1 to 1')
         return values
 
-    def _apply_faults(self) -> None:
-        """Write the faults of motor units into their record."""
-        faults, record = self.faults, self._parts.faults
-        for unit in (*faults.leak, *faults.stuck_valve):
-            if not 0 <= unit < self.bundle.n:
-                raise InputError(f'fault of motor unit {unit}; there are 0 to '
-                                 f'{self.bundle.n - 1}')
-        for i in range(self.bundle.n):
-            record.leak[i] = self._leak[i]
-            record.stuck[i] = math.nan
-        for unit, time_constant in faults.leak.items():
-            record.leak[unit] += 1.0 / time_constant
-        for unit, position in faults.stuck_valve.items():
-            if position is None:
-                position = faults.stuck_valve[unit] = self._state.air.spool[unit]
-            record.stuck[unit] = position
+
+def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
+    """
+    Return faults as kernels take them; ``leak`` (1/s) is that of every chamber without a fault.
+
+    Raises
+    ------
+    InputError
+        When a fault names a motor unit or a channel that is not there.
+    """
+    for unit in (*faults.leak, *faults.stuck_valve):
+        if not 0 <= unit < units:
+            raise InputError(f'fault of motor unit {unit}; there are 0 to {units - 1}')
+    record = FaultRecord([leak] * units, [math.nan] * units, lost_channels(faults, units),
+                         float(faults.noise_factor))
+    for unit, time_constant in faults.leak.items():
+        record.leak[unit] += 1.0 / time_constant
+    for unit, position in faults.stuck_valve.items():
+        record.stuck[unit] = math.inf if position is None else float(position)
+    return record
 
 
 def changed_load(load: Load, changes: dict[str, float]) -> Load:

@@ -7,6 +7,7 @@ Channels are, in this order: force, strain, supply, and the pressure of each mot
 """
 
 from dataclasses import dataclass, field
+from functools import cache
 import math
 from typing import Any
 
@@ -243,6 +244,7 @@ class Draws:
         return self._rows.pop()
 
 
+@cache
 def channel_names(units: int) -> tuple[str, ...]:
     """Return the names of the channels, as `SensorFaults.dropout` takes them."""
     return ('force', 'strain', 'supply', *(f'mu{i + 1}/pressure' for i in range(units)))
