@@ -221,7 +221,7 @@ class Alternative:
 
     def compiled_names(self) -> Callable:
         """Return what takes its place in compiled code."""
-        return _inner(self.kernel)
+        return compiled_inside(self.kernel)
 
 
 def _globals(function) -> Iterator[tuple[str, Any]]:

@@ -30,6 +30,9 @@ class PidGains:
     """
     Gains from pressure error to pressure rate.
 
+    The defaults here and in `PidConfig` are the only ones: what `tune` gives for its own defaults,
+    a loop over topics at 200 Hz whose readings are one period old.
+
     Parameters
     ----------
     p : float, 1/s
@@ -38,8 +41,8 @@ class PidGains:
         Acts on the measured pressure rate, never on the setpoint.
     """
 
-    p: float = 110.0
-    i: float = 1500.0
+    p: float = 54.0
+    i: float = 365.0
     d: float = 0.02
 
     def __post_init__(self):
@@ -94,8 +97,8 @@ class PidConfig:
     ambient: float = ATMOSPHERE
     setpoint_rate: float = 50e6
     setpoint_bandwidth: float = 500.0
-    flow_lag: float = 3.0e-3
-    quiet_error: float = 500.0
+    flow_lag: float = 6e-3
+    quiet_error: float = 800.0
     filter_time: float = 4e-3
     feed_forward: bool = True
     dead_band_compensation: bool = True
