@@ -34,7 +34,6 @@ from fam_bundle_ros.control.reasons import from_row, ROW, sentence
 from fam_bundle_ros.control.recruitment_loop import command_record, MeasurementRecord
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, Faults, Load, RigConfig
-from fam_bundle_ros.plant.stand_in import stand_in
 from fam_bundle_ros.plant.rig import changed_load, fault_record, Rig
 
 #: Ticks between two calls of the progress function.
@@ -259,7 +258,7 @@ class Run:
                   Faults(noise_factor=loop.noise_factor))
         controller = RecruitmentController(
             loop.model, replace(loop.controller_config, load=load_model_of(load, rig.length)))
-        self._names = [loop.model.motor_units[i].name.upper() for i in controller.order]
+        self._names = [loop.model.names[i].upper() for i in controller.order]
         self._units, parts = rig.bundle.n, rig.parts
         loads, which_load = self._changes(load, trajectory.events, changed_load)
         faults, which_fault = self._changes(
@@ -280,7 +279,7 @@ class Run:
         self._log = np.zeros((self.ticks - self._plan.logged,
                               len(SINGLE) + len(EACH_UNIT) * self._units))
         self._reasons = np.zeros((self.ticks, ROW))
-        self._models: Any = (parts.model, controller.model, stand_in(loop.model).model(False))
+        self._models: Any = (parts.model, controller.model, loop.model.model(False))
         self._step: Any = closed_loop
         self.compiled = loop.compiled is not False and kernels.numba() is not None
         if self.compiled:

@@ -9,11 +9,12 @@ functions, else in plain Python.
 
 from collections.abc import Callable, Sequence
 import inspect
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.parts import Pneumatics
 from fam_bundle_ros.model.seam import Model, pointers
 
 _VOLUME = ('unit', 'strain', 'pressure', 'time', 'shape', 'parameters', 'tables')
@@ -23,15 +24,6 @@ _FORCE = ('unit', 'strain', 'strain_rate', 'pressure', 'time', 'dt', 'start', 's
 _ROWS = ('shape', 'memory', 'after')
 #: Strain over which the slope of a volume is taken.
 _SMALL_STRAIN = 1e-6
-
-
-class Pneumatics(NamedTuple):
-    """What a plant does to the air around it."""
-
-    #: 1/s, at which gauge pressure leaks away.
-    leak_rate: float = 0.0
-    #: Pa/(kg/s), in series with the regulator.
-    supply_resistance: float = 0.0
 
 
 class ForeignPlant:

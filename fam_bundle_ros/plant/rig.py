@@ -46,7 +46,6 @@ from fam_bundle_ros.plant.sensors import (
     STRAIN,
     SUPPLY,
 )
-from fam_bundle_ros.plant.stand_in import stand_in
 from fam_bundle_ros.plant.supply import SupplyConfig
 
 
@@ -120,12 +119,10 @@ def rig_parts(plant: Any, config: RigConfig) -> RigParts:
     plant : Bundle or ForeignPlant
     config : RigConfig
     """
-    plant = stand_in(plant)
     n, length = plant.n, float(plant.length)
-    _, droop = plant.pneumatics
     model = plant.model(False)
     air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
-                       droop)
+                       plant.pneumatics.supply_resistance)
     rig = RigRecord(air, float(config.step), length, float(config.chamber.tube_volume),
                     float(config.trip_pressure), *_dependences(plant, model))
     state = RigState.at_rest(Air.at_rest(air, [0.0] * n), config.load.start(length))
@@ -214,7 +211,7 @@ class Rig:
         self.load = self.config.load
         self.parts = rig_parts(self.bundle, self.config)
         self._state, self._load = self.parts.state, self.parts.load
-        self.length, self.leak = self.parts.rig.length, stand_in(self.bundle).pneumatics[0]
+        self.length, self.leak = self.parts.rig.length, self.bundle.pneumatics.leak_rate
         self._e_stop_reason = ''
         self.draws = Draws(self._seed, self.bundle.n + PRESSURE)
         self._broken = fault_record(self.faults, self.leak, self.bundle.n)
@@ -249,7 +246,7 @@ class Rig:
     @property
     def e_stopped(self) -> str:
         """Why the rig was stopped; empty while it runs."""
-        return stop_text(self._state, stand_in(self.bundle), self.config, self._e_stop_reason)
+        return stop_text(self._state, self.bundle, self.config, self._e_stop_reason)
 
     def step(self, valve_commands: Sequence[float], duration: float) -> Readings:
         """
