@@ -172,7 +172,10 @@ class Allocator:
         self.order = tuple(order)
         #: Pressures (n, points) of the table, Pa: one grid for all, cut at each unit's limit,
         #: since `batch` needs common pressures.
-        self.grid = np.minimum(np.linspace(0.0, limit.max(), points), limit[:, None])
+        grid = np.minimum(np.linspace(0.0, limit.max(), points), limit[:, None])
+        self.grid: list[list[float]] = grid.tolist()
+        self._at_rest, self._stepping = (belief_of(self.inverted, self.grid, at_rest=still)
+                                         for still in (True, False))
 
     def curves(self, instant: Instant, asleep: np.ndarray | None = None) -> Curves:
         """
@@ -186,8 +189,8 @@ class Allocator:
             memory['time'] + instant.dt if memory['begun'] else 0.0, instant.dt,
             not memory['begun'])
         table.moment = Moment(instant.strain, instant.strain_rate, *now)
-        model = belief_of(self.inverted, self.grid)
-        model.memory[0][0] = 'equilibrium' if memory is None else memory
+        model = self._at_rest if memory is None else self._stepping._replace(
+            memory=memory['memory'])
         tabulate(table, model)
         find_branches(table, [0] * len(self.order) if asleep is None
                       else [int(each) for each in asleep])

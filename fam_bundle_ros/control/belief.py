@@ -22,7 +22,8 @@ class Belief(NamedTuple):
     pressure : (n,), Pa (gauge)
         Room for candidates.
     rows : callable or None
-        Forces (m, n) of the whole table at a `Moment` by one call on arrays; not compiled.
+        Forces (m, n) of the whole table at a `Moment` with a memory, by one call on arrays; not
+        compiled.
     """
 
     force: Any
@@ -37,36 +38,44 @@ class Belief(NamedTuple):
 
 
 def without_push_back(bundle: Bundle) -> Bundle:
-    """Return a bundle without the laws that let vented muscles push back."""
+    """Return a bundle without the laws that let compressed muscles push back."""
     for effect in bundle.effects:
-        if getattr(effect, 'pushes_back', effect.family == 'resistive'):
+        if effect.law.pushes_back:
             bundle = bundle.without_effect(effect.name)
     return bundle
 
 
-def belief_of(bundle: Bundle, grid: np.ndarray) -> Belief:
-    """Interim: today's Bundle."""
-    n = bundle.n
+def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
+              at_rest: bool = False) -> Belief:
+    """
+    Return a bundle as kernels take it, with fresh memory.
 
-    def state_of(time, dt, start, memory):
-        state = bundle.start_state()
-        if not start:
-            state = {**memory[0][0], 'time': time - dt, 'begun': True}
-        return state
+    Parameters
+    ----------
+    bundle : Bundle
+    grid : list (n, m), Pa (gauge)
+        Pressures of the table.
+    compiled : bool
+        See `Bundle.model`.
+    at_rest : bool
+        Forces at equilibrium, without memory; not compiled.
+    """
+    model, pressures = bundle.model(compiled), np.transpose(grid).copy()
+    if compiled:
+        room = np.zeros(bundle.n), None
+        return Belief(model.force, *model[3:], np.zeros_like(model.memory), *room)
 
-    def force(unit, strain, rate, pressure, time, dt, start, shape, parameters, tables, memory,
-              after):
-        if memory[0][0] == 'equilibrium':
-            return float(bundle.unit_forces(strain, np.array(pressure, float), rate)[unit])
-        forces, new = bundle.step(state_of(time, dt, start, memory), dt, strain,
-                                  np.array(pressure, float), rate)
-        after[0][0] = new
-        return float(forces[unit])
-    memory, after, next_ = [[0.0]], [[0.0]], [[0.0]]
+    def rows(now, memory):
+        state = {'memory': memory, 'time': now.time - now.dt, 'begun': not now.start}
+        return bundle.step(state, now.dt, now.strain, pressures, now.strain_rate)[0]
 
-    def rows(now):
-        if memory[0][0] == 'equilibrium':
-            return np.asarray(bundle.unit_forces(now.strain, grid.T, now.strain_rate))
-        return bundle.step(state_of(now.time, now.dt, now.start, memory), now.dt, now.strain,
-                           grid.T, now.strain_rate)[0]
-    return Belief(force, [[0.0]] * n, [0.0], [0.0], memory, after, next_, [0.0] * n, rows)
+    def rows_at_rest(now, memory):
+        return bundle.unit_forces(now.strain, pressures, now.strain_rate)
+
+    def force_at_rest(unit, strain, strain_rate, pressure, *_):
+        return float(bundle.unit_forces(strain, pressure, strain_rate)[unit])
+    # Without memory a first sample is at equilibrium, and faster.
+    at_rest = at_rest and bundle.has_memory
+    room = [list(row) for row in model.memory], [0.0] * bundle.n
+    return Belief(force_at_rest if at_rest else model.force, *model[3:], *room,
+                  rows_at_rest if at_rest else rows)

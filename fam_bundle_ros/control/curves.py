@@ -104,14 +104,14 @@ class Shares:
     missing: float = 0.0
 
 
-def curve_table(order, grid: np.ndarray, pushes_back: bool) -> CurveTable:
+def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
     """Return an empty table for pressures ``grid`` (n, m), Pa."""
     n = len(grid)
 
     def zeros(count):
         return [0.0] * count
-    return CurveTable(list(order), pushes_back, Moment(), grid.tolist(), [zeros(grid.shape[1])
-                      for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
+    return CurveTable(list(order), pushes_back, Moment(), grid, [
+        zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
                       zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), zeros(_PARTS + 1))
 
 
@@ -145,7 +145,7 @@ def _by_rows(table: Any, model: Any) -> None:
     if model.rows is None:
         _by_unit(table, model)
         return
-    force = model.rows(table.moment)
+    force = model.rows(table.moment, model.memory)
     if not table.pushes_back:
         force = np.maximum(force, 0.0)
     tied = force <= force.min(axis=0) + _FLAT
@@ -342,9 +342,13 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
             continue
         wanted = table.bottom_force[unit] + missing
         bottom = table.bottom[unit]
-        i = bottom + 1
-        while i < len(grid) - 1 and curve[i] < wanted:
-            i += 1
+        i, below = len(grid) - 1, bottom
+        while i - below > 1:
+            middle = (below + i) // 2
+            if curve[middle] < wanted:
+                below = middle
+            else:
+                i = middle
         pressure[unit] = invert(table, model, units, k, k + 1, wanted, grid[i - 1], grid[i],
                                 curve[i - 1], curve[i], i == bottom + 1)
         force[unit], missing = wanted, 0.0
