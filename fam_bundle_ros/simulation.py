@@ -31,7 +31,7 @@ from fam_bundle_ros.control.outer_loop import KINDS, SATURATION
 from fam_bundle_ros.control.pid import pid_settings, PidConfig, PidGains
 from fam_bundle_ros.control.pressure_loop import PidState
 from fam_bundle_ros.control.reasons import from_row, ROW, sentence
-from fam_bundle_ros.control.recruitment_loop import command_record, MeasurementRecord
+from fam_bundle_ros.control.signals import command_record, MeasurementRecord
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, Faults, Load, RigConfig
 from fam_bundle_ros.plant.rig import changed_load, fault_record, Rig

@@ -23,12 +23,11 @@ from fam_bundle_ros.control.pid import pid_settings
 from fam_bundle_ros.control.pressure_loop import ANTI_WINDUP, forget, PidState, pressure_step
 from fam_bundle_ros.control.reasons import from_row, LOST, Reason, ROW, row_of, sentence
 from fam_bundle_ros.control.recruitment_loop import (
-    command_record,
     enable_step,
-    MeasurementRecord,
     recruitment_step,
     start_recruitment,
 )
+from fam_bundle_ros.control.signals import command_record, MeasurementRecord
 
 needs_numba = pytest.mark.skipif(kernels.numba() is None, reason='numba is not installed')
 DT = 4e-3
