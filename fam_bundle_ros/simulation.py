@@ -316,7 +316,7 @@ class Run:
     def _compile(self, loop, controller, begun) -> None:
         """Turn records and lists into those of compiled code, where everything compiles."""
         try:
-            plant, belief, gas = (loop.plant.model(True), controller.compiled_model(),
+            plant, belief, gas = (loop.plant.model(True), controller.belief(True),
                                   loop.model.model(True))
         except kernels.NotCompiled:
             if loop.compiled:

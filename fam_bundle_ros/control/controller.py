@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fam_bundle_ros.control.allocation import Allocator, SCHEMES
-from fam_bundle_ros.control.belief import belief_of
+from fam_bundle_ros.control.belief import Belief, belief_of
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import KINDS, outer_settings, OuterState, SATURATION
 from fam_bundle_ros.control.reasons import sentence
@@ -118,10 +118,14 @@ class RecruitmentController:
         #: The records that `recruitment_step` takes.
         self.memory = recruitment_state(self.order, self._allocator.grid,
                                         self._allocator.pushes_back)
-        self.model = belief_of(self._allocator.inverted, self._allocator.grid)
+        self.model = self.belief()
         self._record = command_record(self.bundle.n)
         start_recruitment(self.settings, self.memory, self._record)
         self._command = self._told()
+
+    def belief(self, compiled: bool = False) -> Belief:
+        """Return the inverted model for `recruitment_step`, with fresh memory."""
+        return belief_of(self._allocator.inverted, self._allocator.grid, compiled)
 
     @property
     def state(self) -> int:
