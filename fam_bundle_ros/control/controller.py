@@ -178,6 +178,17 @@ class RecruitmentController:
             self._command = self._told()
         return self._command
 
+    def compiled_model(self) -> Belief:
+        """
+        Return the model that is inverted as compiled kernels take it, with fresh memory.
+
+        Raises
+        ------
+        fam_bundle_ros.kernels.NotCompiled
+            Where numba is not there, or cannot compile a user's effect.
+        """
+        return belief_of(self._allocator.inverted, self._allocator.grid, compiled=True)
+
     def _read(self, measurement):
         pressure = np.asarray(measurement.pressure, float)
         if pressure.shape != (self.bundle.n,):
