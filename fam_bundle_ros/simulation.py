@@ -342,7 +342,7 @@ class Run:
         """Return what happened in the ticks that are done."""
         trajectory, start = self.trajectory, self._plan.logged
         rows = self._log[:max(self.done - start, 0)]
-        times = self._times()[start:self.done]
+        times = self._times()[start:self.done] + self.period
         found = columns(rows, self._units)
         overlap = np.stack([found.pop('overlap_low'), found.pop('overlap_high')], axis=-1)
         found['state'] = found['state'].astype(int)
@@ -351,7 +351,7 @@ class Run:
         decided = np.flatnonzero(self._reasons[:self.done, 0])
         decisions = [(float(self._times()[k]), sentence(from_row(self._reasons[k]), self._names))
                      for k in decided]
-        return Log(time=times + self.period, reference=reference, overlap=overlap,
+        return Log(time=times, reference=reference, overlap=overlap,
                    decisions=decisions, kind=trajectory.kind, **found)
 
 
