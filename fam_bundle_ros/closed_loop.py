@@ -11,7 +11,7 @@ models come as function pointers, all references, events and random numbers as a
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from fam_bundle_ros.control.pressure_loop import pressure_step, PidSettings
+from fam_bundle_ros.control.pressure_loop import PidSettings, pressure_step
 from fam_bundle_ros.control.reasons import NONE, row_of
 from fam_bundle_ros.control.recruitment_loop import (
     CommandRecord,

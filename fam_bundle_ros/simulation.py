@@ -58,10 +58,10 @@ class Trajectory:
         Strain over time that a dynamometer imposes.
     events : tuple of (time, dict)
         Changes of the load in motion, say ``(2.0, {'mass': 8.0})``.
-    faults : tuple of (time, Faults)
-        What is broken from a time on, instead of what was before.
     prepare : float, s
         Time before 0 in which the start of the trajectory is taken up gently, not logged.
+    faults : tuple of (time, Faults)
+        What is broken from a time on, instead of what was before.
     """
 
     name: str
@@ -72,8 +72,8 @@ class Trajectory:
     load: Load = field(default_factory=Dynamometer)
     imposed: Callable[[float], float] | None = None
     events: tuple[tuple[float, dict[str, float]], ...] = ()
-    faults: tuple[tuple[float, Faults], ...] = ()
     prepare: float = 0.0
+    faults: tuple[tuple[float, Faults], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -309,9 +309,10 @@ class Run:
             for target in imposed:
                 Dynamometer(strain=target)
         normal, chance = rig.draws.rows(self.ticks * ticks)
-        return Plan(KINDS.index(trajectory.kind), *zip(*references) if references else ((), ()),
-                    imposed, which_load.tolist(), which_fault.tolist(), normal.tolist(),
-                    chance.tolist(), sum(t < 0.0 for t in times))
+        values, rates = zip(*references) if references else ((), ())
+        return Plan(KINDS.index(trajectory.kind), values, rates, imposed,
+                    which_load.tolist(), which_fault.tolist(), normal.tolist(), chance.tolist(),
+                    sum(t < 0.0 for t in times))
 
     def _compile(self, loop, controller, begun) -> None:
         """Turn records and lists into those of compiled code, where everything compiles."""
