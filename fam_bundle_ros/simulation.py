@@ -32,6 +32,7 @@ from fam_bundle_ros.control.pid import pid_settings, PidConfig, PidGains
 from fam_bundle_ros.control.pressure_loop import PidState
 from fam_bundle_ros.control.reasons import from_row, ROW, sentence
 from fam_bundle_ros.control.recruitment_loop import command_record, MeasurementRecord
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, Faults, Load, RigConfig
 from fam_bundle_ros.plant.rig import changed_load, fault_record, Rig
@@ -193,6 +194,9 @@ class ClosedLoop:
                  gains: PidGains = PidGains(), pid: PidConfig | None = None,
                  noise_factor: float = 1.0, seed: int = 0, compiled: bool | None = None):
         self.plant, self.model = plant, model or plant
+        if not isinstance(self.model, Bundle):
+            raise InputError(f'{type(plant).__name__} is no model that a controller can invert; '
+                             'expected model=, a Bundle')
         self.controller_config, self.rig_config = controller, rig
         self.ticks = max(1, round(period / pid_period))
         self.pid_period = pid_period
