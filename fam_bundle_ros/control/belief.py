@@ -62,8 +62,8 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
     """
     model, pressures = bundle.model(compiled), np.transpose(grid).copy()
     if compiled:
-        room = np.zeros(bundle.n), None
-        return Belief(model.force, *model[3:], np.zeros_like(model.memory), *room)
+        return Belief(model.force, *model[3:], np.zeros_like(model.memory), np.zeros(bundle.n),
+                      None)
 
     def rows(now, memory):
         state = {'memory': memory, 'time': now.time - now.dt, 'begun': not now.start}
@@ -76,6 +76,6 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
         return float(bundle.unit_forces(strain, pressure, strain_rate)[unit])
     # Without memory a first sample is at equilibrium, and faster.
     at_rest = at_rest and bundle.has_memory
-    room = [list(row) for row in model.memory], [0.0] * bundle.n
-    return Belief(force_at_rest if at_rest else model.force, *model[3:], *room,
+    return Belief(force_at_rest if at_rest else model.force, *model[3:],
+                  [list(row) for row in model.memory], [0.0] * bundle.n,
                   rows_at_rest if at_rest else rows)

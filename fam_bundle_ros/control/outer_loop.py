@@ -33,7 +33,7 @@ _TABLE = 16
 
 @dataclass
 class OuterSettings:
-    """`OuterConfig` and `LoadModel` as kernels take them, with the error of the model's fit (N)."""
+    """`OuterConfig`, `LoadModel` and the error of the model's fit (N) as kernels take them."""
 
     feed_forward: bool
     feedback: bool

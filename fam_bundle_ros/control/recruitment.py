@@ -115,7 +115,8 @@ class SwitchingSettings:
 
 def switching_settings(config: SwitchingConfig) -> SwitchingSettings:
     """Return the record that `switch_step` takes."""
-    values = {name: math.nan if value is None else value for name, value in vars(config).items()}
+    values: dict[str, Any] = {
+        name: math.nan if value is None else value for name, value in vars(config).items()}
     return SwitchingSettings(**{**values, 'policy': POLICIES.index(config.policy)})
 
 

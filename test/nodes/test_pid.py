@@ -284,6 +284,38 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
         assert 0.0 in commands
 
 
+def test_strain_and_supply_expire(graph):
+    """Readings that stop coming are replaced by the parameters, and diagnostics say so."""
+    node = PressurePidNode(1, context=graph.context, overrides={
+        'auxiliary_timeout': 0.05, 'volume': 30e-6, 'supply.pressure': 450e3})
+    graph.add(node)
+    given = []
+    node.pid.update = lambda *values: given.append(values) or 0.0
+    stamp = graph.probe.now_ns()
+    node._on_setpoint(interface.pressure_message(stamp, 100e3, 101325.0))
+
+    def regulate(k):
+        node._on_pressure(interface.pressure_message(stamp + k * 5_000_000, 90e3 + k, 101325.0))
+        return given[-1]
+    regulate(0)
+    assert given[-1][3:] == (None, None, 0.0)
+    assert 'any more' not in reported(node)[1]
+    node._on_supply(interface.pressure_message(stamp, 600e3, 101325.0))
+    node._on_strain(interface.strain_message(stamp, 0.1, 0.02, 0.127))
+    _, _, _, supply, volume, flow = regulate(1)
+    assert supply == pytest.approx(600e3)
+    assert 5e-6 < volume < 40e-6
+    assert flow != 0.0
+    assert 'any more' not in reported(node)[1]
+    time.sleep(0.06)
+    assert regulate(2)[3:] == (None, None, 0.0)
+    level, text = reported(node)
+    assert level == WARN
+    assert 'no strain any more: the parameter volume, 3e-05, takes its place' in text
+    assert 'no supply any more: the parameter supply.pressure, 450000, takes its place' in text
+    assert node.pid.config.volume == 30e-6
+
+
 def test_motor_unit_that_is_not_there_fails(ros_context):
     """One line names what the model has."""
     with pytest.raises(InputError, match='motor_unit is 3; spie2021 has 2'):
