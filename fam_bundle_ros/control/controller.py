@@ -123,10 +123,14 @@ class RecruitmentController:
         #: The records that `recruitment_step` takes.
         self.memory = recruitment_state(self.order, self._allocator.grid,
                                         self._allocator.pushes_back)
-        self.model = belief_of(self._allocator.inverted, self._allocator.grid)
+        self.model = self.belief()
         self._record = command_record(self.bundle.n)
         start_recruitment(self.settings, self.memory, self._record)
         self._command = self._told()
+
+    def belief(self, compiled: bool = False) -> Belief:
+        """Return the inverted model for `recruitment_step`, with fresh memory."""
+        return belief_of(self._allocator.inverted, self._allocator.grid, compiled)
 
     @property
     def state(self) -> int:
