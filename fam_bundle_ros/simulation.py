@@ -352,7 +352,7 @@ class Run:
         overlap = np.stack([found.pop('overlap_low'), found.pop('overlap_high')], axis=-1)
         found['state'] = found['state'].astype(int)
         found['saturated'] = np.array(SATURATION)[found['saturated'].astype(int)]
-        reference = np.array([trajectory.value(float(t)) for t in times + self.period])
+        reference = np.array([trajectory.value(float(t)) for t in times])
         decided = np.flatnonzero(self._reasons[:self.done, 0])
         decisions = [(float(self._times()[k]), sentence(from_row(self._reasons[k]), self._names))
                      for k in decided]
