@@ -10,7 +10,7 @@ NumPy records with the same field names (`pack`, `unpack`). Compiled code is kep
 cache folder, in a folder named by a hash of the sources and of numba's version.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -64,6 +64,14 @@ def pack(instance: Any) -> np.void:
     return record
 
 
+def pack_all(instances: Sequence[Any]) -> np.ndarray:
+    """Return an array of records, one for each of some instances of one dataclass."""
+    records = np.zeros(len(instances), _dtype(instances[0]))
+    for record, instance in zip(records, instances):
+        _write(record, instance)
+    return records
+
+
 def unpack(record: np.void, instance: Any) -> None:
     """Write the values of a record back into the dataclass instance it was packed from."""
     for item in fields(instance):
@@ -77,16 +85,18 @@ def unpack(record: np.void, instance: Any) -> None:
 
 
 def _dtype(instance):
-    def kind(value):
+    def kind(value, annotation):
         if is_dataclass(value):
             return (_dtype(value),)
         array = np.asarray(value)
         if array.dtype.kind not in 'bif':
             raise TypeError(f'{type(instance).__name__} has a field of {array.dtype}; a record '
                             'holds numbers')
-        number = {'b': '?', 'i': 'i8', 'f': 'f8'}[array.dtype.kind]
+        # A whole number in a field of floats stays a float: one dtype for one class.
+        number = 'f8' if 'float' in str(annotation) else {'b': '?', 'i': 'i8', 'f': 'f8'}[
+            array.dtype.kind]
         return (number, array.shape) if array.shape else (number,)
-    return np.dtype([(item.name, *kind(getattr(instance, item.name)))
+    return np.dtype([(item.name, *kind(getattr(instance, item.name), item.type))
                      for item in fields(instance)], align=True)
 
 
@@ -192,6 +202,30 @@ def _rebound(function):
                               function.__defaults__, function.__closure__)
 
 
+class Alternative:
+    """
+    A kernel that plain Python has a faster way for, say one call on arrays in place of a loop.
+
+    Parameters
+    ----------
+    kernel : callable
+        What is compiled.
+    plain : callable
+        What runs without compilation: the same arguments, the same numbers.
+    """
+
+    def __init__(self, kernel: Callable, plain: Callable):
+        self.kernel, self.plain = kernel, plain
+
+    def __call__(self, *values: Any) -> Any:
+        """Run the plain way."""
+        return self.plain(*values)
+
+    def compiled_names(self) -> Callable:
+        """Return what takes its place in compiled code."""
+        return compiled_inside(self.kernel)
+
+
 def _globals(function) -> Iterator[tuple[str, Any]]:
     """Yield the global names that a function uses, with their values."""
     for name in function.__code__.co_names:
@@ -207,6 +241,7 @@ def fingerprint(function: Callable) -> str:
         if kernel not in seen:
             seen[kernel] = None
             for _, value in _globals(kernel):
+                value = value.kernel if isinstance(value, Alternative) else value
                 if isinstance(value, types.FunctionType):
                     walk(value)
                 elif hasattr(value, 'compiled_names'):

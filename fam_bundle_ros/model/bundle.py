@@ -72,6 +72,9 @@ class Bundle:
         self._muscles = Muscles(self.motor_units, self.effects)
         #: Highest gauge pressure of each motor unit, Pa, shape (n,).
         self.max_pressure = np.array([unit.max_pressure for unit in self.motor_units])
+        #: Rest length, m, that of the first motor unit where they differ a little.
+        self.length = float(lengths[0])
+        self.names = tuple(unit.name for unit in self.motor_units)
 
     def __reduce__(self):
         return Bundle, (self.name, self.motor_units, self.effects, self.error, self.notes)

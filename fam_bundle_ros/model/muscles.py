@@ -103,10 +103,13 @@ class Muscles:
                             *self._lists, memory, after) for unit in range(len(felt))]
             return np.array(forces), {'memory': after, 'time': time, 'begun': True}
         with np.errstate(all='ignore'):
+            # plain numbers as parameters: half of the time goes into calls of NumPy
             value = self.laws.functions('arrays').muscle(
                 self._units, strain, strain_rate, pressure, time, dt, start, start, self.shape,
-                self.parameters, self.tables, np.transpose(memory), [None] * len(memory[0]))
-        return self._of_units(value, pressure), state
+                self._lists[1], self.tables, np.transpose(memory), [None] * len(memory[0]))
+            forces = self.shape[MUSCLES] * value
+        return (forces if np.shape(forces) == pressure.shape
+                else np.broadcast_to(forces, pressure.shape)), state
 
     def record(self, motion: Motion) -> np.ndarray:
         """Return the forces (T, n) over a record with time."""
