@@ -28,7 +28,8 @@ def complex_step(function, values, name, output=0):
                  if key in each.__code__.co_names}
         return types.FunctionType(each.__code__, {**names, 'np': COMPLEX}, each.__name__,
                                   each.__defaults__)
-    values = {**values, name: np.complex128(values[name] + 1e-30j)}
+    values = {key: np.float64(value) for key, value in values.items()}
+    values[name] = values[name] + 1e-30j
     result = rebound(function)(**values)
     result = result[output] if isinstance(result, tuple) else result
     return np.imag(result) / 1e-30
@@ -179,7 +180,7 @@ def _lowest(x, y):
 
 @pytest.mark.parametrize('formula', [_highest, _lowest])
 def test_at_a_tie_the_first_argument_counts(formula):
-    """Where _both are equal the slope is that of the first one."""
+    """Where both are equal the slope is that of the first one."""
     slopes = partials(formula, ('x', 'y'))
     assert dict(zip(slopes.entries, slopes.function(2.0, 2.0)[1:], strict=True)) == {
         (0, 'x'): 1.0, (0, 'y'): 0.0}
