@@ -17,6 +17,7 @@ from functools import cache
 import hashlib
 import os
 from pathlib import Path
+import shutil
 import types
 from typing import Any
 
@@ -143,14 +144,18 @@ def pointer(function: Callable, signature: str) -> Any:
     engine = numba()
     if engine is None:
         raise NotCompiled('numba is not installed')
-    with _cache_folder(fingerprint(function)) as keep:
-        on_file = keep and os.path.exists(function.__code__.co_filename)
-        try:
-            made = engine.cfunc(signature, cache=on_file, error_model='numpy')(_rebound(function))
-        except Exception as error:  # numba raises many kinds, also its own bugs
-            raise NotCompiled(f'{function.__name__}: {error}') from error
-    return _pointer_type()(made, engine.core.sigutils._parse_signature_string(signature)
-                           if isinstance(signature, str) else signature)
+    kernel = _rebound(function)
+    key = fingerprint(function)
+    for _ in range(2):
+        with _cache_folder(key) as keep:
+            on_file = keep and os.path.exists(function.__code__.co_filename)
+            try:
+                return _pointer_type()(engine.cfunc(signature, cache=on_file,
+                                                    error_model='numpy')(kernel))
+            except Exception as error:  # numba raises many kinds, also its own bugs
+                told = error
+        shutil.rmtree(cache_root() / key, ignore_errors=True)  # it may have been damaged
+    raise NotCompiled(f'{function.__name__}: {told}') from told
 
 
 class NotCompiled(RuntimeError):
@@ -161,14 +166,14 @@ class NotCompiled(RuntimeError):
 def _pointer_type():
     """Return the class of first-class functions; made late, because it needs numba."""
     class Pointer(numba().types.WrapperAddressProtocol):
-        def __init__(self, made, signature):
-            self._made, self._signature = made, signature
+        def __init__(self, made):
+            self._made = made
 
         def __wrapper_address__(self):
             return self._made.address
 
         def signature(self):
-            return self._signature
+            return self._made._sig
     return Pointer
 
 

@@ -258,7 +258,7 @@ class Composition:
         """
         if mode not in self._modes:
             words: Any = bound(np, mode)
-            names: dict[str, Any] = {'np': words, **{
+            names: dict[str, Any] = {'__name__': __name__, 'np': words, **{
                 called: bound(function, mode) for called, function in self._functions.items()}}
             laws = set(names)
             exec(self._code(mode), names)
