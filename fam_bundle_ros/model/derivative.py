@@ -19,26 +19,25 @@ arrays, on plain floats, compiled.
 """
 
 import ast
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-import hashlib
 import inspect
-import linecache
 import textwrap
 import types
-from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros.model.graph import FUNCTIONS, Graph, Node, Writer
+from fam_bundle_ros.model.source import defined
+from fam_bundle_ros.model.vocabulary import cell
 
 _BINARY = {ast.Add: '+', ast.Sub: '-', ast.Mult: '*', ast.Div: '/', ast.Pow: '**',
            ast.BitAnd: '&', ast.BitOr: '|'}
 _COMPARE = {ast.Lt: '<', ast.LtE: '<=', ast.Gt: '>', ast.GtE: '>=', ast.Eq: '==',
             ast.NotEq: '!='}
-#: Names of Python for functions of the vocabulary.
-_BUILT_IN = {abs: 'abs', max: 'maximum', min: 'minimum'}
+#: Functions that are not read but called.
+_BUILT_IN = {abs: 'np.abs', max: 'np.maximum', min: 'np.minimum', int: 'int', cell: 'cell'}
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class Partials:
 
 
 @cache
-def partials(function: Callable, arguments: Sequence[str]) -> Partials:
+def partials(function: Callable, arguments: tuple[str, ...]) -> Partials:
     """
     Return the function that gives a law's value and its partial derivatives.
 
@@ -111,30 +110,8 @@ def partials(function: Callable, arguments: Sequence[str]) -> Partials:
         *writer.lines,
         *textwrap.wrap(f'return ({", ".join(map(writer.text, results))},)', 90,
                        subsequent_indent='        ')]) + '\n'
-    vocabulary = function.__globals__.get('np', np)
-    return Partials(written(text, f'{function.__name__}_partials', {'np': vocabulary}),
+    return Partials(defined(text, f'{function.__name__}_partials', {'np': np, 'cell': cell}),
                     len(outputs), tuple(entries), text)
-
-
-def written(text: str, name: str, names: dict[str, Any]) -> Callable:
-    """
-    Return the function that a generated text defines; tracebacks show its lines.
-
-    Parameters
-    ----------
-    text : str
-        Source. It must be made of known names and numbers, never of a user's text.
-    name : str
-        Name of the function in it.
-    names : dict
-        Global names that it may use.
-    """
-    digest = hashlib.sha256(text.encode()).hexdigest()[:8]
-    filename = f'<{name} {digest}>'
-    linecache.cache[filename] = (len(text), None, text.splitlines(True), filename)
-    scope = {**names, '__name__': __name__}
-    exec(compile(text, filename, 'exec'), scope)
-    return scope[name]
 
 
 class _Reader:
@@ -207,6 +184,9 @@ class _Reader:
             case ast.Compare(ops=[op], left=left, comparators=[right]) if type(op) in _COMPARE:
                 return self._graph.make(_COMPARE[type(op)], self._value(left, scope, function),
                                         self._value(right, scope, function))
+            case ast.Subscript(value=table, slice=index) if not isinstance(index, ast.Slice):
+                return self._graph.make('item', self._value(table, scope, function),
+                                        self._value(index, scope, function))
             case ast.Call():
                 return self._called(tree, scope, function)
         raise _refused(tree, function)
@@ -222,7 +202,7 @@ class _Reader:
             return self._graph.make(f'np.{name}', *inputs)
         callee = self._looked_up(tree.func, scope, function)
         if callee in _BUILT_IN:
-            return self._graph.make(f'np.{_BUILT_IN[callee]}', *inputs)
+            return self._graph.make(_BUILT_IN[callee], *inputs)
         if not isinstance(callee, types.FunctionType):
             raise _refused(tree, function)
         return self.call(callee, inputs, keywords)

@@ -292,12 +292,14 @@ _PULL: dict[str, tuple[Callable | None, ...]] = {
                  lambda d, v, c, a, b: d.graph.where(c, 0.0, d)),
 }
 
+#: Operations that are constant but for jumps: comparisons, a place in a table.
+_STEPS = {'<', '<=', '>', '>=', '==', '!=', '&', '|', '~', 'item', 'int', 'cell'}
 #: Functions of NumPy's vocabulary that a formula may call.
 FUNCTIONS = frozenset(name[3:] for name in _PULL if name.startswith('np.'))
 
 
 def _pulled_back(node, index, slope):
-    if node.operation in ('<', '<=', '>', '>=', '==', '!=', '&', '|', '~'):
+    if node.operation in _STEPS:
         return slope.graph.constant(0.0)
     rules = _PULL.get(node.operation)
     if rules is None:
@@ -353,6 +355,9 @@ class Writer:
             return text, _BINDING['neg'] if value < 0 else _CALL
         if node.operation == 'argument':
             return node.hint, _CALL
+        if node.operation == 'item':
+            table, index = node.inputs
+            return f'{self._enclosed(table, _CALL)}[{self.text(index)}]', _CALL
         binding = _BINDING.get(node.operation)
         if binding is None:
             return f'{node.operation}({", ".join(map(self.text, node.inputs))})', _CALL

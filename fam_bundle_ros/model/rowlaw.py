@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros import kernels
-from fam_bundle_ros.model.derivative import on_file, Partials, partials, written
+from fam_bundle_ros.model.derivative import Partials, partials
 from fam_bundle_ros.model.dual import Dual, scaled, Slopes, slopes_of, total, value_of
 from fam_bundle_ros.model.law import arguments, FELT, STEPPING, TABLES
 from fam_bundle_ros.model.scan import affine_scan
+from fam_bundle_ros.model.source import defined
 from fam_bundle_ros.model.vocabulary import bound, runs_along_time
 
 #: Arguments that have a value for each row.
@@ -167,8 +168,8 @@ def _loop(function: Callable, names: Sequence[str], fields: tuple[str, ...], cou
         f'    {", ".join(results)} = law({inputs})',
         f'return ({", ".join(fields)}{"," if fields else ""})']) + '\n'
     if not compiled:
-        return written(text, 'over_rows', {'law': bound(function, 'floats')})
-    return kernels.compiled(on_file(text, 'over_rows', {'law': bound(function, 'kernels')}))
+        return defined(text, 'over_rows', {'law': bound(function, 'floats')})
+    return kernels.compiled(defined(text, 'over_rows', {'law': bound(function, 'kernels')}, True))
 
 
 class _Chain:
