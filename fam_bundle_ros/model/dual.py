@@ -60,6 +60,9 @@ class Dual:
         return Dual(value, total([scaled(self.slopes, 1.0 / value_of(other)),
                                   scaled(slopes_of(other), -value / value_of(other))]))
 
+    def __rtruediv__(self, other):
+        return Dual(other, {}) / self
+
 
 class DualWords:
     """NumPy's functions that the text of a composition uses between laws, on dual numbers."""
@@ -108,9 +111,9 @@ def total(parts: Iterable[Slopes]) -> dict[int, Any]:
     return result
 
 
-def applied(function: Callable, *inputs: Any) -> tuple[Dual, ...]:
+def applied(function: Callable, *inputs: Any) -> tuple[Any, ...]:
     """
-    Return the outputs of a plain function of dual numbers.
+    Return the outputs of a plain function of dual numbers; those without slopes are no Dual.
 
     Parameters
     ----------
@@ -124,5 +127,5 @@ def applied(function: Callable, *inputs: Any) -> tuple[Dual, ...]:
     slopes: list[list[Slopes]] = [[] for _ in range(made.outputs)]
     for (output, name), partial in zip(made.entries, results[made.outputs:], strict=True):
         slopes[output].append(scaled(slopes_of(inputs[names.index(name)]), partial))
-    return tuple(Dual(value, total(parts))
+    return tuple(Dual(value, total(parts)) if any(parts) else value
                  for value, parts in zip(results, slopes, strict=False))

@@ -143,8 +143,8 @@ class RowLaw:
 
 def _rows_of(name, item, size):
     """Return an array (size,) of what may be one number."""
-    if isinstance(item, np.ndarray) and len(item) == size:
-        return item
+    if isinstance(item, np.ndarray):
+        return np.ascontiguousarray(item)
     return np.full(size, item, bool if name in ('start', 'log_start') else float)
 
 

@@ -135,7 +135,7 @@ class _Numbers:
         return one
 
     def error(self, quantity):
-        """Return what a gauge adds, and the factor that it shows too much; 0 and 1 for a good one."""
+        """Return b and g of a gauge that shows g x + b; 0 and 1 for one without error."""
         bias, gain = 0.0, 1.0
         for _, law, part in self.model.laws.at(Place.SENSOR):
             if part.changes != quantity:
@@ -150,9 +150,7 @@ class _Numbers:
     def true(self, quantity, shown):
         """Return what is there, for what a gauge shows; the laws of gauges are linear."""
         bias, gain = self.error(quantity)
-        if not isinstance(bias, Dual):
-            return shown
-        return (-bias + shown) / gain
+        return (shown - bias) / gain
 
 
 def _blocks(numbers: _Numbers, strain: Any, pressure: Any, motion: Motion
