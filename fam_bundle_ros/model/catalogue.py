@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effect import CLASSES_ARE_GONE
-from fam_bundle_ros.model.law import Law
+from fam_bundle_ros.model.laws.base import Law
 
 #: Entry points in this group name laws of other packages.
 ENTRY_POINT_GROUP = 'fam_bundle_ros.effects'

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros import kernels
-from fam_bundle_ros.model.law import FELT, Law, Part, Place, SHAPE, STEPPING, TABLES
+from fam_bundle_ros.model.laws.base import FELT, Law, Part, Place, SHAPE, STEPPING, TABLES
 from fam_bundle_ros.model.seam import pointers
 from fam_bundle_ros.model.source import filed
 from fam_bundle_ros.model.vocabulary import bound, runs_along_time

@@ -11,7 +11,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.units import express
 
 if TYPE_CHECKING:
-    from fam_bundle_ros.model.law import Law
+    from fam_bundle_ros.model.laws.base import Law
 
 #: What a file of the first version, with effects as classes, is told.
 CLASSES_ARE_GONE = ('an effect is a function now, not a class: write @law(...) above a function '
@@ -24,7 +24,7 @@ class Effect:
     A law with SI values; a parameter's value is also an attribute, ``effect.c10``.
 
     Everything that is known about the law is an attribute too: name, summary, source, place,
-    family, signature, parameters, off, memory, ... (`fam_bundle_ros.model.law.Law`).
+    family, signature, parameters, off, memory, ... (`fam_bundle_ros.model.laws.base.Law`).
 
     Parameters
     ----------

@@ -143,6 +143,8 @@ def _affine_scan(memory, gain, offset):
 
 def _before_scan(memory, signal):
     signal = np.asarray(signal, float)
+    if not signal.ndim:  # it never changes
+        return signal
     shifted = np.empty_like(signal)
     shifted[0], shifted[1:] = memory, signal[:-1]
     return shifted

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 
 
 @law('geometry', changes='braid', family='braid', leaves=('smooth2',), look=('teal', 'solid'),

@@ -7,7 +7,7 @@ Sensor laws belong to the comparison with data and to a simulated rig's readings
 muscle that the controller inverts. They are linear in what is read.
 """
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 
 _FAMILY = {'family': 'force_sensor', 'changes': 'force',
            'leaves': ('smooth0', 'smooth1', 'force'),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The line between the pressure sensor at the valve and the muscle."""
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import lag
 
 

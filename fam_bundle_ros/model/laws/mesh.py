@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ideal braid: gas pressure turned into tension."""
 
-from fam_bundle_ros.model.law import law
+from fam_bundle_ros.model.laws.base import law
 
 
 @law('force', family='mesh', candidate=False, look=('blue', 'solid'),

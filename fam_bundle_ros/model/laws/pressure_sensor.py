@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the pressure gauges show against the pressure in the line."""
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 
 _FAMILY = {'family': 'pressure_sensor', 'changes': 'pressure', 'leaves': ('smooth1', 'smooth2'),
            'remedy': 'vent the muscle and read the pressure gauge',

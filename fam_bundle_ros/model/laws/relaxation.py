@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slow relaxation of rubber and braid after each step."""
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import lag
 
 _FAMILY = {'family': 'relaxation', 'leaves': ('drift', 'drift_trial', 'pressure_rate', 'decay')}

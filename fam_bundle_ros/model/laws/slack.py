@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A tendon pulls and never pushes."""
 
-from fam_bundle_ros.model.law import law
+from fam_bundle_ros.model.laws.base import law
 
 
 @law('limit', family='slack', leaves=('past_free',), look=('brown', 'solid'),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the displacement sensor shows against the strain of the muscle."""
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 
 
 @law('sensor', changes='strain', family='strain_sensor', leaves=('smooth0', 'smooth1'),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A supply that gives way: the plant integrates it, so it shows where valves are logged."""
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 
 
 @law('pneumatics', changes='supply_resistance', family='supply', candidate=False,

@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.law import law
+from fam_bundle_ros.model.laws.base import law
 from fam_bundle_ros.model.vocabulary import cell
 from fam_bundle_ros.units import si_factor
 

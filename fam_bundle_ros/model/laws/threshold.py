@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 
 _FAMILY = {'family': 'threshold', 'off': {'pressure': 0.0}, 'leaves': ('smooth1', 'smooth2'),
            'lost': Parameter(30.0, 'kPa', 0.0, 200.0, 'pressure that is lost', name='pressure')}

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from fam_bundle_ros.model.law import law, Parameter
+from fam_bundle_ros.model.laws.base import law, Parameter
 
 _FAMILY = {'family': 'viscous', 'leaves': ('speed',), 'off': {'coefficient': 0.0},
            'signature': 'the residual is odd in the rate and grows with speed'}
