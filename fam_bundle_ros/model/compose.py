@@ -24,11 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros import kernels
 from fam_bundle_ros.model.laws.base import FELT, Law, Part, Place, SHAPE, STEPPING, TABLES
 from fam_bundle_ros.model.seam import pointers
 from fam_bundle_ros.model.source import filed
-from fam_bundle_ros.model.vocabulary import bound, runs_along_time
+from fam_bundle_ros.model.vocabulary import bound
 
 #: Column of the shape array that holds the number of muscles; before it the fields `SHAPE`.
 MUSCLES = len(SHAPE)
@@ -111,13 +110,6 @@ class Composition:
     def has_memory(self) -> bool:
         """Whether the force depends on what was before."""
         return bool(self.memory)
-
-    @cached_property
-    def runs_along_time(self) -> bool:
-        """Whether a whole record can be computed in one call, memory included."""
-        return all(runs_along_time(part.function, tuple(f for f in law.memory
-                                                        if f in part.arguments))
-                   for law in self.laws for part in law.parts)
 
     def at(self, place: Place) -> list[tuple[str, Law, Part]]:
         """Return what acts at a place: name in the text, law, part."""
@@ -254,7 +246,7 @@ class Composition:
         """
         Return the functions of the text for one mode of `fam_bundle_ros.model.vocabulary`.
 
-        With ``'arrays'`` and ``'scans'`` call ``muscle``, ``muscle_at_rest``, ``volume`` and
+        With ``'arrays'`` call ``muscle``, ``muscle_at_rest``, ``volume`` and
         ``volume_slope`` with arrays that broadcast to (..., n): ``unit`` (n,), ``shape`` (G, n).
         """
         if mode not in self._modes:

@@ -8,16 +8,16 @@ laws compiles nothing anew. Without numba a law runs on arrays; one with memory 
 by its recurrences or, when it is written otherwise, sample by sample.
 """
 
-from collections.abc import Callable, Sequence
-from functools import cache, lru_cache
+from collections.abc import Callable
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.model.derivative import Partials, partials
-from fam_bundle_ros.model.dual import Dual, scaled, Slopes, slopes_of, total, value_of
-from fam_bundle_ros.model.law import arguments, FELT, STEPPING, TABLES
+from fam_bundle_ros.model.dual import Dual, scaled, Slopes, total, value_of
+from fam_bundle_ros.model.laws.base import arguments, FELT, STEPPING, TABLES
 from fam_bundle_ros.model.scan import affine_scan
 from fam_bundle_ros.model.source import defined
 from fam_bundle_ros.model.vocabulary import bound, runs_along_time
@@ -26,6 +26,10 @@ from fam_bundle_ros.model.vocabulary import bound, runs_along_time
 _VARYING = {*FELT, *STEPPING} - {'unit'}
 #: Arguments that no parameter changes: a record gives them.
 _GIVEN = {'unit', 'strain_rate', 'time', *STEPPING, *TABLES}
+
+
+#: Rows that a law has computed on arrays before it is compiled: below, it is not worth the wait.
+_WORTH = 200_000
 
 
 @cache
@@ -51,7 +55,7 @@ class RowLaw:
         self._names = arguments(function)
         self._function = function
         self._fields = fields
-        self._runs_along_time = runs_along_time(function, fields)
+        self._rows_done = 0
         self._compiles = True
 
     def __call__(self, *inputs: Any) -> Any:
@@ -67,54 +71,66 @@ class RowLaw:
         NotImplementedError
             When an input has slopes and the law's source cannot be differentiated.
         """
-        moving = [name for name, item in zip(self._names, inputs, strict=True)
-                  if slopes_of(item)]
-        if not moving:
-            rows, after = self._rows(self._function, 1, inputs)
+        slopes = {name: item.slopes for name, item in zip(self._names, inputs, strict=True)
+                  if isinstance(item, Dual)}
+        if not any(slopes.values()):
+            rows, after = self._rows(self._function, 1, [value_of(item) for item in inputs])
             return (rows[0], *after) if self._fields else rows[0]
         made = self._partials
         rows, after = self._rows(made.function, 1 + len(made.entries),
                                  [value_of(item) for item in inputs])
-        slopes = _Chain(made, self._fields, dict(zip(self._names, inputs, strict=True)),
-                        dict(zip(made.entries, rows[1:], strict=True)))
-        value = Dual(rows[0], slopes.of_value())
-        return (value, *map(Dual, after, slopes.after)) if self._fields else value
+        chain = _Chain(self._fields, slopes, dict(zip(made.entries, rows[1:], strict=True)))
+        value = Dual(rows[0], chain.of_output(0))
+        return (value, *map(Dual, after, chain.after)) if self._fields else value
 
-    @property
+    @cached_property
     def _partials(self) -> Partials:
         return partials(self._function, tuple(n for n in self._names if n not in _GIVEN))
 
+    @cached_property
+    def _runs_along_time(self) -> bool:
+        return runs_along_time(self._function, self._fields)
+
+    def prepare(self) -> None:
+        """Compile the law and its partial derivatives now, for example when it is installed."""
+        table = np.array([2.0, 2.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+        exact: dict[str, Any] = {'unit': 0, 'tables': table, 'table': 0}
+        inputs = [exact.get(name, _rows_of(name, 0.5, 2) if name in _VARYING else 0.5)
+                  for name in self._names]
+        self._compiled(self._function, 1, inputs, 2)
+        self._compiled(self._partials.function, 1 + len(self._partials.entries), inputs, 2)
+
+    # --- ways to run ---------------------------------------------------------------------------
+
     def _rows(self, function, count, inputs):
         """Return the value, or the value and the partial derivatives, and the memory after."""
-        sizes = {len(item) for name, item in zip(self._names, inputs, strict=True)
-                 if isinstance(item, np.ndarray) and name not in TABLES}
-        if not sizes and not self._fields:
+        size = max((len(item) for name, item in zip(self._names, inputs, strict=True)
+                    if isinstance(item, np.ndarray) and name not in TABLES), default=0)
+        if not size and not self._fields:
             result = function(*inputs)
             return (result if isinstance(result, tuple) else (result,)), ()
-        size = max(sizes, default=1)
         inputs = [_rows_of(name, item, size) if name in _VARYING else item
                   for name, item in zip(self._names, inputs, strict=True)]
-        if self._compiles and kernels.numba() is not None:
+        self._rows_done += size
+        if self._compiles and self._rows_done > _WORTH and kernels.numba() is not None:
             try:
                 return self._compiled(function, count, inputs, size)
             except Exception:  # numba raises many kinds; only a user's law comes here
                 self._compiles = False
         with np.errstate(all='ignore'):
-            if not self._fields:
-                return self._on_arrays(function, inputs, size)
-            if self._runs_along_time:
-                return self._along_time(function, count, inputs, size)
-            return self._sample_by_sample(function, count, inputs, size)
+            if self._fields and not self._runs_along_time:
+                return self._sample_by_sample(function, count, inputs, size)
+            try:
+                if self._fields:
+                    return self._along_time(function, count, inputs, size)
+                return _on_arrays(function, inputs, size), ()
+            except (TypeError, ValueError):  # a user's law with an if: not for arrays
+                return self._sample_by_sample(function, count, inputs, size)
 
     def _compiled(self, function, count, inputs, size):
         out = np.empty((count, size))
-        return out, _loop(function, self._names, self._fields, count,
-                          self._with_rows(inputs), True)(*inputs, out)
-
-    def _on_arrays(self, function, inputs, size):
-        result = bound(function, 'arrays')(*inputs)
-        return [np.broadcast_to(row, (size,)) if np.ndim(row) == 0 else row
-                for row in (result if isinstance(result, tuple) else (result,))], ()
+        loop = _loop(function, self._names, self._fields, count, self._with_rows(inputs), True)
+        return out, loop(*inputs, out)
 
     def _along_time(self, function, count, inputs, size):
         """Run the recurrences along time, then the partial derivatives element by element."""
@@ -123,22 +139,28 @@ class RowLaw:
         last = tuple(float(row[-1]) for row in after)
         if count == 1:
             return [value], last
-        before = iter(after)
-        inputs = [np.concatenate([[item], next(before)[:-1]]) if name in self._fields else item
+        fields = iter(after)
+        inputs = [np.concatenate([[item], next(fields)[:-1]]) if name in self._fields else item
                   for name, item in zip(self._names, inputs, strict=True)]
-        rows, _ = self._on_arrays(function, inputs, size)
-        return [value, *rows[1 + len(after):]], last
+        return [value, *_on_arrays(function, inputs, size)[1 + len(after):]], last
 
     def _sample_by_sample(self, function, count, inputs, size):
-        loop = _loop(function, self._names, self._fields, count, self._with_rows(inputs), False)
+        with_rows = self._with_rows(inputs)
+        inputs = [item.tolist() if name in with_rows else item
+                  for name, item in zip(self._names, inputs, strict=True)]
         out = [[0.0] * size for _ in range(count)]
-        after = loop(*(item.tolist() if isinstance(item, np.ndarray) and name not in TABLES
-                       else item for name, item in zip(self._names, inputs, strict=True)), out)
+        after = _loop(function, self._names, self._fields, count, with_rows, False)(*inputs, out)
         return np.array(out), after
 
     def _with_rows(self, inputs):
-        return frozenset(name for name, item in zip(self._names, inputs, strict=True)
-                         if isinstance(item, np.ndarray) and name not in TABLES)
+        return tuple(name for name, item in zip(self._names, inputs, strict=True)
+                     if isinstance(item, np.ndarray) and name not in TABLES)
+
+
+def _on_arrays(function, inputs, size):
+    result = bound(function, 'arrays')(*inputs)
+    return [np.broadcast_to(row, (size,)) if np.ndim(row) == 0 else row
+            for row in (result if isinstance(result, tuple) else (result,))]
 
 
 def _rows_of(name, item, size):
@@ -149,8 +171,8 @@ def _rows_of(name, item, size):
 
 
 @lru_cache(maxsize=1024)
-def _loop(function: Callable, names: Sequence[str], fields: tuple[str, ...], count: int,
-          with_rows: frozenset[str], compiled: bool) -> Callable:
+def _loop(function: Callable, names: tuple[str, ...], fields: tuple[str, ...], count: int,
+          with_rows: tuple[str, ...], compiled: bool) -> Callable:
     """
     Return a loop over rows around a law's function, or around its partial derivatives.
 
@@ -173,62 +195,62 @@ def _loop(function: Callable, names: Sequence[str], fields: tuple[str, ...], cou
 
 
 class _Chain:
-    """The chain rule for one law: from slopes of its inputs to slopes of its outputs."""
+    """
+    The chain rule for one law: from the slopes of its inputs to those of its outputs.
 
-    def __init__(self, made, fields, inputs, rows):
+    Parameters
+    ----------
+    fields : tuple of str
+        Memory fields of the law.
+    slopes : dict of str to Slopes
+        Of the inputs that have some; of memory fields before the first row.
+    rows : dict of (int, str) to array (T,)
+        Partial derivatives of outputs by inputs.
+    """
+
+    def __init__(self, fields, slopes, rows):
         self._rows = rows
-        self._inputs = inputs
-        self._fields = fields
-        self._entries = made.entries
-        #: Slopes of each memory field before each row, by key.
-        self._before: dict[str, dict[int, Any]] = {}
-        after = {field: self._carried(field) for field in self._in_order()}
-        #: Slopes of each memory field after the last row, by key.
+        #: Slopes of the inputs; those of memory fields are before each row.
+        self._slopes = {name: item for name, item in slopes.items() if name not in fields}
+        after = {field: self._carried(1 + fields.index(field), field, slopes.get(field, {}))
+                 for field in _in_order(fields, rows)}
+        #: Slopes of each memory field after the last row.
         self.after: list[Slopes] = [after[field] for field in fields]
 
-    def of_value(self) -> dict[int, Any]:
-        """Return the slopes of the law's value."""
-        return self._through(0, self._before)
+    def of_output(self, output: int) -> dict[int, Any]:
+        """Return the slopes of an output, by way of all inputs that have slopes by now."""
+        return total(scaled(self._slopes[name], row) for (number, name), row in self._rows.items()
+                     if number == output and name in self._slopes)
 
-    def _through(self, output, before):
-        """Return the slopes of an output by way of all inputs and some memory fields."""
-        return total(
-            scaled(before.get(name, {}) if name in self._fields
-                   else slopes_of(self._inputs[name]), self._rows[output, name])
-            for number, name in self._entries if number == output)
-
-    def _in_order(self):
-        """Return the memory fields, each after those that its slope is made of."""
-        waiting = {field: {name for number, name in self._entries
-                           if number == 1 + index and name in self._fields and name != field}
-                   for index, field in enumerate(self._fields)}
-        while waiting:
-            ready = [field for field, needs in waiting.items() if not needs & set(waiting)]
-            if not ready:
-                raise NotImplementedError(
-                    f'memory fields {", ".join(waiting)} depend on each other in a circle')
-            for field in ready:
-                del waiting[field]
-            yield from ready
-
-    def _carried(self, field):
-        """Work out the slopes of a memory field before each row; return those after the last."""
-        output = 1 + self._fields.index(field)
-        added = self._through(output, self._before)
-        kept = self._rows.get((output, field))
-        first = slopes_of(self._inputs[field])
+    def _carried(self, output, field, first):
+        """Carry the slopes of a memory field along time; return those after the last row."""
+        added, kept = self.of_output(output), self._rows.get((output, field))
+        size = max((len(row) for row in self._rows.values()), default=1)
         before, after = {}, {}
         for key in {**first, **added}:
             start = first.get(key, 0.0)
-            path = _recurrence(kept, added.get(key, 0.0), start, len(self._size))
+            path = _recurrence(kept, added.get(key, 0.0), start, size)
             before[key] = np.concatenate([[start], path[:-1]])
             after[key] = float(path[-1])
-        self._before[field] = before
+        self._slopes[field] = before
         return after
 
-    @property
-    def _size(self):
-        return next(iter(self._rows.values()))
+
+def _in_order(fields, rows):
+    """Return memory fields, each after those that its slopes are made of."""
+    waiting = {field: {name for number, name in rows
+                       if number == 1 + index and name in fields and name != field}
+               for index, field in enumerate(fields)}
+    order = []
+    while waiting:
+        ready = [field for field, needs in waiting.items() if not needs & set(waiting)]
+        if not ready:
+            raise NotImplementedError(
+                f'memory fields {", ".join(waiting)} depend on each other in a circle')
+        order += ready
+        for field in ready:
+            del waiting[field]
+    return order
 
 
 def _recurrence(gain, offset, start, size):

@@ -10,40 +10,30 @@ that the space between laws does not grow with it; memory is carried from block 
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.compose import Composition, MUSCLES
-from fam_bundle_ros.model.dual import applied, Dual, DualWords, scaled, slopes_of, value_of
+from fam_bundle_ros.model.compose import MUSCLES
+from fam_bundle_ros.model.dual import applied, Dual, DualWords, slopes_of, value_of
 from fam_bundle_ros.model.geometry import DERIVED, derived
-from fam_bundle_ros.model.law import Place, SHAPE
+from fam_bundle_ros.model.laws.base import Place, SHAPE
 from fam_bundle_ros.model.parts import Motion
 from fam_bundle_ros.model.rowlaw import row_law
 
+if TYPE_CHECKING:
+    from fam_bundle_ros.model.muscles import Muscles
+
 #: Rows in a block: what stands between laws then stays in the processor's cache.
 _BLOCK = 4096
+#: Relative step of central differences: cube root of the rounding of a double.
+_STEP = 6e-6
 #: Dimensions of a muscle that a key ``geometry.radius`` ... may name.
 DIMENSIONS = ('radius', 'length', 'braid_angle', 'wall_thickness')
 
 
-class RowModel(NamedTuple):
-    """
-    A bundle as this module takes it.
-
-    ``shape`` (G, n) is the geometry and number of muscles of each motor unit, ``parameters`` (K,)
-    those of all effects in SI, ``tables`` (T,) the measured surfaces, as in
-    `fam_bundle_ros.model.seam.Model`.
-    """
-
-    laws: Composition
-    shape: np.ndarray
-    parameters: np.ndarray
-    tables: np.ndarray
-
-
-def unit_forces(model: RowModel, motion: Motion) -> np.ndarray:
+def unit_forces(model: 'Muscles', motion: Motion) -> np.ndarray:
     """
     Return the tension of each motor unit over a record, N, shape (T, n).
 
@@ -56,14 +46,14 @@ def unit_forces(model: RowModel, motion: Motion) -> np.ndarray:
     return force.T
 
 
-def reading(model: RowModel, motion: Motion, keys: Sequence[str] = ()
+def reading(model: 'Muscles', motion: Motion, keys: Sequence[str] = ()
             ) -> tuple[np.ndarray, np.ndarray]:
     """
     Return the force that the load cell would show over a record of readings, and its derivatives.
 
     Parameters
     ----------
-    model : RowModel
+    model : Muscles
     motion : Motion
         Strain and pressure as the gauges show them.
     keys : sequence of str
@@ -97,6 +87,24 @@ def reading(model: RowModel, motion: Motion, keys: Sequence[str] = ()
     for key, slope in slopes_of(bias).items():
         jacobian[key] += slope
     return force * value_of(gain) + value_of(bias), jacobian.T
+
+
+def differences(bundle: Any, motion: Motion, keys: Sequence[str]) -> np.ndarray:
+    """Return central differences of `Bundle.predict` by keys, (T, K)."""
+    jacobian = np.empty((len(motion.strain), len(keys)))
+    for column, key in enumerate(keys):
+        owner, _, name = key.partition('.')
+        if owner == 'geometry':
+            value = getattr(bundle.motor_units[0].geometry, name)
+            step = _STEP * value
+        else:
+            value = bundle.effect(owner).values[name]
+            # a parameter that is zero has no size of its own
+            step = _STEP * (abs(value) or abs(bundle.effect(owner).limits(name)[1]) or 1.0)
+        above, below = (bundle.with_parameters({key: value + sign * step}).predict(motion)
+                        for sign in (1.0, -1.0))
+        jacobian[:, column] = (above - below) / (2.0 * step)
+    return jacobian
 
 
 class _Numbers:
@@ -166,7 +174,7 @@ def _blocks(numbers: _Numbers, strain: Any, pressure: Any, motion: Motion
     count = len(motion.strain)
     time = np.zeros(count) if motion.time is None else _floats(motion.time) - motion.time[0]
     first = np.arange(count) == 0
-    start = first if motion.start is None else first | np.asarray(motion.start, bool)
+    start = first if motion.start is None else first | motion.start
     dt = np.where(start, 0.0, np.diff(time, prepend=0.0))
     stepping = laws.has_memory and motion.time is not None
     memory = [[0.0] * len(laws.memory) for _ in numbers.shape]

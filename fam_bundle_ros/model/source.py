@@ -39,7 +39,7 @@ def defined(text: str, name: str, names: Mapping[str, Any], to_compile: bool = F
 
 
 def filed(text: str, name: str) -> str:
-    """Return the path of a file in the cache folder that holds a text; empty when there is none."""
+    """Return the path of a file in the cache folder that holds a text; empty if it cannot be."""
     path = kernels.cache_root() / 'models' / f'{name}_{_digest(text)}.py'
     if not path.exists():
         draft = path.with_suffix(f'.{os.getpid()}')
