@@ -111,12 +111,12 @@ class Muscles:
 
     def record(self, motion: Motion) -> np.ndarray:
         """Return the forces (T, n) over a record."""
-        self._warn_outside(motion.strain[:, None], motion.pressure)
+        self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
         return rows.unit_forces(self, motion)
 
     def reading(self, motion: Motion, keys: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Return what the load cell shows (T,), and its slopes (T, K); see `rows.reading`."""
-        self._warn_outside(motion.strain[:, None], motion.pressure)
+        self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
         return rows.reading(self, motion, keys)
 
     def gas(self, what: str, strain, pressure) -> np.ndarray:

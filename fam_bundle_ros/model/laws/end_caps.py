@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ends of a muscle do not shorten: strain of the active part is larger than that measured."""
 
+from typing import Any
+
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 
-_FAMILY = {'family': 'end_caps', 'changes': 'strain', 'leaves': ('smooth1',),
-           'signature': 'the error is in proportion to pressure and grows with strain',
-           'remedy': 'measure the rest length and the clamped ends with a calliper'}
+_FAMILY: dict[str, Any] = {
+    'family': 'end_caps', 'changes': 'strain', 'leaves': ('smooth1',),
+    'signature': 'the error is in proportion to pressure and grows with strain',
+    'remedy': 'measure the rest length and the clamped ends with a calliper'}
 
 
 @law('geometry', **_FAMILY, off={'dead_length': 0.0}, look=('olive', 'solid'),
