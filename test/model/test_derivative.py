@@ -5,7 +5,7 @@
 import traceback
 import types
 
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -89,6 +89,7 @@ NUMBERS = st.floats(-2.9, 2.9, allow_subnormal=False).filter(lambda x: abs(x) > 
 
 @pytest.mark.parametrize('formula', FORMULAS)
 @given(x=NUMBERS, y=NUMBERS)
+@settings(deadline=None)
 def test_partials_are_those_of_a_complex_step(formula, x, y):
     """Every operation and function has its exact derivative, through helper functions too."""
     assume(x not in (y, 0.2 * y, 0.3, -1.0) and y != 1.0)  # kinks have tests of their own
@@ -127,6 +128,7 @@ def _likely(name, law, draw):
 
 @pytest.mark.parametrize('function', _of_laws(), ids=lambda function: function.__name__)
 @given(seed=st.integers(0, 10_000))
+@settings(deadline=None)
 def test_every_law_has_its_exact_partial_derivatives(function, seed):
     """Each derivative of each output of each law is that of a complex step."""
     law = next(law for law in catalogue.available().values() for part in law.parts
@@ -142,11 +144,12 @@ def test_every_law_has_its_exact_partial_derivatives(function, seed):
         for name in moving:
             exact = complex_step(function, values, name, output)
             # terms that cancel leave their rounding
-            assert found.get((output, name), 0.0) == pytest.approx(exact, rel=1e-9, abs=1e-11)
+            assert found.get((output, name), 0.0) == pytest.approx(exact, rel=1e-9, abs=1e-10)
 
 
 @pytest.mark.parametrize('formula', FORMULAS)
 @given(x=NUMBERS, y=NUMBERS)
+@settings(deadline=None)
 def test_value_is_the_law_s_own_to_the_last_bit(formula, x, y):
     """Reading and writing a formula changes no rounding."""
     x, y = np.float64(x), np.float64(y)

@@ -137,7 +137,7 @@ def assert_is_the_slope(bundle, motion, key, slope):
 @pytest.mark.parametrize('name', [*LAWS, 'wave'])
 @pytest.mark.parametrize('timed', [True, False])
 @given(seed=st.integers(0, 1000), count=st.integers(1, 3))
-@settings(max_examples=5)
+@settings(max_examples=5, deadline=None)
 def test_jacobian_is_the_slope_of_the_prediction(name, timed, seed, count):
     """Every parameter and dimension, through every law, timed and static."""
     rng = np.random.default_rng(seed)
