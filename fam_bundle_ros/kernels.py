@@ -189,7 +189,7 @@ def _rebound(function):
             names[name] = value.compiled_names()
     names['__name__'] = function.__module__
     return types.FunctionType(function.__code__, names, function.__name__,
-                              function.__defaults__)
+                              function.__defaults__, function.__closure__)
 
 
 def _globals(function) -> Iterator[tuple[str, Any]]:

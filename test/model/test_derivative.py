@@ -51,7 +51,7 @@ def _both(x, y):
 # formulas with every operation of the vocabulary, smooth and _kinked
 
 def _rational(x, y):
-    return (x - 2.0 * y) / (1.0 + x * x) - -x / (y + 3.0)
+    return (x - 2.0 * y) / (1.0 + x * x) - -x / (y + 3.0) + (x - y) * (y - x)
 
 
 def _transcendental(x, y):
@@ -59,7 +59,8 @@ def _transcendental(x, y):
 
 
 def _powers(x, y):
-    return x ** 3 + 2.0 * x ** 2.0 - (x + 5.0) ** -1.5 + (y + 5.0) ** x
+    grouped = ((x + 5.0) ** 0.7) ** y + (x + 5.0) ** (y ** 2)
+    return x ** 3 + 2.0 * x ** 2.0 - (x + 5.0) ** -1.5 + (y + 5.0) ** x + grouped
 
 
 def _roots(x, y):
@@ -223,6 +224,23 @@ def test_power_law_at_rest_has_finite_slopes(exponent):
     result = partials(_power_of_speed, ('speed', 'size', 'exponent')).function(0.0, 3.0, exponent)
     assert np.all(np.isfinite(result))
     assert result[2:] == (0.0, 0.0)
+
+
+def _compared(x, y):
+    return np.where(x <= y, x, 0.0) + np.where(x >= y, 2.0 * x, 0.0) + np.where(
+        x < y, 4.0, 0.0) + np.where(x > y, 8.0, 0.0) + np.where(x != y, 16.0, 0.0)
+
+
+@pytest.mark.parametrize('x', [1.0, 2.0, 3.0])
+def test_comparisons_are_read_as_they_stand(x):
+    """At, below and above the point where a comparison changes."""
+    assert partials(_compared, ('x',)).function(x, 2.0)[0] == _compared(x, 2.0)
+
+
+def test_a_table_is_differentiated_within_its_cell():
+    """The index into a table has no slope, the position in the cell has."""
+    surface = catalogue.get('measured_surface').function
+    assert partials(surface, ('strain', 'pressure')).entries == ((0, 'strain'), (0, 'pressure'))
 
 
 def _highest(x, y):
