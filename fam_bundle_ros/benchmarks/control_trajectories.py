@@ -6,6 +6,7 @@ The trajectories of the control benchmark, laid out from the model's own overlap
 Forces are given on a dynamometer at 16 % strain, strains against a mass and a spring or an arm.
 """
 
+from bisect import bisect_right
 import math
 
 import numpy as np
@@ -28,11 +29,10 @@ class _Path:
     """Values at times, joined by straight lines or by fifth-order (minimum jerk) pieces."""
 
     def __init__(self, times, values, smooth=True):
-        self._times, self._values, self._smooth = list(times), list(values), smooth
+        self._times, self._values, self._smooth = [float(t) for t in times], [float(v) for v in values], smooth
 
     def _piece(self, t):
-        i = min(max(int(np.searchsorted(self._times, t, side='right')), 1),
-                len(self._times) - 1)
+        i = min(max(bisect_right(self._times, t), 1), len(self._times) - 1)
         span = self._times[i] - self._times[i - 1]
         x = min(max((t - self._times[i - 1]) / span, 0.0), 1.0)
         return self._values[i - 1], self._values[i] - self._values[i - 1], span, x
