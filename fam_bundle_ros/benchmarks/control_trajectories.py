@@ -29,7 +29,9 @@ class _Path:
     """Values at times, joined by straight lines or by fifth-order (minimum jerk) pieces."""
 
     def __init__(self, times, values, smooth=True):
-        self._times, self._values, self._smooth = [float(t) for t in times], [float(v) for v in values], smooth
+        self._times = [float(time) for time in times]
+        self._values = [float(value) for value in values]
+        self._smooth = smooth
 
     def _piece(self, t):
         i = min(max(bisect_right(self._times, t), 1), len(self._times) - 1)

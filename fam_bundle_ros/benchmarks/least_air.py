@@ -147,8 +147,7 @@ class _Search:
             found.append(self._invert(curve, wanted, bottom, side))
             fits.append((wanted >= least - _TOLERANCE) & (wanted <= top + _TOLERANCE))
         fits[1] &= bottom > 0
-        states = np.stack([np.concatenate(found, axis=1), np.concatenate([second, second], axis=1)],
-                          axis=-1)
+        states = np.stack([np.concatenate(found, axis=1), np.tile(second, 2)], axis=-1)
         good = np.concatenate(fits, axis=1)
         # Out of reach: the nearest that there is, as any controller would do.
         for k in np.flatnonzero(~good.any(axis=1)):
