@@ -10,7 +10,6 @@ what is to be reached. The rows are in the modules ``speed_*``.
 from collections.abc import Callable, Iterable, Iterator
 import cProfile
 from dataclasses import dataclass, field
-from functools import partial
 import json
 import os
 from pathlib import Path
@@ -234,7 +233,7 @@ def elsewhere(function: str, *arguments: Any, plain: bool = False, **keywords: A
     module, _, name = function.partition(':')
     code = (f'import json, sys; from {module} import {name} as call; '
             'given = json.loads(sys.argv[1]); '
-            "print(chr(10) + json.dumps(call(*given[0], **given[1])))")
+            'print(chr(10) + json.dumps(call(*given[0], **given[1])))')
     environment = {**os.environ, 'OMP_NUM_THREADS': '1',
                    'PYTHONPATH': os.pathsep.join(p for p in sys.path if p)}
     if plain:
@@ -283,16 +282,3 @@ def _place(file: str) -> str:
     if 'site-packages' in parts:
         return parts[parts.index('site-packages') + 1]
     return 'Python'
-
-
-def where_by(function: str, *arguments: Any, **keywords: Any) -> Callable[[float], str]:
-    """Return a function for `Row.where` that profiles a call in a fresh process."""
-    return lambda scale: elsewhere('fam_bundle_ros.benchmarks.speed:profiled', function,
-                                   *arguments, **keywords)
-
-
-def profiled(function: str, *arguments: Any, **keywords: Any) -> str:
-    """Return `where_of` a function that is named as for `elsewhere`."""
-    from importlib import import_module
-    module, _, name = function.partition(':')
-    return where_of(partial(getattr(import_module(module), name), *arguments, **keywords))

@@ -124,10 +124,10 @@ def against_solvers(scale: float) -> list[Figure]:
     they are as exact as the loop against a fine solution.
     """
     bundle = bundle_of(2)
-    duration = max(1.0 * scale, 0.02)
+    duration = max(0.5 * scale, 0.02)
     loop, trajectory = case(bundle, duration)
     log = loop.run(trajectory)
-    long = replace(trajectory, duration=10.0 * duration)
+    long = replace(trajectory, duration=20.0 * duration)
     ours = long.duration / best(lambda: loop.run(long), 0.5, least=1)
     plant = speed_peers.Plant(bundle, replace(loop.rig_config, load=trajectory.load))
     reference = speed_peers.replay(plant, log.command, _PERIOD, _FINE)

@@ -107,8 +107,8 @@ class Plant:
                     supply.flow_limit)
         filled = GAS_CONSTANT * REFERENCE_TEMPERATURE * (drawn - taken) / supply.volume
         w, z = rig.valve.natural_frequency, rig.valve.damping
-        return np.concatenate([[rate, acceleration, filled], risen, speed,
-                               w * w * (np.clip(command, -1.0, 1.0) - spool) - 2.0 * z * w * speed])
+        pushed = w * w * (np.clip(command, -1.0, 1.0) - spool) - 2.0 * z * w * speed
+        return np.concatenate([[rate, acceleration, filled], risen, speed, pushed])
 
     def _flow(self, spool: float, pressure: float, manifold: float) -> float:
         """Return the mass flow into a chamber, kg/s (ISO 6358)."""

@@ -52,6 +52,7 @@ class Stopwatch:
     def __init__(self, units: int):
         self._units = units
         self._open: dict[int, tuple[float, int]] = {}
+        self._last = -1
         self.future: Future | None = None
         self.begin(float('inf'), _WARM_UP)
 
@@ -68,9 +69,12 @@ class Stopwatch:
         return time.perf_counter() - self.start
 
     def sample(self, stamp: int) -> None:
-        """Note that the first message of a sample is about to be sent."""
+        """Note that a message of a sample is about to be sent: the first one counts."""
+        if stamp == self._last:
+            return
+        self._last = stamp
         self.sent += 1
-        self._open.setdefault(stamp, (time.perf_counter(), self._units))
+        self._open[stamp] = (time.perf_counter(), self._units)
         if self.future is not None and (self.elapsed > self._seconds
                                         or len(self.latencies) >= self._answers):
             self.future.set_result(None)
@@ -86,7 +90,7 @@ class Stopwatch:
 
 
 class _Timed:
-    """Puts a stopwatch on a rig: what it publishes as force and what it hears of the valves."""
+    """Puts a stopwatch on a rig: what it publishes of a sample, what it hears of the valves."""
 
     def __init__(self, watch: Stopwatch, *arguments: Any, **keywords: Any):
         self._watch = watch
@@ -94,7 +98,7 @@ class _Timed:
 
     def publisher(self, topic: str, kind: Any, *qos: Any) -> Any:
         publisher = super().publisher(topic, kind, *qos)  # type: ignore[misc]
-        if topic == interface.FORCE:
+        if topic in (interface.FORCE, interface.STRAIN, interface.pressure_topic(1)):
             publish = publisher.publish
 
             def timed(message: Any) -> None:
