@@ -72,6 +72,18 @@ class Figure:
         found = self.value if self.ratio is None else self.ratio
         return found >= self.reach if self.at_least else found <= self.reach
 
+    @property
+    def asked(self) -> str:
+        """What is to be reached, as text."""
+        if self.reach is None:
+            return ''
+        return f"{'at least' if self.at_least else 'at most'} {self.reach:g}"
+
+    @property
+    def verdict(self) -> str:
+        """Whether it is reached, as text."""
+        return {True: 'reached', False: 'not reached', None: ''}[self.reached]
+
     def to_json(self) -> dict[str, Any]:
         """Return the fields, ratio and verdict."""
         return {**self.__dict__, 'ratio': self.ratio, 'reached': self.reached}
@@ -117,6 +129,15 @@ class Result:
     def missed(self) -> list[Figure]:
         """The figures that are not reached."""
         return [figure for figure in self.figures if figure.reached is False]
+
+    @property
+    def remarks(self) -> list[str]:
+        """Why there are no figures, what belongs to a figure, and where the time goes."""
+        found = [f'not measured: {self.skipped}'] if self.skipped else []
+        found += [f'{figure.what}: {figure.note}' for figure in self.figures if figure.note]
+        if self.where:
+            found.append(f'where the time goes: {self.where}')
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """Return all of it for ``json.dump``."""
