@@ -2,33 +2,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units at the edges of the package: text with units in, SI floats out, and back."""
 
+from __future__ import annotations
+
 from functools import lru_cache
 import math
-import re
-from typing import Any
+from typing import TYPE_CHECKING
 
 from fam_bundle_ros.errors import InputError
+
+if TYPE_CHECKING:
+    import pint
 
 #: Words that people write in lab notes and that pint does not take as units.
 _SPELLINGS = {'%': 'percent', '': 'dimensionless', '1': 'dimensionless', '-': 'dimensionless',
               'lbf': 'pound_force', 'deg': 'degree'}
-#: Units that models and laws are written in: SI factor, powers of m, kg and s. Products and
-#: quotients of them need no pint, which takes 0.2 s to start.
-_COMMON: dict[str, tuple[float, tuple[int, int, int]]] = {
-    '': (1.0, (0, 0, 0)), '1': (1.0, (0, 0, 0)), '%': (0.01, (0, 0, 0)),
-    'rad': (1.0, (0, 0, 0)), 'deg': (math.radians(1.0), (0, 0, 0)),
-    'm': (1.0, (1, 0, 0)), 'mm': (1e-3, (1, 0, 0)),
-    'kg': (1.0, (0, 1, 0)), 'g': (1e-3, (0, 1, 0)),
-    's': (1.0, (0, 0, 1)), 'ms': (1e-3, (0, 0, 1)),
-    'N': (1.0, (1, 1, -2)), 'J': (1.0, (2, 1, -2)),
-    'Pa': (1.0, (-1, 1, -2)), 'kPa': (1e3, (-1, 1, -2)), 'MPa': (1e6, (-1, 1, -2)),
-}
-_ANGLES = ('rad', 'deg')
+
+#: SI value and dimension of the units of the catalogue and of our own files: pint, which takes
+#: 0.3 s to load, is asked for all others.
+_KNOWN = {
+    '1': (1.0, ''), 'm': (1.0, 'length'), 'mm': (1e-3, 'length'), 'deg': (math.radians(1.0), 'a'),
+    's': (1.0, 'time'), '1/s': (1.0, 'rate'), 'N': (1.0, 'force'), 'N*m': (1.0, 'moment'),
+    'Pa': (1.0, 'pressure'), 'kPa': (1e3, 'pressure'), 'MPa': (1e6, 'pressure'),
+    '1/MPa': (1e-6, 'compliance'), '1/GPa': (1e-9, 'compliance'), 'N/kPa': (1e-3, 'area'),
+    'N*s/m': (1.0, 'damping'), 'K': (1.0, 'temperature'), 'kPa*s/g': (1e6, 'resistance')}
 
 
 @lru_cache(maxsize=1)
-def registry() -> Any:
-    """Return the package's only pint registry (made on first use)."""
+def registry() -> pint.UnitRegistry:
+    """Return the package's only pint registry (made on first use: it takes 0.3 s)."""
     import pint
     ureg: pint.UnitRegistry = pint.UnitRegistry()
     if 'percent' not in ureg:
@@ -51,11 +52,8 @@ def si_factor(unit: str, like: str) -> float:
     >>> si_factor('kPa', like='Pa')
     1000.0
     """
-    known, wanted = _common(unit), _common(like)
-    if known and wanted:
-        if known[1] != wanted[1]:
-            raise InputError(f"unit '{unit}' does not fit; expected a unit like {like}")
-        return known[0]
+    if unit in _KNOWN and like in _KNOWN and _KNOWN[unit][1] == _KNOWN[like][1]:
+        return _KNOWN[unit][0]
     ureg = registry()
     try:
         quantity = ureg.Quantity(1.0, _SPELLINGS.get(unit.strip(), unit.strip()))
@@ -70,20 +68,6 @@ def si_factor(unit: str, like: str) -> float:
     if quantity.units == ureg.degree:
         return math.radians(1.0)
     return factor
-
-
-def _common(unit: str) -> tuple[float, tuple[int, ...]] | None:
-    """Return SI factor and powers of m, kg and s of common units; None where pint must look."""
-    factor = 1.0
-    powers: tuple[int, ...] = (0, 0, 0)
-    for sign, name in re.findall(r'(^|[*/])([^*/]*)', unit.strip()):
-        if name not in _COMMON or (not name and unit.strip()):
-            return None
-        size, own = _COMMON[name]
-        way = -1 if sign == '/' else 1
-        factor *= size ** way
-        powers = tuple(a + way * b for a, b in zip(powers, own))
-    return factor, powers
 
 
 def parse(value: str | int | float, like: str) -> float:
@@ -125,9 +109,8 @@ def parse(value: str | int | float, like: str) -> float:
 @lru_cache(maxsize=128)
 def si_dimension(unit: str) -> str:
     """Return the dimension of a unit as text, empty for a pure number (an angle has one)."""
-    known = _common(unit)
-    if known:
-        return str(known[1]) if any(known[1]) or unit.strip() in _ANGLES else ''
+    if unit in _KNOWN:
+        return _KNOWN[unit][1]
     quantity = registry().Quantity(1.0, _SPELLINGS.get(unit.strip(), unit.strip()))
     if quantity.dimensionless and quantity.units not in (registry().degree, registry().radian):
         return ''
