@@ -96,8 +96,8 @@ def make_trajectory(name: str, bundle: Bundle, long: bool = False) -> Trajectory
                           Dynamometer(strain=STRAIN), prepare=_PREPARE)
 
     def strain(path, duration, load, events=()):
-        return Trajectory(name, 'strain', duration, path.value, path.rate, load, None, events,
-                          _PREPARE)
+        return Trajectory(name, 'strain', duration, path.value, path.rate, load, events=events,
+                          prepare=_PREPARE)
 
     if name == 'ramp':
         low, high = 0.25 * limit, 1.6 * limit
