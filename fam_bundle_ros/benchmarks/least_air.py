@@ -146,7 +146,6 @@ class _Search:
         for curve, top, side in ((rising, rising[:, -1:], 1), (falling, falling[:, :1], -1)):
             found.append(self._invert(curve, wanted, bottom, side))
             fits.append((wanted >= least - _TOLERANCE) & (wanted <= top + _TOLERANCE))
-        fits[1] &= bottom > 0
         states = np.stack([np.concatenate(found, axis=1), np.tile(second, 2)], axis=-1)
         good = np.concatenate(fits, axis=1)
         # Out of reach: the nearest that there is, as any controller would do.
