@@ -29,26 +29,26 @@ class _Path:
     """Values at times, joined by straight lines or by fifth-order (minimum jerk) pieces."""
 
     def __init__(self, times, values, smooth=True):
-        self._times = [float(time) for time in times]
-        self._values = [float(value) for value in values]
-        self._smooth = smooth
-
-    def _piece(self, t):
-        i = min(max(bisect_right(self._times, t), 1), len(self._times) - 1)
-        span = self._times[i] - self._times[i - 1]
-        x = min(max((t - self._times[i - 1]) / span, 0.0), 1.0)
-        return self._values[i - 1], self._values[i] - self._values[i - 1], span, x
+        times, values = [float(time) for time in times], [float(value) for value in values]
+        self._times, self._smooth = times, smooth
+        #: Start, span, first value and change of each piece; before and after all it stands still.
+        self._pieces = [(times[0], 1.0, values[0], 0.0)]
+        self._pieces += [(t, after - t, value, then - value) for t, after, value, then in zip(
+            times, times[1:], values, values[1:])]
+        self._pieces.append((times[-1], 1.0, values[-1], 0.0))
 
     def value(self, t):
         """Return the value at a time."""
-        start, change, _, x = self._piece(t)
+        begin, span, start, change = self._pieces[bisect_right(self._times, t)]
+        x = (t - begin) / span
         return start + change * (x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x) if self._smooth else x)
 
     def rate(self, t):
-        """Return the rate at a time."""
-        _, change, span, x = self._piece(t)
+        """Return the rate at a time; 0 where lines meet."""
+        begin, span, _, change = self._pieces[bisect_right(self._times, t)]
+        x = (t - begin) / span
         if not self._smooth:
-            return change / span if 0.0 < x < 1.0 else 0.0
+            return change / span if x > 0.0 else 0.0
         return change / span * 30.0 * x * x * (1.0 - x) ** 2
 
 
