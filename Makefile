@@ -7,7 +7,7 @@
 BIN := .venv/bin
 JOBS ?= 2
 # What computes: the same numbers have to come out without numba and with the oldest numpy.
-NUMERICS := test/model test/plant test/control test/test_kernels.py test/test_units.py
+NUMERICS := test/model test/plant test/control test/test_kernels.py
 OLDEST ?= $(NUMERICS) test/nodes
 export PYTHON CHROMIUM
 
