@@ -22,7 +22,7 @@ _SYNONYMS = {'t': 'time', 'epsilon': 'strain', 'contraction ratio': 'strain', 'l
 
 def from_columns(values: dict[str, np.ndarray], name: str, *,
                  rest_length: float | None = None, ambient_pressure: float = 101325.0,
-                 first_row: int = 1, allow_constant_pressure: bool = False) -> Measurement:
+                 first_row: int = 1) -> Measurement:
     """
     Return a measurement from columns whose names carry the quantity and its unit.
 
@@ -69,8 +69,7 @@ def from_columns(values: dict[str, np.ndarray], name: str, *,
             raise InputError(f"{name}: column '{header}' holds text; expected numbers") from error
         columns[quantity] = number * factor - (ambient_pressure if absolute else 0.0)
         units[quantity] = '' if plain == 'dimensionless' else plain
-    return _assemble(name, columns, units, trial, rest_length, first_row,
-                     allow_constant_pressure)
+    return _assemble(name, columns, units, trial, rest_length, first_row)
 
 
 def _split(header: str) -> tuple[str, str]:
@@ -85,8 +84,7 @@ def _split(header: str) -> tuple[str, str]:
 
 
 def _assemble(name: str, columns: dict[str, np.ndarray], units: dict[str, str],
-              trial: np.ndarray | None, rest_length: float | None, first_row: int,
-              allow_constant_pressure: bool) -> Measurement:
+              trial: np.ndarray | None, rest_length: float | None, first_row: int) -> Measurement:
     if 'strain' not in columns and 'contraction' in columns:
         if rest_length is None:
             raise InputError(f'{name}: contraction is given as a length; expected a strain, or '
@@ -106,5 +104,5 @@ def _assemble(name: str, columns: dict[str, np.ndarray], units: dict[str, str],
     motor_units = [key.partition('.')[2] or 'mu1' for key in pressures]
     return build(name, columns['strain'], np.stack([columns[key] for key in pressures], -1),
                  columns['force'], trial, columns.get('time'), motor_units,
-                 columns.get('strain_rate'), first_row=first_row, units=units,
-                 allow_constant_pressure=allow_constant_pressure)
+                 columns.get('strain_rate'), rows=np.arange(len(columns['force'])) + first_row,
+                 units=units)

@@ -19,7 +19,7 @@ from fam_bundle_ros.errors import InputError
 
 def read_measurement(source: Any, *, rest_length: float | None = None,
                      ambient_pressure: float = 101325.0, name: str | None = None,
-                     allow_constant_pressure: bool = False) -> Measurement:
+                     ) -> Measurement:
     r"""
     Read a measurement from a CSV file, a ROS 2 bag or a pandas frame.
 
@@ -34,8 +34,6 @@ def read_measurement(source: Any, *, rest_length: float | None = None,
         Taken off absolute pressures (bags, units such as ``psia``).
     name : str, optional
         Name for messages and reports; by default the file's.
-    allow_constant_pressure : bool
-        Accept data whose pressure never changes; effects of pressure are then invisible.
 
     Raises
     ------
@@ -57,18 +55,16 @@ def read_measurement(source: Any, *, rest_length: float | None = None,
     if hasattr(source, 'columns'):
         values = {str(key): np.asarray(source[key]) for key in source.columns}
         return from_columns(values, name or 'frame', rest_length=rest_length,
-                            ambient_pressure=ambient_pressure,
-                            allow_constant_pressure=allow_constant_pressure)
+                            ambient_pressure=ambient_pressure)
     path = Path(source)
     if not path.exists():
         raise InputError(f'{path}: no such file; expected a CSV or a ROS 2 bag')
     if path.is_dir() or path.suffix in ('.mcap', '.db3'):
         return read_bag(path, rest_length=rest_length, ambient_pressure=ambient_pressure,
-                        name=name, allow_constant_pressure=allow_constant_pressure)
+                        name=name)
     values = read_csv(path)
     measured = from_columns(values, name or path.name, rest_length=rest_length,
-                            ambient_pressure=ambient_pressure, first_row=2,
-                            allow_constant_pressure=allow_constant_pressure)
+                            ambient_pressure=ambient_pressure, first_row=2)
     return replace(measured, sha256=file_digest(path))
 
 
