@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.units import si_factor
 
 #: Highest gauge pressure of a pneumatic muscle, Pa, and highest strain, unless told otherwise.
 MAX_PRESSURE = 1.2e6
@@ -65,8 +64,8 @@ def ranges(max_pressure: float | None = None, max_strain: float | None = None,
         'force': Range(-20e3, 20e3, 'N', 'a force within 20 kN, tension positive', '')}
 
 
-def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray, unit: str,
-                quantity: str, allowed: Range) -> None:
+def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
+                given: tuple[str, float] | None, quantity: str, allowed: Range) -> None:
     """
     Raise `InputError` where readings are outside their range; guess what was meant.
 
@@ -78,15 +77,15 @@ def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray, uni
         SI units.
     rows : ndarray of int, shape (T,)
         Row of the file that each value stands in.
-    unit : str
-        Unit that the values were given in, empty for SI.
+    given : (str, float), optional
+        Unit that the values were given in and its factor to SI.
     quantity : str
         'pressure', 'strain' or 'force'.
     """
     low, high, si, words, option = allowed
     outside = (values < low) | (values > high)
-    factor = si_factor(unit, si or 'dimensionless') if unit else 1.0
-    shown = unit or si
+    unit, factor = given or (si, 1.0)
+    shown = '' if unit in ('1', '-') else unit
     if outside.any():
         at = int(np.argmax(np.where(outside, np.abs(values), -1.0)))
         guess = _guess(quantity, values / factor, unit, low, high)

@@ -259,7 +259,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
           trial: Sequence[Any] | np.ndarray | None = None, time: np.ndarray | None = None,
           motor_units: Sequence[str] = ('mu1',), strain_rate: np.ndarray | None = None,
           rows: np.ndarray | None = None, notes: Sequence[str] = (),
-          units: dict[str, str] | None = None, max_pressure: float | None = None,
+          units: Mapping[str, tuple[str, float]] | None = None, max_pressure: float | None = None,
           max_strain: float | None = None) -> Measurement:
     """
     Check SI arrays and make a `Measurement` of them: the one gate that every reader uses.
@@ -275,7 +275,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     rows : ndarray of int, shape (T,), optional
         What to call each row in messages; by default 1, 2, ...
     units : dict, optional
-        The unit each quantity was given in, for messages.
+        The unit that each quantity was given in and its factor to SI, for messages.
     max_pressure, max_strain : float, optional
         Limits of this muscle (Pa gauge, 1), where it goes further than others.
 
@@ -310,7 +310,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     for label, values in named.items():
         quantity = label.partition('.')[0]
         if quantity in limits:
-            checks.check_range(name, label, values, rows, (units or {}).get(label, ''), quantity,
+            checks.check_range(name, label, values, rows, (units or {}).get(label), quantity,
                                limits[quantity])
     trials = checks.trials_of(name, trial, named.get('time'), rows)
     if trials.order is not None:
