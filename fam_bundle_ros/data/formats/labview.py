@@ -66,8 +66,7 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
             continue
         block = pandas.read_csv(io.StringIO('\n'.join(lines[begin:end])), sep=separator,
                                 decimal=decimal, header=None, index_col=False,
-                                names=range(max(len(names), 1) + 1), usecols=range(len(names)))
-        block.columns = names
+                                names=names)
         rows.append(np.arange(begin, end) + 1)
         frames.append(_with_time(block, header, max(trial, 0)))
         y_units = header.get('Y_Unit_Label', [])
@@ -100,6 +99,8 @@ def _with_time(block: Any, header: dict[str, list[str]], trial: int) -> Any:
     clocks = [name for name in block.columns if str(name).startswith('X_Value')]
     if block.columns.duplicated().any():  # Multi: a clock for each channel, as a rule the same
         block = block.loc[:, ~block.columns.duplicated()]
+    if clocks and block[clocks[0]].isna().all():
+        block, clocks = block.drop(columns=clocks), []
     if not clocks:
         def first(key: str, default: float) -> float:
             try:

@@ -86,8 +86,8 @@ def _read(path: Path, encoding: str) -> Table:
     dialect, skipped = sniff(path.name, head)
     names = unique(dialect.layout.names)
     with open(path, encoding=encoding, errors=errors) as stream:
-        rows = _Rows(_lines(path.name, stream), skipped)
         blank = dialect.separator == _BLANK
+        rows = _Rows(_lines(path.name, stream), skipped, ' ' if blank else dialect.separator)
         thousands = {',': '.', '.': ','}[dialect.decimal]
         try:
             pieces = []
@@ -151,8 +151,9 @@ def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
 class _Rows(io.TextIOBase):
     """The rows of data of a text file, for pandas: without head, comments and blank lines."""
 
-    def __init__(self, lines: Iterator[str], first: int):
+    def __init__(self, lines: Iterator[str], first: int, separator: str):
         self._lines, self._at, self._first, self._rest = lines, 0, first, ''
+        self._end = separator + ' \t\r\n'
         #: Line number of each row handed on.
         self.numbers = array('q')
 
@@ -168,8 +169,9 @@ class _Rows(io.TextIOBase):
             if self._at <= self._first or _is_comment(line) or not line.strip(' \t\r\n;,'):
                 continue
             self.numbers.append(self._at)
-            parts.append(line)
-            length += len(line)
+            # blank cells at the end are left to pandas, which takes more cells for a mistake
+            parts.append(line.rstrip(self._end) + '\n')
+            length += len(parts[-1])
             if length >= wanted:
                 break
         text = self._rest + ''.join(parts)
