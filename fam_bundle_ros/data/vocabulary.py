@@ -130,13 +130,13 @@ _NAMES: dict[str, tuple[str, ...]] = {
     'strain': ('strain', 'epsilon', 'eps', '\u03b5', 'contraction ratio', 'kontraktionsgrad',
                'relative contraction', 'rel contraction', 'kontraktionsverhaeltnis',
                'contraction strain', 'relative kontraktion', 'shortening ratio'),
-    'contraction': ('contraction', 'shortening', 'kontraktion', 'verkuerzung',
+    'contraction': ('contraction', 'contr', 'shortening', 'kontraktion', 'verkuerzung',
                     'contraction length', 'kontraktionsweg'),
-    'elongation': ('elongation', 'extension', 'verlaengerung', 'auszug'),
-    'shift': ('displacement', 'disp', 'position', 'pos', 'weg', 'stroke', 'hub', 'travel',
+    'elongation': ('elongation', 'elong', 'extension', 'ext', 'verlaengerung', 'auszug'),
+    'shift': ('displacement', 'disp', 'displ', 'position', 'pos', 'weg', 'stroke', 'hub', 'travel',
               'deflection', 'verschiebung', 'auslenkung', 'x', 's', 'dehnung', 'crosshead',
               'traverse', 'traversenweg', 'standardweg', 'kolbenweg'),
-    'length': ('length', 'l', 'laenge'),
+    'length': ('length', 'l', 'len', 'laenge'),
     'strain_rate': ('strain rate', 'contraction rate', 'dehnrate'),
 }
 #: Words that say nothing about which quantity it is.
@@ -153,7 +153,7 @@ _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref referenc
     luft vor atmospheric atmosphere barometric model predicted prediction simulated sim residual
     error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration temperature
     temperatur temp voltage volt spannung strom valve ventil derivative noise max min limit
-    offset sampling sample line regulator""".split())
+    offset line regulator""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
                      r'kontraktion)$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')

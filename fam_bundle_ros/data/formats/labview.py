@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import io
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +127,9 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
         Where npTDMS is missing, the file is damaged, or no group has channels of one length.
     """
     nptdms = library('nptdms', path.name, 'npTDMS')
+    for logger in logging.root.manager.loggerDict:
+        if logger.startswith('nptdms'):  # what is wrong is said below
+            logging.getLogger(logger).setLevel(logging.CRITICAL)
     try:
         file = nptdms.TdmsFile.read(path)
         groups = {group.name: group.channels() for group in file.groups()}
@@ -154,6 +158,14 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
     return Table(path.name, '.tdms', columns, units, notes=tuple(notes))
 
 
+def _clock(channel: Any) -> np.ndarray | None:
+    """Return the times of a waveform's samples, s; None for a channel that is none."""
+    step = channel.properties.get('wf_increment')
+    if not step:
+        return None
+    return channel.properties.get('wf_start_offset', 0.0) + step * np.arange(len(channel))
+
+
 def _of_group(channels: list[Any]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return a group's columns and their units."""
     channels = [channel for channel in channels if len(channel)]
@@ -161,7 +173,7 @@ def _of_group(channels: list[Any]) -> tuple[dict[str, np.ndarray], dict[str, str
     longest = max(channels, key=len)
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-    clock = longest.time_track() if 'wf_increment' in longest.properties else None
+    clock = _clock(longest)
     for name, channel in zip(names, channels):
         values = np.asarray(channel[:])
         unit = channel.properties.get('unit_string') or channel.properties.get(
@@ -169,9 +181,10 @@ def _of_group(channels: list[Any]) -> tuple[dict[str, np.ndarray], dict[str, str
         if unit:
             units[name] = str(unit)
         if len(values) != len(longest):
-            if clock is None or 'wf_increment' not in channel.properties:
+            own = _clock(channel)
+            if clock is None or own is None:
                 continue
-            values = np.interp(clock, channel.time_track(), values.astype(float))
+            values = np.interp(clock, own, values.astype(float))
         if values.dtype.kind in 'biuf':
             columns[name] = values.astype(float)
         else:

@@ -53,7 +53,23 @@ def is_number(cell: str, decimal: str = '.') -> bool:
 
 def is_reading(cell: str, decimal: str = '.') -> bool:
     """Return whether a cell holds a number, a date or a time of day."""
-    return is_number(cell, decimal) or _CLOCK.fullmatch(cell.strip()) is not None
+    return is_number(cell, decimal) or _CLOCK.fullmatch(cell.strip()) is not None or (
+        with_unit(cell, decimal) is not None)
+
+
+def with_unit(cell: str, decimal: str = '.') -> tuple[str, str] | None:
+    """
+    Return number and unit of a cell that holds both, None for others.
+
+    Examples
+    --------
+    >>> with_unit('12.5 mm'), with_unit('run 2')
+    (('12.5', 'mm'), None)
+    """
+    match = re.fullmatch(r'([-+]?[\d.,]*\d)\s*([^\W\d_%][\w%/\u00b2^]*|%)', cell.strip())
+    if match and is_number(match[1], decimal) and is_unit(match[2]):
+        return match[1], match[2]
+    return None
 
 
 def trimmed(row: Sequence[str]) -> list[str]:
