@@ -170,7 +170,9 @@ class _Reader:
         for header, column in self.table.columns.items():
             if header in used:
                 continue
-            match = recognise(header, self.table.units.get(header, ''))
+            first = re.sub(r' \(\d+\)$', '', header)  # the second of two columns of one name
+            match = recognise(first if first in self.table.columns else header,
+                              self.table.units.get(header, ''))
             why = self._why_not(header, column, match, families)
             if why:
                 self.refused[header] = why

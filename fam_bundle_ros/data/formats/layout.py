@@ -84,6 +84,8 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     """
     Return the index of the first row of data and the number of columns; (-1, 0) for no data.
 
+    More cells than usual are columns only where a row above the data has as many.
+
     Parameters
     ----------
     grid : sequence of rows of text cells
@@ -106,7 +108,9 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     if not len(good):
         return -1, 0
     first = int(good[0])
-    return first, int(width[first:][data[first:]].max())
+    most = int(width[first:][data[first:]].max())
+    above = width[:first].max(initial=0)
+    return first, usual_width if usual_width < most and usual_width <= above < most else most
 
 
 def find_names(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], dict[str, str]]:
