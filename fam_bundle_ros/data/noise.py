@@ -162,12 +162,12 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     if robust > 4.0 * quantum:
         return robust
     kept, size = gaps, float(gaps.std())
-    for _ in range(5):
+    for _ in range(20):
         kept = gaps[np.abs(gaps) <= 5.0 * size]
         if not len(kept) or kept.std() == size:
             break
         size = float(kept.std())
-    return max(size, robust)
+    return size
 
 
 def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement
+from fam_bundle_ros.errors import InputError
 
 pandas = pytest.importorskip('pandas')
 
@@ -156,6 +157,38 @@ TEXTS = {
     'no time, its rate told': lambda log: (text(
         ['contraction [mm],pressure [kPa],force [N]'], [row[1:] for row in cells(log)]),
         {'columns': {'time': '20 Hz'}}),
+    'first line of Excel that names the separator': lambda log: text(
+        ['sep=;', 'Zeit [s];Weg [mm];Druck [kPa];Kraft [N]'], cells(log, ','), ';'),
+    'three rows of names': lambda log: text(
+        ['AI0,AI1,AI2,AI3', 'Time,Displacement,Pressure,Force', 's,mm,kPa,N'], cells(log)),
+    'quoted names and units of a testing machine': lambda log: text(
+        ['"Time","Extension","Air pressure","Load"', '"(s)","(mm)","(kPa)","(N)"'],
+        [[f'"{r[0]}"', f'"-{r[1]}"', f'"{r[2]}"', f'"{r[3]}"'] for r in cells(log)]),
+    'commas for decimals and between cells': lambda log: text(
+        [','.join(f'"{name}"' for name in HEAD.split(','))],
+        [[f'"{cell}"' for cell in row] for row in cells(log, ',')]),
+    'exponents of Fortran': lambda log: text(
+        ['t_s x_mm p_kPa F_N'],
+        [[f'{float(cell):.9E}'.replace('E', 'D') for cell in row] for row in cells(log)], ' '),
+    'time of day, AM and PM': lambda log: text(
+        [HEAD.replace('time [s]', 'Time')],
+        cells(log, time=lambda t: (BEGIN + timedelta(seconds=float(t))).strftime(
+            '%I:%M:%S.%f %p'))),
+    'milliseconds since 1970': lambda log: text(
+        [HEAD.replace('time [s]', 'timestamp')],
+        cells(log, time=lambda t: f'{1.777e12 + 1e3 * t:.0f}')),
+    'a table of markdown': lambda log: text(
+        ['| time [s] | contraction [mm] | pressure [kPa] | force [N] |', '|---|---|---|---|'],
+        [['', *row, ''] for row in cells(log)], ' | '),
+    'units in every cell': lambda log: text(
+        ['Time,Contraction,Pressure,Force'],
+        [[f'{cell} {unit}' for cell, unit in zip(row, ('s', 'mm', 'kPa', 'N'))]
+         for row in cells(log)]),
+    'lines of a microcontroller': lambda log: text(
+        ['boot ok', 'free heap: 2000', 'time_ms,contraction_mm,press_kPa,force_N'],
+        cells(log, time=lambda t: f'{1e3 * t:.0f}')),
+    'JSON lines': lambda log: ''.join(json.dumps(
+        dict(zip(HEAD.split(','), map(float, row)))) + '\n' for row in cells(log)),
     'LabVIEW .lvm': lambda log: lvm(log, 'One'),
     'LabVIEW .lvm with German numbers': lambda log: lvm(log, 'One', ','),
     'LabVIEW .lvm without times': lambda log: lvm(log, 'No'),
@@ -250,6 +283,31 @@ def by_savemat(log, path, struct=False):
     savemat(path, vectors)
 
 
+def by_savemat_structs(log, path):
+    """Write a .mat of an array of structs, one for each sample."""
+    from scipy.io import savemat
+    names = ('t_s', 'L_mm', 'p_bar', 'F_N')
+    savemat(path, {'S': [dict(zip(names, row)) for row in frame(log).to_numpy()]})
+
+
+def by_nptdms_runs(log, path):
+    """Write a .tdms of two groups with the same channels: two trials."""
+    from nptdms import ChannelObject, TdmsWriter
+    with TdmsWriter(str(path)) as writer:
+        for run, rows in (('Run 1', slice(0, 200)), ('Run 2', slice(200, None))):
+            writer.write_segment([ChannelObject(run, name, values.to_numpy()[rows])
+                                  for name, values in frame(log).items()])
+
+
+def by_openpyxl_times(log, path):
+    """Write a workbook with times of day, a formula's error and words in a column of notes."""
+    times = [(BEGIN + timedelta(seconds=float(t))).time() for t in log['time']]
+    data = frame(log).drop(columns='time [s]').astype(object)
+    data.insert(0, 'Uhrzeit', times)
+    data['note'] = '#DIV/0!'
+    data.to_excel(path, index=False)
+
+
 def by_savemat_matrix(log, path):
     """Write a .mat of one matrix and the names of its columns."""
     from scipy.io import savemat
@@ -305,9 +363,16 @@ LIBRARIES = {
     'pandas.to_excel': ('a.xlsx', lambda log, path: frame(log).to_excel(path, index=False)),
     'openpyxl': ('a.xlsx', by_openpyxl),
     'npTDMS waveforms': ('a.tdms', by_nptdms),
+    'npTDMS runs': ('a.tdms', by_nptdms_runs),
+    'pandas.to_excel with times of day': ('a.xlsx', by_openpyxl_times),
+    'pandas.to_excel with an index of times': ('a.xlsx', lambda log, path: frame(log).set_index(
+        pandas.Timestamp(BEGIN) + pandas.to_timedelta(log['time'], unit='s')).drop(
+            columns='time [s]').to_excel(path)),
     'npTDMS with times': ('a.tdms', by_nptdms_with_times),
     'scipy.io.savemat': ('a.mat', by_savemat),
     'scipy.io.savemat of a struct': ('a.mat', lambda log, path: by_savemat(log, path, True)),
+    'scipy.io.savemat of an array of structs': ('a.mat', lambda log, path: by_savemat_structs(
+        log, path)),
     'scipy.io.savemat of a matrix': ('a.mat', by_savemat_matrix),
     'h5py': ('a.mat', by_h5py),
     'pandas.to_parquet': ('a.parquet', lambda log, path: frame(log).to_parquet(path)),
@@ -335,7 +400,8 @@ def test_a_log_written_as_labs_write_text_reads_the_same(form, log, tmp_path):
     """Separators, commas, preambles, units, encodings, clocks: the same numbers."""
     content = TEXTS[form](log)
     content, options = content if isinstance(content, tuple) else (content, {})
-    path = tmp_path / ('log.lvm' if '.lvm' in form else 'log.csv')
+    path = tmp_path / ('log.lvm' if '.lvm' in form else 'log.jsonl' if 'JSON' in form else
+                       'log.csv')
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     data = read_measurement(path, rest_length=REST, **options)
     same(data, log)
@@ -360,3 +426,130 @@ def test_a_log_written_by_a_formats_own_library_reads_the_same(library, log, tmp
         options = {'columns': {'force': 'F [N]'}}
     data = read_measurement(tmp_path / name, rest_length=REST, **options)
     same(data, log)
+
+
+#: First bytes of what is no log, or a damaged one.
+HOSTILE = {
+    'empty': b'', 'zip': b'PK\x03\x04' + b'x' * 500, 'picture': b'\x89PNG\r\n\x1a\n' + bytes(50),
+    'random': np.random.default_rng(0).bytes(5000), 'zeros': b'time [s],strain\n' + bytes(999),
+    'every byte': bytes(range(1, 256)) * 20, 'tdms': b'TDSm' + b'x' * 200,
+    'mat': b'MATLAB 5.0 MAT-file'.ljust(124) + b'\x00\x01IM' + b'x' * 300,
+    'hdf': b'\x89HDF\r\n\x1a\n' + b'x' * 300, 'parquet': b'PAR1' + b'x' * 200,
+    'npy': b'\x93NUMPY\x01\0' + b'x' * 50, 'xls': b'\xd0\xcf\x11\xe0' + bytes(100),
+    'lvm': b'LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\n',
+    'words': b'hello world\n' * 20, 'page': b'<html><table></table>', 'gzip': b'\x1f\x8b\x08\0',
+    'pickle': b'\x80\x04\x95' + b'x' * 50, 'commas': b',,,,\n' * 50, 'blank': b'\r\n' * 500,
+    'one column': b''.join(b'%d\n' % k for k in range(500)), 'one number': b'7',
+    'header': HEAD.encode(), 'long line': b'1,2,3,4,' * 50_000, 'mark alone': b'\xff\xfe',
+    'bag': b'\x89MCAP0\r\n' + b'x' * 50,
+}
+
+
+@pytest.mark.parametrize('kind', HOSTILE)
+def test_what_is_no_log_fails_in_one_line(kind, tmp_path, capfd):
+    """Binary, damaged, empty, one column: a line that names the file, and nothing else printed."""
+    path = tmp_path / 'thing.csv'
+    path.write_bytes(HOSTILE[kind])
+    with pytest.raises(InputError, match='thing.csv') as caught:
+        read_measurement(path)
+    assert '\n' not in str(caught.value)
+    assert len(str(caught.value)) < 250
+    assert capfd.readouterr() == ('', '')
+
+
+def test_json_that_nests_without_end_fails(tmp_path):
+    """Brackets for ever are no table."""
+    path = tmp_path / 'deep.json'
+    path.write_text('[' * 100_000)
+    with pytest.raises(InputError, match='deep.json'):
+        read_measurement(path)
+
+
+def test_a_workbook_that_unpacks_to_gigabytes_fails(tmp_path, monkeypatch):
+    """The size is known before anything is unpacked."""
+    from fam_bundle_ros.data.formats import workbook
+    pytest.importorskip('openpyxl')
+    path = tmp_path / 'bomb.xlsx'
+    pandas.DataFrame({'a': range(100)}).to_excel(path)
+    monkeypatch.setattr(workbook, 'MAX_BYTES', 100)
+    with pytest.raises(InputError, match='when unpacked'):
+        read_measurement(path)
+
+
+def test_sheets_are_chosen_by_name_or_by_what_they_hold(log, tmp_path):
+    """The first sheet with most known columns; others are named; a wrong name lists them."""
+    pytest.importorskip('openpyxl')
+    path = tmp_path / 'runs.xlsx'
+    with pandas.ExcelWriter(path) as writer:
+        pandas.DataFrame({'notes': ['x', 'y']}).to_excel(writer, sheet_name='Info')
+        frame(log).to_excel(writer, sheet_name='Run 1')
+        frame(log)[::2].to_excel(writer, sheet_name='Run 2')
+    data = read_measurement(path, rest_length=REST)
+    assert len(data) == ROWS
+    assert any('Run 2' in note for note in data.notes)
+    assert len(read_measurement(path, rest_length=REST, sheet='Run 2')) == ROWS // 2
+    with pytest.raises(InputError, match='Info, Run 1, Run 2'):
+        read_measurement(path, sheet='Run 3')
+
+
+def test_a_slower_channel_is_brought_to_the_time_of_the_fastest(log, tmp_path):
+    """A pressure logged at half the rate is interpolated."""
+    nptdms = pytest.importorskip('nptdms')
+    data = frame(log)
+    with nptdms.TdmsWriter(str(tmp_path / 'a.tdms')) as writer:
+        writer.write_segment([
+            nptdms.ChannelObject('Log', name, data[name].to_numpy()[::every],
+                                 {'wf_increment': 0.05 * every})
+            for name, every in (('L [mm]', 1), ('pressure [bar]', 2), ('force [N]', 1))])
+    again = read_measurement(tmp_path / 'a.tdms', rest_length=REST)
+    assert len(again) == ROWS
+    off = np.abs(again.pressure[:, 0] - log['pressure']) > 1.0
+    assert off.sum() <= 2  # at the steps
+
+
+@pytest.mark.parametrize(('spoil', 'dropped'), [
+    (lambda rows: [*rows[:9], [rows[9][0], '', *rows[9][2:]], *rows[10:]],
+     {'without a number in strain': 1}),
+    (lambda rows: [*rows[:9], [rows[9][0], 'nan', *rows[9][2:]], *rows[10:]],
+     {'without a number in strain': 1}),
+    (lambda rows: [*rows[:9], [*rows[9][:2], '-', '#N/A'], *rows[10:]],
+     {'without a number in force': 1}),
+    (lambda rows: [*rows[:9], rows[9][:2], *rows[10:]], {'without a number in force': 1}),
+    (lambda rows: [*rows[:9], ['--- pause ---'], *rows[9:]], {'without a number in strain': 1}),
+    (lambda rows: [*rows[:9], [], *rows[9:]], {})])
+def test_gaps_are_left_out_and_counted(log, tmp_path, spoil, dropped):
+    """A blank cell, a word for one, a short row, a row of words; blank lines are no rows."""
+    (tmp_path / 'a.csv').write_text(text([HEAD], spoil(cells(log))))
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    assert sum(data.dropped.values()) == sum(dropped.values())
+    assert data.dropped == dropped
+
+
+@pytest.mark.parametrize('encoding', ['utf-8', 'utf-16', 'latin-1'])
+def test_errors_name_the_row_of_the_file_below_preamble_and_comments(log, tmp_path, encoding):
+    """The row is that of an editor, whatever stands above or between."""
+    rows = cells(log)
+    rows[50][3] = 'high'
+    lines = ['Versuch \u00dc 7', '', '# rig', HEAD]
+    body = text(lines, [*rows[:20], ['# pause'], *rows[20:]])
+    (tmp_path / 'a.csv').write_bytes(body.encode(encoding))
+    wrong = 1 + body.splitlines().index(','.join(rows[50]))
+    with pytest.raises(InputError, match=f"row {wrong}: force .* is 'high'"):
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
+
+
+def test_a_missing_library_is_named_with_its_extra(log, tmp_path, monkeypatch):
+    """Without h5py a .mat of version 7.3 cannot be read: the message says what to install."""
+    import sys
+    by_h5py(log, tmp_path / 'a.mat')
+    monkeypatch.setitem(sys.modules, 'h5py', None)
+    with pytest.raises(InputError, match='h5py; install the extra `files`'):
+        read_measurement(tmp_path / 'a.mat', rest_length=REST)
+
+
+def test_a_mat_file_without_vectors_fails(tmp_path):
+    """Text alone is no log: the message says what was expected."""
+    from scipy.io import savemat
+    savemat(tmp_path / 'a.mat', {'operator': 'KM'})
+    with pytest.raises(InputError, match='expected arrays of equal length'):
+        read_measurement(tmp_path / 'a.mat')
