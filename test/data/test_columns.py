@@ -126,6 +126,16 @@ def test_lengths_and_displacements_become_strain_positive_when_shorter(log, head
     assert np.allclose(data.strain, log[1])
 
 
+@pytest.mark.parametrize(('quantity', 'sign'), [
+    ('elongation', -1), ('contraction', 1), ('length', 0)])
+def test_told_lengths_mean_what_they_say(log, quantity, sign):
+    """An elongation that is told lengthens; a contraction shortens."""
+    values = 250 * (1 - log[1]) if quantity == 'length' else sign * 250 * log[1]
+    data = read_measurement(table(log, strain=('b', values)), columns={quantity: 'b [mm]'},
+                            rest_length=0.25)
+    assert np.allclose(data.strain, log[1])
+
+
 def test_the_direction_of_a_displacement_is_said(log):
     """What was concluded from the force stands in the line of what was taken."""
     data = read_measurement(table(log, strain=('position [mm]', -250 * log[1])),

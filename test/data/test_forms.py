@@ -120,6 +120,9 @@ TEXTS = {
     'date and time of day': lambda log: text(
         ['Datum;Uhrzeit;Kontraktion [mm];Druck [kPa];Kraft [N]'],
         [['03.05.2026', *row] for row in cells(log, ',', day_time)], ';'),
+    'words between times of day': lambda log: text(
+        [HEAD.replace('time [s]', 'Uhrzeit')],
+        [*cells(log, time=day_time)[:99], ['-- pause --'], *cells(log, time=day_time)[99:]]),
     'German date': lambda log: text(
         ['Zeitstempel;Kontraktion [mm];Druck [kPa];Kraft [N]'],
         [[german(t), *row[1:]] for t, row in zip(log['time'], cells(log, ','))], ';'),
