@@ -277,10 +277,11 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
     A cell is a bin of strain, of each pressure, and the direction; a visit is an unbroken stay
     in one. For a static map all rows of one trial in a cell are a visit.
     """
+    span = float(np.ptp(measurement.strain))
     # one strain held at rest is one bin, whatever its last digits
-    width = max(float(np.ptp(measurement.strain)) / strains, _ONE_STRAIN)
-    middle = np.median(measurement.strain)
-    parts = [np.round((measurement.strain - middle) / width).astype(int)]
+    held = np.zeros(len(measurement), int)
+    parts = [held if span < _ONE_STRAIN else
+             np.floor(measurement.strain / span * strains).astype(int)]
     for column in measurement.pressure.T:
         width = max(float(np.ptp(column)) / 40.0, 5e3)
         # isobars differ by their noise: bins are centred on the usual steps by rounding

@@ -10,6 +10,7 @@ import pytest
 from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.data.checks import spread_stamps
 from fam_bundle_ros.data.measurement import build, BY_PRESSURE, BY_STRAIN, REST
+from fam_bundle_ros.data.rates import signal_step
 from fam_bundle_ros.errors import InputError
 
 
@@ -73,6 +74,22 @@ def test_a_strain_read_in_steps_moves_all_the_same(muscle):
 @pytest.mark.parametrize(('strain', 'pressure', 'words'), [
     (np.full(40, 0.1), np.linspace(0, 4e5, 40), 'one strain only'),
     (np.linspace(0, 0.2, 40), np.full(40, 3e5), 'one pressure only')])
+def test_even_ramps_are_not_read_in_steps(sweeps):
+    """Ramps whose samples are evenly apart have no rounding noise in their rate."""
+    data = sweeps()
+    assert signal_step(data.strain, data.trial) == 0.0
+    assert data.rate_noise < 1e-3 * np.abs(data.strain_rate).max()
+    inside = (data.strain > 0.01) & (data.strain < 0.23)
+    assert np.allclose(np.abs(data.strain_rate[inside]), 0.024, rtol=0.05)
+
+
+@pytest.mark.parametrize('speed', [0.2, 0.7, 1.0, 1.3, 5.0])
+def test_steps_are_seen_at_every_speed(speed):
+    """A reading in steps of 2 is seen whether it stays or skips."""
+    true = 60.0 * np.sin(np.arange(3000) * speed / 60.0)
+    assert signal_step(2.0 * np.round(true / 2.0), np.zeros(3000, int)) == pytest.approx(2.0)
+
+
 def test_one_level_is_enough_and_is_said(strain, pressure, words):
     """Isometric and isobaric data are taken, with a note on what they cannot tell."""
     data = build('one', strain, pressure, np.linspace(1, 50, 40)[::-1])
