@@ -71,9 +71,6 @@ def test_a_strain_read_in_steps_moves_all_the_same(muscle):
     assert right[fast].mean() > 0.97
 
 
-@pytest.mark.parametrize(('strain', 'pressure', 'words'), [
-    (np.full(40, 0.1), np.linspace(0, 4e5, 40), 'one strain only'),
-    (np.linspace(0, 0.2, 40), np.full(40, 3e5), 'one pressure only')])
 def test_even_ramps_are_not_read_in_steps(sweeps):
     """Ramps whose samples are evenly apart have no rounding noise in their rate."""
     data = sweeps()
@@ -90,6 +87,9 @@ def test_steps_are_seen_at_every_speed(speed):
     assert signal_step(2.0 * np.round(true / 2.0), np.zeros(3000, int)) == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize(('strain', 'pressure', 'words'), [
+    (np.full(40, 0.1), np.linspace(0, 4e5, 40), 'one strain only'),
+    (np.linspace(0, 0.2, 40), np.full(40, 3e5), 'one pressure only')])
 def test_one_level_is_enough_and_is_said(strain, pressure, words):
     """Isometric and isobaric data are taken, with a note on what they cannot tell."""
     data = build('one', strain, pressure, np.linspace(1, 50, 40)[::-1])
