@@ -132,7 +132,7 @@ def test_function_that_cannot_be_compiled_says_so():
     measured = {'k': 40.0}
 
     def force(strain):
-        return measured['k'] * getattr(math, 'cos')(strain)
+        return measured['k'] * math.cos(strain)
 
     plant = ForeignPlant(force, bellows_volume, LENGTH, [3e5])
     assert Rig(plant, RigConfig(load=Dynamometer(0.1))).truth.force == pytest.approx(
