@@ -14,12 +14,11 @@ from typing import Any, NamedTuple
 from fam_bundle_ros.control.pressure_loop import PidSettings, pressure_step
 from fam_bundle_ros.control.reasons import NONE, row_of
 from fam_bundle_ros.control.recruitment_loop import (
-    CommandRecord,
-    MeasurementRecord,
     recruitment_step,
     RecruitmentSettings,
     RecruitmentState,
 )
+from fam_bundle_ros.control.signals import CommandRecord, MeasurementRecord
 from fam_bundle_ros.plant.loads import DYNAMOMETER
 from fam_bundle_ros.plant.motion import rig_step, RigRecord, RigState, true_channels
 from fam_bundle_ros.plant.sensors import (

@@ -31,7 +31,7 @@ from fam_bundle_ros.control.outer_loop import KINDS, SATURATION
 from fam_bundle_ros.control.pid import pid_settings, PidConfig, PidGains
 from fam_bundle_ros.control.pressure_loop import PidState
 from fam_bundle_ros.control.reasons import from_row, ROW, sentence
-from fam_bundle_ros.control.recruitment_loop import command_record, MeasurementRecord
+from fam_bundle_ros.control.signals import command_record, MeasurementRecord
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, Faults, Load, RigConfig
@@ -352,7 +352,7 @@ class Run:
         overlap = np.stack([found.pop('overlap_low'), found.pop('overlap_high')], axis=-1)
         found['state'] = found['state'].astype(int)
         found['saturated'] = np.array(SATURATION)[found['saturated'].astype(int)]
-        reference = np.array([trajectory.value(float(t)) for t in times + self.period])
+        reference = np.array([trajectory.value(float(t)) for t in times])
         decided = np.flatnonzero(self._reasons[:self.done, 0])
         decisions = [(float(self._times()[k]), sentence(from_row(self._reasons[k]), self._names))
                      for k in decided]

@@ -3,7 +3,7 @@
 """
 The inverse of the bundle: a force demand at the measured strain -> one gauge pressure per unit.
 
-Objects for `curves`, where the work is done.
+Objects for `curves` and `inverse`, where the work is done.
 """
 
 from collections.abc import Sequence
@@ -17,19 +17,16 @@ from fam_bundle_ros.control.belief import Belief, belief_of, without_push_back
 from fam_bundle_ros.control.curves import (
     curve_table,
     CurveTable,
-    fill,
     find_branches,
     force_at,
     Moment,
-    share,
-    Shares,
     slope_at,
     tabulate,
 )
+from fam_bundle_ros.control.inverse import fill, share, Shares
+from fam_bundle_ros.control.spread import SCHEMES
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-
-SCHEMES = ('orderly', 'batch', 'all_on')
 
 
 @dataclass(frozen=True)

@@ -13,22 +13,27 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fam_bundle_ros.control.allocation import Allocator, SCHEMES
+from fam_bundle_ros.control.allocation import Allocator
 from fam_bundle_ros.control.belief import Belief, belief_of
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import KINDS, outer_settings, OuterState, SATURATION
 from fam_bundle_ros.control.reasons import sentence
 from fam_bundle_ros.control.recruitment import switching_settings, SwitchingConfig
 from fam_bundle_ros.control.recruitment_loop import (
-    command_record,
     enable_step,
-    MeasurementRecord,
     recruitment_state,
     recruitment_step,
     RecruitmentSettings,
     start_recruitment,
 )
-from fam_bundle_ros.control.signals import Command, Measurement, Reference
+from fam_bundle_ros.control.signals import (
+    Command,
+    command_record,
+    Measurement,
+    MeasurementRecord,
+    Reference,
+)
+from fam_bundle_ros.control.spread import SCHEMES
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-import numpy as np
-
 
 @dataclass
 class HeadingState:
@@ -69,38 +67,3 @@ def heading_now(heading: Any, k: int, bandwidth: float) -> tuple[float, float, f
     acceleration, jerk = heading.acceleration[k], heading.jerk[k]
     return (heading.rate[k] + lag * (acceleration + 0.5 * lag * jerk), acceleration + lag * jerk,
             jerk)
-
-
-class Heading:
-    """
-    The filter for an array of signals.
-
-    Parameters
-    ----------
-    start : ndarray
-    """
-
-    def __init__(self, start: np.ndarray):
-        self.state = heading_of(len(start))
-        self.reset(start)
-
-    @property
-    def value(self) -> np.ndarray:
-        """Return the last sample."""
-        return np.array(self.state.value)
-
-    def reset(self, value: np.ndarray) -> None:
-        """Begin at rest."""
-        for k, start in enumerate(value):
-            rest_at(self.state, k, float(start))
-
-    def update(self, value: np.ndarray, dt: float, bandwidth: float) -> None:
-        """Advance by one sample; ``bandwidth`` in rad/s."""
-        for k, new in enumerate(value):
-            follow_heading(self.state, k, float(new), dt, bandwidth)
-
-    def now(self, bandwidth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rate, acceleration and jerk with the filter's own delay made up for."""
-        rows = [heading_now(self.state, k, bandwidth) for k in range(len(self.state.value))]
-        rate, acceleration, jerk = (np.array(column) for column in zip(*rows))
-        return rate, acceleration, jerk

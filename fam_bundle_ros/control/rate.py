@@ -83,6 +83,16 @@ def quiet_rate(state: Any, rate: float, dt: float) -> float:
     state : RateState
     rate : float, 1/s
     dt : float, s
+
+    Examples
+    --------
+    >>> state = RateState()
+    >>> rates = [quiet_rate(state, 2e-3 * (-1) ** k, 4e-3) for k in range(500)]
+    >>> max(map(abs, rates[-250:]))
+    0.0
+    >>> rates = [quiet_rate(state, 0.1 + 2e-3 * (-1) ** k, 4e-3) for k in range(100)]
+    >>> bool(0.09 < rates[-1] < 0.11)
+    True
     """
     if not state.started:
         state.started = True
@@ -146,31 +156,3 @@ def learn_noise(state: Any, dt: float) -> None:
         # One that is far out of the ordinary is a motion that begins or ends.
         state.mean += gain * (min(change, 4.0 * state.mean + _USUAL) - state.mean)
     state.head, state.size = head, size
-
-
-class QuietRate:
-    """
-    Strain rate with a band of noise left out; the band is learnt from the readings.
-
-    Examples
-    --------
-    >>> sense = QuietRate()
-    >>> rates = [sense.update(4e-3, 2e-3 * (-1) ** k) for k in range(500)]
-    >>> max(map(abs, rates[-250:]))
-    0.0
-    >>> rates = [sense.update(4e-3, 0.1 + 2e-3 * (-1) ** k) for k in range(100)]
-    >>> bool(0.09 < rates[-1] < 0.11)
-    True
-    """
-
-    def __init__(self):
-        self.state = RateState()
-
-    @property
-    def noise(self) -> float:
-        """Return the standard deviation of the quickly filtered rate's noise, 1/s."""
-        return noise_of(self.state)
-
-    def update(self, dt: float, rate: float) -> float:
-        """Return the rate to be believed, 1/s; see `quiet_rate`."""
-        return quiet_rate(self.state, rate, dt)

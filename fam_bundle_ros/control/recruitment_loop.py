@@ -14,25 +14,12 @@ import math
 from typing import Any
 
 from fam_bundle_ros.control.crossing import (
-    advance,
     begin_crossing,
     crossing_pace,
     Crossings,
-    end_crossing,
-    is_crossing,
     no_crossings,
 )
-from fam_bundle_ros.control.curves import (
-    curve_table,
-    CurveTable,
-    fill,
-    find_branches,
-    share,
-    Shares,
-    slope_at,
-    tabulate,
-    total_of,
-)
+from fam_bundle_ros.control.curves import curve_table, CurveTable, find_branches, tabulate
 from fam_bundle_ros.control.heading import (
     follow_heading,
     heading_now,
@@ -40,6 +27,7 @@ from fam_bundle_ros.control.heading import (
     HeadingState,
     rest_at,
 )
+from fam_bundle_ros.control.inverse import Shares, total_of
 from fam_bundle_ros.control.outer_loop import (
     forget_outer,
     FREE,
@@ -53,20 +41,17 @@ from fam_bundle_ros.control.outer_loop import (
     uncertainty,
 )
 from fam_bundle_ros.control.rate import forget_rate, quiet_rate, RateState
-from fam_bundle_ros.control.reasons import LOST, NONE, Reason
-from fam_bundle_ros.control.recruitment import (
+from fam_bundle_ros.control.reasons import LOST, NONE
+from fam_bundle_ros.control.spread import ALL_ON, spread, TOLERANCE
+from fam_bundle_ros.control.switching import (
     Demand,
     MachineState,
-    Margins,
     REVERSAL_AWARE,
     start_machine,
     switch_step,
     SwitchingSettings,
 )
 
-ORDERLY, BATCH, ALL_ON = 0, 1, 2
-#: N: demands missed by less than this count as met.
-_TOLERANCE = 0.1
 #: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
 _STEP = 2.0
 #: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
@@ -133,34 +118,6 @@ class RecruitmentState:
     since_crossing: float = math.inf
 
 
-@dataclass
-class CommandRecord:
-    """
-    What the pressure loops are to do, and why; see `signals.Command`.
-
-    ``active`` has 1 for units that are on, ``saturated`` a code of `outer_loop.SATURATION`.
-    """
-
-    pressure: list
-    active: list
-    share: list
-    state: int = 0
-    saturated: int = FREE
-    demand: float = 0.0
-    margins: Margins = field(default_factory=Margins)
-    reason: Reason = field(default_factory=Reason)
-
-
-@dataclass
-class MeasurementRecord:
-    """What the rig shows: force (N), strain, its rate (1/s), pressures (Pa, gauge)."""
-
-    force: float
-    strain: float
-    strain_rate: float
-    pressure: list
-
-
 def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentState:
     """Return a fresh state; ``grid`` (n, m) holds the pressures of the table, Pa."""
     n = len(grid)
@@ -171,11 +128,6 @@ def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentSt
         curve_table(order, grid, pushes_back), [0] * n, heading_of(1), heading_of(n + 1),
         MachineState([0.0] * n, [1] * n), no_crossings(n), [0] * n, [math.nan] * n, shares(),
         shares())
-
-
-def command_record(n: int) -> CommandRecord:
-    """Return the command of a vented bundle."""
-    return CommandRecord([0.0] * n, [0] * n, [0.0] * n)
 
 
 def start_recruitment(settings: Any, state: Any, command: Any) -> None:
@@ -343,71 +295,6 @@ def send_unit(settings: Any, state: Any, command: Any) -> None:
     begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)
 
 
-# --- allocation ----------------------------------------------------------------------------------
-
-def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> None:
-    """Work out pressures for the demand in the present state, crossings moved on."""
-    crossings = state.crossings
-    if crossings.count == 0:
-        state.since_crossing += dt
-        solve(settings, model, state, demand, False, state.shares)
-        return
-    state.since_crossing = 0.0
-    solve(settings, model, state, demand, False, state.final)
-    k = 0
-    while k < crossings.count:
-        unit = crossings.unit[k]
-        count = solve(settings, model, state, demand, True, state.shares)
-        ratio = ratio_of(settings, state, unit, count)
-        short = crossings.up[unit] > 0 and state.shares.missing > _TOLERANCE
-        if advance(crossings, unit, dt, state.final.pressure[unit], ratio, short):
-            end_crossing(crossings, k)
-        else:
-            k += 1
-    solve(settings, model, state, demand, True, state.shares)
-
-
-def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, shares: Any
-          ) -> int:
-    """
-    Allocate a demand (N) over the active units by the scheme; return how many shared in it.
-
-    With ``crossing`` those on their way are where they are, else nobody is.
-    """
-    count = 0
-    for unit in range(len(state.fixed)):
-        on_its_way = crossing and is_crossing(state.crossings, unit)
-        state.fixed[unit] = state.crossings.pressure[unit] if on_its_way else math.nan
-    for k in range(state.machine.state):
-        unit = state.table.order[k]
-        if math.isnan(state.fixed[unit]):
-            state.units[count] = unit
-            count += 1
-    if settings.scheme == ORDERLY:
-        fill(state.table, model, demand, state.units, count, state.fixed, shares)
-    else:
-        share(state.table, model, demand, state.units, count, state.fixed, shares)
-    return count
-
-
-def ratio_of(settings: Any, state: Any, unit: int, count: int) -> float:
-    """Return the pressure change that the others need per change of the crossing unit."""
-    table, helping, chosen = state.table, 0.0, 0
-    for k in range(count):
-        other = state.units[k]
-        if state.shares.pressure[other] < table.grid[other][-1] - 1.0:
-            if chosen == 0 or settings.scheme != ORDERLY:
-                helping += slope_at(table, other, state.shares.pressure[other])
-            chosen += 1
-    if chosen == 0:
-        for k in range(state.machine.state):
-            other = table.order[k]
-            if not is_crossing(state.crossings, other):
-                helping = slope_at(table, other, state.shares.pressure[other])
-    steep = abs(slope_at(table, unit, state.crossings.pressure[unit]))
-    return steep / helping if helping > 0.0 else 1.0
-
-
 # --- output --------------------------------------------------------------------------------------
 
 def write_command(settings: Any, state: Any, demand: float, command: Any) -> None:
@@ -444,10 +331,10 @@ def saturation(table: Any, missing: float, demand: float) -> int:
     highest, lowest = table.top[0], table.floor[0]
     for k in range(len(table.top)):
         highest, lowest = max(highest, table.top[k]), min(lowest, table.floor[k])
-    if missing > _TOLERANCE:
-        return HIGH if demand > highest - _TOLERANCE else GAP
-    if missing < -_TOLERANCE:
-        return LOW if demand < lowest + _TOLERANCE else GAP
+    if missing > TOLERANCE:
+        return HIGH if demand > highest - TOLERANCE else GAP
+    if missing < -TOLERANCE:
+        return LOW if demand < lowest + TOLERANCE else GAP
     return FREE
 
 
