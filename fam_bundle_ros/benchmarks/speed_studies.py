@@ -30,8 +30,8 @@ def control_benchmark(scale: float) -> list[Figure]:
     found = control.run_benchmark(trajectories=trajectories, plants=plants, workers=2)
     spent = time.perf_counter() - begin
     return [Figure(f'{len(found.rows)} runs', spent, 's on two cores', reach=REACH_CONTROL,
-                   note=f'{_children() - cpu:.0f} s of CPU time; {BEFORE:.0f} s of wall time before '
-                   'the loop was compiled (230 runs)')]
+                   note=f'{_children() - cpu:.0f} s of CPU time; {BEFORE:.0f} s of wall time '
+                   'before the loop was compiled (230 runs)')]
 
 
 def _children() -> float:
