@@ -95,7 +95,7 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
         values[filled] = clock + _DAY * np.cumsum(np.diff(clock, prepend=clock[:1]) < -_DAY / 2)
         return values
     pandas = pandas_of(name)
-    cells = [re.sub(r'(?<=\d),(?=\d)', '.', text[i]) for i in filled]
+    cells = [text[i] for i in filled]
     for how in ({'format': 'ISO8601'}, {'dayfirst': _day_first(cells)},
                 {'format': 'mixed', 'dayfirst': _day_first(cells)}):
         try:

@@ -148,8 +148,8 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     Return the standard deviation of differences with outliers, by their median deviation.
 
     Differences of quantised readings are multiples of the step: where the step is not small
-    beside them, the median deviation is one too, often zero. The standard deviation without
-    those beyond 5 sd is taken then.
+    beside them, the median deviation is one too, often zero. The standard deviation of those
+    within 5 of it, or of the step, is taken then.
 
     Parameters
     ----------
@@ -161,13 +161,7 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     robust = float(_ROBUST * np.median(np.abs(gaps)))
     if robust > 4.0 * quantum:
         return robust
-    kept, size = gaps, float(gaps.std())
-    for _ in range(20):
-        kept = gaps[np.abs(gaps) <= 5.0 * size]
-        if not len(kept) or kept.std() == size:
-            break
-        size = float(kept.std())
-    return size
+    return float(gaps[np.abs(gaps) <= 5.0 * max(robust, quantum)].std())
 
 
 def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:

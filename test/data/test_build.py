@@ -69,6 +69,19 @@ def test_a_strain_read_in_steps_moves_all_the_same(muscle):
     fast = np.abs(np.sin(2 * np.pi * time / 40.0)) > 0.3
     right = data.direction == np.sign(np.sin(2 * np.pi * time / 40.0))
     assert right[fast].mean() > 0.97
+    rate = 0.1 * 2 * np.pi / 40.0 * np.sin(2 * np.pi * time / 40.0)
+    assert np.sqrt(np.mean((data.strain_rate - rate)[fast] ** 2)) < 0.25 * np.abs(rate).max()
+
+
+def test_noise_of_a_strain_at_rest_has_no_direction(muscle):
+    """Between two sweeps the strain is held, noise of 1e-4 and all: most rows rest."""
+    up = np.linspace(0.0, 0.2, 100)
+    true = np.concatenate([up, np.full(300, 0.2), up[::-1], np.zeros(300)])
+    strain = true + 1e-4 * np.random.default_rng(0).standard_normal(800)
+    data = build('held', strain, np.full(800, 3e5), muscle(true, 3e5), None, 0.05 * np.arange(800))
+    held = np.r_[115:385, 515:785]
+    assert (data.direction[held] == 0).mean() > 0.95
+    assert (data.direction[10:90] == 1).all()
 
 
 def test_even_ramps_are_not_read_in_steps(sweeps):
