@@ -10,13 +10,14 @@ NumPy records with the same field names (`pack`, `unpack`). Compiled code is kep
 cache folder, in a folder named by a hash of the sources and of numba's version.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
 from dataclasses import fields, is_dataclass
 from functools import cache
 import hashlib
 import os
 from pathlib import Path
+import shutil
 import types
 from typing import Any
 
@@ -63,6 +64,14 @@ def pack(instance: Any) -> np.void:
     return record
 
 
+def pack_all(instances: Sequence[Any]) -> np.ndarray:
+    """Return an array of records, one for each of some instances of one dataclass."""
+    records = np.zeros(len(instances), _dtype(instances[0]))
+    for record, instance in zip(records, instances):
+        _write(record, instance)
+    return records
+
+
 def unpack(record: np.void, instance: Any) -> None:
     """Write the values of a record back into the dataclass instance it was packed from."""
     for item in fields(instance):
@@ -76,16 +85,18 @@ def unpack(record: np.void, instance: Any) -> None:
 
 
 def _dtype(instance):
-    def kind(value):
+    def kind(value, annotation):
         if is_dataclass(value):
             return (_dtype(value),)
         array = np.asarray(value)
         if array.dtype.kind not in 'bif':
             raise TypeError(f'{type(instance).__name__} has a field of {array.dtype}; a record '
                             'holds numbers')
-        number = {'b': '?', 'i': 'i8', 'f': 'f8'}[array.dtype.kind]
+        # A whole number in a field of floats stays a float: one dtype for one class.
+        number = 'f8' if 'float' in str(annotation) else {'b': '?', 'i': 'i8', 'f': 'f8'}[
+            array.dtype.kind]
         return (number, array.shape) if array.shape else (number,)
-    return np.dtype([(item.name, *kind(getattr(instance, item.name)))
+    return np.dtype([(item.name, *kind(getattr(instance, item.name), item.type))
                      for item in fields(instance)], align=True)
 
 
@@ -118,9 +129,64 @@ def compiled(function: Callable) -> Callable:
 
 
 @cache
-def _inner(function):
+def compiled_inside(function: Callable) -> Callable:
     """Return a kernel for use inside another one: compiled with it, no file of its own."""
     return numba().njit(error_model='numpy')(_rebound(function))
+
+
+def pointer(function: Callable, signature: str) -> Any:
+    """
+    Return a kernel as a C function that compiled kernels can be given as an argument.
+
+    Kernels that take it are compiled once for all functions of that signature.
+
+    Parameters
+    ----------
+    function : callable
+    signature : str
+        As numba writes it, such as ``'float64(int64, float64[::1])'``.
+
+    Raises
+    ------
+    NotCompiled
+        When numba is not there, or cannot compile the function.
+    """
+    engine = numba()
+    if engine is None:
+        raise NotCompiled('numba is not installed')
+    kernel = _rebound(function)
+    key = fingerprint(function)
+    for _ in range(2):
+        with _cache_folder(key) as keep:
+            on_file = keep and os.path.exists(function.__code__.co_filename)
+            try:
+                return _pointer_type()(engine.cfunc(signature, cache=on_file,
+                                                    error_model='numpy')(kernel))
+            except Exception as error:  # numba raises many kinds, also its own bugs
+                told = error
+        shutil.rmtree(cache_root() / key, ignore_errors=True)  # it may have been damaged
+    raise NotCompiled(f'{function.__name__}: {told}') from told
+
+
+class NotCompiled(RuntimeError):
+    """A kernel cannot be compiled here; run it as it is."""
+
+
+@cache
+def _pointer_type():
+    """Return the class of first-class functions; made late, because it needs numba."""
+    protocol: Any = numba().types.WrapperAddressProtocol
+
+    class Pointer(protocol):
+        def __init__(self, made):
+            self._made = made
+
+        def __wrapper_address__(self):
+            return self._made.address
+
+        def signature(self):
+            return self._made._sig
+    return Pointer
 
 
 def _rebound(function):
@@ -128,12 +194,36 @@ def _rebound(function):
     names = dict(_globals(function))
     for name, value in names.items():
         if isinstance(value, types.FunctionType):
-            names[name] = _inner(value)
+            names[name] = compiled_inside(value)
         elif hasattr(value, 'compiled_names'):
             names[name] = value.compiled_names()
     names['__name__'] = function.__module__
     return types.FunctionType(function.__code__, names, function.__name__,
-                              function.__defaults__)
+                              function.__defaults__, function.__closure__)
+
+
+class Alternative:
+    """
+    A kernel that plain Python has a faster way for, say one call on arrays in place of a loop.
+
+    Parameters
+    ----------
+    kernel : callable
+        What is compiled.
+    plain : callable
+        What runs without compilation: the same arguments, the same numbers.
+    """
+
+    def __init__(self, kernel: Callable, plain: Callable):
+        self.kernel, self.plain = kernel, plain
+
+    def __call__(self, *values: Any) -> Any:
+        """Run the plain way."""
+        return self.plain(*values)
+
+    def compiled_names(self) -> Callable:
+        """Return what takes its place in compiled code."""
+        return compiled_inside(self.kernel)
 
 
 def _globals(function) -> Iterator[tuple[str, Any]]:
@@ -151,8 +241,13 @@ def fingerprint(function: Callable) -> str:
         if kernel not in seen:
             seen[kernel] = None
             for _, value in _globals(kernel):
+                value = value.kernel if isinstance(value, Alternative) else value
                 if isinstance(value, types.FunctionType):
                     walk(value)
+                elif hasattr(value, 'compiled_names'):
+                    for word in vars(value.compiled_names()).values():
+                        if hasattr(word, 'py_func'):
+                            walk(word.py_func)
     walk(function)
     digest = hashlib.sha256(numba().__version__.encode())
     for kernel in seen:

@@ -3,23 +3,42 @@
 """
 The closed loop without ROS: rig, pressure loops and recruitment controller in one process.
 
-The same classes as behind the nodes, in the same order per tick: readings -> recruitment ->
-pressure loops -> valves. Deterministic for a seed.
+The same step functions as behind the nodes, in the same order per tick (`fam_bundle_ros.
+closed_loop`): readings -> recruitment -> pressure loops -> valves. Compiled where numba is there,
+else plain Python with the same numbers. Deterministic for a seed.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros import kernels
+from fam_bundle_ros.closed_loop import (
+    closed_loop,
+    columns,
+    EACH_UNIT,
+    LoopConfig,
+    LoopState,
+    Plan,
+    SINGLE,
+)
 from fam_bundle_ros.control.controller import ControllerConfig, RecruitmentController
 from fam_bundle_ros.control.outer import LoadModel
-from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.signals import Measurement, Reference
+from fam_bundle_ros.control.outer_loop import KINDS, SATURATION
+from fam_bundle_ros.control.pid import pid_settings, PidConfig, PidGains
+from fam_bundle_ros.control.pressure_loop import PidState
+from fam_bundle_ros.control.reasons import from_row, ROW, sentence
+from fam_bundle_ros.control.signals import command_record, MeasurementRecord
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
+from fam_bundle_ros.plant import Dynamometer, Faults, Load, RigConfig
+from fam_bundle_ros.plant.rig import changed_load, fault_record, Rig
+
+#: Ticks between two calls of the progress function.
+_CHUNK = 256
 
 
 @dataclass(frozen=True)
@@ -42,6 +61,8 @@ class Trajectory:
         Changes of the load in motion, say ``(2.0, {'mass': 8.0})``.
     prepare : float, s
         Time before 0 in which the start of the trajectory is taken up gently, not logged.
+    faults : tuple of (time, Faults)
+        What is broken from a time on, instead of what was before.
     """
 
     name: str
@@ -53,6 +74,7 @@ class Trajectory:
     imposed: Callable[[float], float] | None = None
     events: tuple[tuple[float, dict[str, float]], ...] = ()
     prepare: float = 0.0
+    faults: tuple[tuple[float, Faults], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -134,10 +156,10 @@ class ClosedLoop:
 
     Parameters
     ----------
-    plant : Bundle
+    plant : Bundle or ForeignPlant
         What the rig is made of.
     model : Bundle, optional
-        What the controller believes; the plant's by default.
+        What the controller believes; the plant's by default, which is then a Bundle.
     controller : ControllerConfig
     rig : RigConfig
         Its load is taken from the trajectory.
@@ -151,6 +173,9 @@ class ClosedLoop:
     noise_factor : float
         On the noise of every sensor.
     seed : int
+    compiled : bool, optional
+        By default where numba is there and can compile plant and model; the first run with a
+        number of motor units then takes some time.
 
     Examples
     --------
@@ -163,17 +188,21 @@ class ClosedLoop:
     True
     """
 
-    def __init__(self, plant: Bundle, model: Bundle | None = None,
+    def __init__(self, plant: Any, model: Bundle | None = None,
                  controller: ControllerConfig = ControllerConfig(),
                  rig: RigConfig = RigConfig(), period: float = 4e-3, pid_period: float = 2e-3,
                  gains: PidGains = PidGains(), pid: PidConfig | None = None,
-                 noise_factor: float = 1.0, seed: int = 0):
+                 noise_factor: float = 1.0, seed: int = 0, compiled: bool | None = None):
         self.plant, self.model = plant, model or plant
+        if not isinstance(self.model, Bundle):
+            raise InputError(f'{type(plant).__name__} is no model that a controller can invert; '
+                             'expected model=, a Bundle')
         self.controller_config, self.rig_config = controller, rig
         self.ticks = max(1, round(period / pid_period))
         self.pid_period = pid_period
         self.gains, self.noise_factor, self.seed = gains, noise_factor, seed
         self.pid_config = pid or pid_config(rig, pid_period, noise_factor)
+        self.compiled = compiled
 
     def run(self, trajectory: Trajectory,
             progress: Callable[[float], None] | None = None) -> Log:
@@ -189,53 +218,146 @@ class ClosedLoop:
         Returns
         -------
         Log
+
+        Raises
+        ------
+        InputError
+            When a load cannot change as an event says, or a strain is imposed out of range.
         """
+        run = Run(self, trajectory)
+        while run.done < run.ticks:
+            if progress:
+                progress(run.done * run.period - trajectory.prepare)
+            run.advance(min(run.done + _CHUNK, run.ticks))
+        return run.log()
+
+
+class Run:
+    """
+    One run of a `ClosedLoop`, that can be taken forward piece by piece.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+    trajectory : Trajectory
+
+    Attributes
+    ----------
+    ticks, done : int
+        Of the controller: all, and so far.
+    period : float, s
+        Of the controller.
+    state : LoopState, or a record of one
+    compiled : bool
+    """
+
+    def __init__(self, loop: ClosedLoop, trajectory: Trajectory):
+        self.trajectory, self.done = trajectory, 0
+        self.period = loop.ticks * loop.pid_period
+        self.ticks = round((trajectory.prepare + trajectory.duration) / self.period)
         load = trajectory.load
         if isinstance(load, Dynamometer) and trajectory.imposed is not None:
             load = replace(load, strain=trajectory.imposed(0.0))
-        rig = Rig(self.plant, replace(self.rig_config, load=load), seed=self.seed)
-        rig.faults.noise_factor = self.noise_factor
+        rig = Rig(loop.plant, replace(loop.rig_config, load=load), loop.seed,
+                  Faults(noise_factor=loop.noise_factor))
         controller = RecruitmentController(
-            self.model, replace(self.controller_config, load=load_model_of(load, rig.length)))
-        pids = [PressurePid(self.gains, self.pid_config) for _ in range(self.plant.n)]
-        events = sorted(trajectory.events, key=lambda event: event[0])
-        tube = self.rig_config.chamber.tube_volume
-        rows, decisions = [], []
-        readings = rig.readings
-        begin = rig.truth.force if trajectory.kind == 'force' else rig.truth.strain
-        dt = self.ticks * self.pid_period
-        for tick in range(round((trajectory.prepare + trajectory.duration) / dt)):
-            t = tick * dt - trajectory.prepare
-            while events and events[0][0] <= t:
-                rig.change_load(**events.pop(0)[1])
-            reference = _reference(trajectory, t, begin)
-            command = controller.update(dt, _measurement(readings), reference)
-            if command.explanation:
-                decisions.append((t, command.explanation))
-            if trajectory.imposed is not None:
-                target = trajectory.imposed(max(t + dt, 0.0))
-                rig.impose_strain(target, abs(target - rig.truth.strain) / dt)
-            for _ in range(self.ticks):
-                volume = self.model.gas_volume(readings.strain) + tube
-                flow = self.model.gas_volume_slope(readings.strain) * readings.strain_rate
-                valves = [pid.update(float(p), float(m), self.pid_period, readings.supply,
-                                     float(v), float(q))
-                          for pid, p, m, v, q in zip(pids, command.pressure, readings.pressure,
-                                                     volume, flow)]
-                readings = rig.step(valves, self.pid_period)
-            if t >= 0.0:
-                rows.append(self._row(t + dt, trajectory, command, rig, valves))
-            if progress and tick % 256 == 0:
-                progress(t)
-        return _log(rows, decisions, trajectory.kind)
+            loop.model, replace(loop.controller_config, load=load_model_of(load, rig.length)))
+        self._names = [loop.model.names[i].upper() for i in controller.order]
+        self._units, parts = rig.bundle.n, rig.parts
+        loads, which_load = self._changes(load, trajectory.events, changed_load)
+        faults, which_fault = self._changes(
+            rig.faults, trajectory.faults,
+            lambda before, now: replace(now, noise_factor=now.noise_factor * loop.noise_factor))
+        r = rig.readings
+        self._config: Any = LoopConfig(parts.rig, parts.sensors, controller.settings,
+                                       pid_settings(loop.gains, loop.pid_config),
+                                       float(loop.pid_period), loop.ticks)
+        self.state: Any = LoopState(
+            parts.state, parts.shown, controller.memory, command_record(self._units),
+            MeasurementRecord(r.force, r.strain, r.strain_rate, r.pressure.tolist()),
+            [0.0] * len(parts.shown.shown), [0.0] * self._units)
+        self._pids: Any = [PidState() for _ in range(self._units)]
+        self._loads: Any = [item.record for item in loads]
+        self._faults: Any = [fault_record(item, rig.leak, self._units) for item in faults]
+        self._plan = self._planned(rig, which_load, which_fault, loop.ticks)
+        self._log = np.zeros((self.ticks - self._plan.logged,
+                              len(SINGLE) + len(EACH_UNIT) * self._units))
+        self._reasons = np.zeros((self.ticks, ROW))
+        self._models: Any = (parts.model, controller.model, loop.model.model(False))
+        self._step: Any = closed_loop
+        self.compiled = loop.compiled is not False and kernels.numba() is not None
+        if self.compiled:
+            self._compile(loop, controller, parts.model)
 
-    @staticmethod
-    def _row(t, trajectory, command, rig, valves):
-        truth = rig.truth
-        overlap = (command.margins.limit - command.margins.width, command.margins.limit)
-        return (t, trajectory.value(t), command.demand, truth.strain, truth.force, truth.supply,
-                truth.pressure, command.pressure, np.array(valves), command.state, command.share,
-                command.saturated, overlap, rig.air_mass, rig.work)
+    def _changes(self, first, events, change):
+        """Return what holds one after the other, and which of it in each tick."""
+        found, which = [first], np.zeros(self.ticks, int)
+        for time, new in sorted(events, key=lambda event: event[0]):
+            found.append(change(found[-1], new))
+            which[self._times() >= time] = len(found) - 1
+        return found, which
+
+    def _times(self):
+        """Return the time of each tick, s."""
+        return np.arange(self.ticks) * self.period - self.trajectory.prepare
+
+    def _planned(self, rig, which_load, which_fault, ticks) -> Plan:
+        """Return the plan of the run in lists."""
+        trajectory = self.trajectory
+        begin = rig.truth.force if trajectory.kind == 'force' else rig.truth.strain
+        times = self._times().tolist()
+        references = [_reference(trajectory, t, begin) for t in times]
+        imposed = [math.nan] * self.ticks
+        if trajectory.imposed is not None:
+            imposed = [trajectory.imposed(max(t + self.period, 0.0)) for t in times]
+            for target in imposed:
+                Dynamometer(strain=target)
+        normal, chance = rig.draws.rows(self.ticks * ticks)
+        values, rates = zip(*references) if references else ((), ())
+        return Plan(KINDS.index(trajectory.kind), values, rates, imposed,
+                    which_load.tolist(), which_fault.tolist(), normal.tolist(), chance.tolist(),
+                    sum(t < 0.0 for t in times))
+
+    def _compile(self, loop, controller, begun) -> None:
+        """Turn records and lists into those of compiled code, where everything compiles."""
+        try:
+            plant, belief, gas = (loop.plant.model(True), controller.belief(True),
+                                  loop.model.model(True))
+        except kernels.NotCompiled:
+            if loop.compiled:
+                raise
+            self.compiled = False
+            return
+        plant.memory[:] = begun.memory
+        self._models = plant, belief, gas
+        self._config, self.state = kernels.pack(self._config), kernels.pack(self.state)
+        self._pids, self._loads, self._faults = (
+            kernels.pack_all(items) for items in (self._pids, self._loads, self._faults))
+        self._plan = Plan(*(np.array(item) if isinstance(item, (list, tuple)) else item
+                            for item in self._plan))
+        self._step = kernels.compiled(closed_loop)
+
+    def advance(self, tick: int) -> None:
+        """Go on to a tick of the controller."""
+        self._step(self._config, self.state, self._pids, *self._models, self._loads,
+                   self._faults, self._plan, self._log, self._reasons, self.done, tick)
+        self.done = tick
+
+    def log(self) -> Log:
+        """Return what happened in the ticks that are done."""
+        trajectory, start = self.trajectory, self._plan.logged
+        rows = self._log[:max(self.done - start, 0)]
+        times = self._times()[start:self.done] + self.period
+        found = columns(rows, self._units)
+        overlap = np.stack([found.pop('overlap_low'), found.pop('overlap_high')], axis=-1)
+        found['state'] = found['state'].astype(int)
+        found['saturated'] = np.array(SATURATION)[found['saturated'].astype(int)]
+        reference = np.array([trajectory.value(float(t)) for t in times])
+        decided = np.flatnonzero(self._reasons[:self.done, 0])
+        decisions = [(float(self._times()[k]), sentence(from_row(self._reasons[k]), self._names))
+                     for k in decided]
+        return Log(time=times, reference=reference, overlap=overlap,
+                   decisions=decisions, kind=trajectory.kind, **found)
 
 
 def pid_config(rig: RigConfig, period: float, noise_factor: float = 1.0) -> PidConfig:
@@ -248,22 +370,11 @@ def pid_config(rig: RigConfig, period: float, noise_factor: float = 1.0) -> PidC
 
 
 def _reference(trajectory, t, begin):
-    """Return the reference at a time; before 0 the way from ``begin`` to the start."""
+    """Return value and rate of the reference; before 0 the way from ``begin`` to the start."""
     if t >= 0.0:
-        return Reference(trajectory.kind, trajectory.value(t), trajectory.rate(t))
+        return float(trajectory.value(t)), float(trajectory.rate(t))
     span = 0.7 * trajectory.prepare
     x = min((t + trajectory.prepare) / span, 1.0)
     change = trajectory.value(0.0) - begin
-    return Reference(trajectory.kind, begin + change * x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x),
-                     change / span * 30.0 * x * x * (1.0 - x) ** 2)
-
-
-def _measurement(readings):
-    return Measurement(readings.force, readings.strain, readings.strain_rate, readings.pressure)
-
-
-def _log(rows, decisions, kind) -> Log:
-    names = [f.name for f in fields(Log)][:-2]
-    columns: dict[str, Any] = {
-        name: np.array(column) for name, column in zip(names, zip(*rows))}
-    return Log(**columns, decisions=decisions, kind=kind)
+    return (float(begin + change * x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x)),
+            float(change / span * 30.0 * x * x * (1.0 - x) ** 2))

@@ -27,14 +27,17 @@ class Chamber:
 
 
 def chamber():
+    """Return a chamber with a valve half open."""
     return Chamber(2.0, [1.0, -0.25], 0, False, Valve(0.5))
 
 
 def helper(state, i):
+    """Let one flow act."""
     state.pressure += RATE * state.valve.opening * state.flow[i]
 
 
 def kernel(state, count):
+    """Let all flows act and fade."""
     for _ in range(count):
         for i in range(2):
             helper(state, i)

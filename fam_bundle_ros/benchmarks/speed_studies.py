@@ -55,8 +55,8 @@ def diagnoses(scale: float) -> list[Figure]:
 
 def diagnose_seconds(length: int) -> float:
     """Return the time that `diagnose` takes on a simulated log of loops at seven isobars."""
+    from fam_bundle_ros.data.measurement import build
     from fam_bundle_ros.discovery import diagnose
-    from fam_bundle_ros.discovery.measurement import build
     paper = bundle_of(2)
     model = Bundle('one_muscle', paper.motor_units[:1], paper.effects)
     time_s = 0.01 * np.arange(length)

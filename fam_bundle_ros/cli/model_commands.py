@@ -99,9 +99,9 @@ def effects(
 
 
 def tune(
-    sample_period: Annotated[str, typer.Option(help='Period of the pressure loop.')] = '2 ms',
+    sample_period: Annotated[str, typer.Option(help='Period of the pressure loop.')] = '5 ms',
     transport_delay: Annotated[str, typer.Option(help='From reading to command at the valve.'
-                                                 )] = '1 ms',
+                                                 )] = '5 ms',
     spool_frequency: Annotated[str, typer.Option(help='Natural frequency of the valve spool.'
                                                  )] = '125 Hz',
     gain_margin: Annotated[float, typer.Option(help='Gain margin to keep, dB.', min=0.0)] = 8.0,
@@ -113,8 +113,8 @@ def tune(
     """
     Work out the gains of the pressure loop and show the margins that they leave.
 
-    A reading that comes over a topic is a period old: the defaults of the node pressure_pid are
-    those of a sample period and a delay of 5 ms each.
+    A reading that comes over a topic is a period old: the gains of the node pressure_pid are those
+    of a sample period and a delay of 5 ms each, as are the defaults here.
     """
     from fam_bundle_ros.control import tuning
     result = tuning.tune(

@@ -6,8 +6,9 @@ from fam_bundle_ros.control.allocation import allocate, Allocation, Allocator, C
 from fam_bundle_ros.control.controller import ControllerConfig, RecruitmentController
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.pid import PidConfig, PidDiagnostics, PidGains, PressurePid
-from fam_bundle_ros.control.recruitment import Margins, RecruitmentMachine, SwitchingConfig
+from fam_bundle_ros.control.recruitment import RecruitmentMachine, SwitchingConfig
 from fam_bundle_ros.control.signals import Command, Measurement, Reference
+from fam_bundle_ros.control.switching import Margins
 from fam_bundle_ros.control.tuning import tune, TuneResult
 
 __all__ = [

@@ -3,28 +3,30 @@
 """
 The inverse of the bundle: a force demand at the measured strain -> one gauge pressure per unit.
 
-At one strain the force of a motor unit over its own pressure first falls (it pushes back more
-and more) and then rises. `Curves` holds those curves for one tick, from one vectorised call of
-the model with the memory it has now, and answers with pressures on the rising branch only.
+Objects for `curves` and `inverse`, where the work is done.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+import math
 from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.control.belief import Belief, belief_of, without_push_back
+from fam_bundle_ros.control.curves import (
+    curve_table,
+    CurveTable,
+    find_branches,
+    force_at,
+    Moment,
+    slope_at,
+    tabulate,
+)
+from fam_bundle_ros.control.inverse import fill, share, Shares
+from fam_bundle_ros.control.spread import SCHEMES
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-
-SCHEMES = ('orderly', 'batch', 'all_on')
-#: A cell of the table is divided by so many pressures, and the one found so again: a muscle that
-#: leaves its free strain has a kink there of up to 20 N/kPa.
-_FINE, _ROUNDS = 9, 2
-#: A unit that could only pull less than when vented comes back when it could pull more by this
-#: share of its push-back, and by so many N: strain noise must not fill and empty it in turn.
-_WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -64,96 +66,38 @@ class Instant:
     memory: dict[str, Any] | None = None
     dt: float = 0.0
 
-    def unit_forces(self, bundle: Bundle, pressure: np.ndarray) -> np.ndarray:
-        """Return forces (k, n) in N for candidate pressures (k, n)."""
-        if self.memory is None:
-            return np.asarray(bundle.unit_forces(self.strain, pressure, self.strain_rate))
-        return bundle.step(self.memory, self.dt, self.strain, pressure, self.strain_rate)[0]
-
 
 class Curves:
     """
     Force over pressure of every motor unit at one instant, and its inverse.
 
+    Every field of `CurveTable` is here as an array: ``top``, ``floor``, ``crossing``, ``dip``,
+    ``bottom_pressure``, ...
+
     Parameters
     ----------
-    bundle : Bundle
-    instant : Instant
-    pressure : ndarray (k, n), Pa (gauge)
-        Rising from 0 to each unit's limit.
-    order : sequence of int
-        Units in the order of recruitment: RSk has the first k of them.
-    pushes_back : bool
-        False for a controller that reckons without resistive forces: none below zero.
-    asleep : ndarray (n,) of bool, optional
-        Units that were of no use in the tick before: see `useful`.
+    table : CurveTable
+    model : Belief
     """
 
-    def __init__(self, bundle: Bundle, instant: Instant, pressure: np.ndarray,
-                 order: Sequence[int], pushes_back: bool = True,
-                 asleep: np.ndarray | None = None):
-        self._bundle, self._instant, self._pushes_back = bundle, instant, pushes_back
-        self.order = tuple(order)
-        self.pressure = pressure
-        self.force = self._forces(pressure)
-        count, units = self.force.shape
-        columns = np.arange(units)
-        # The last of the smallest: where a slack or threshold makes the curve flat, its end.
-        tied = self.force <= self.force.min(axis=0) + 1e-9
-        bottom = count - 1 - np.argmax(tied[::-1], axis=0)
-        #: N at zero pressure (n,).
-        self.rest_force = self.force[0]
-        gain = self.force[-1] - self.rest_force
-        wake = np.zeros(units) if asleep is None else np.where(asleep, np.maximum(
-            _WAKE_SHARE * (self.rest_force - self.force[bottom, columns]), _WAKE_FORCE), 0.0)
-        #: Which units (n,) can pull more than when vented: past the free strain none can, their
-        #: curves only fall. The others have no branch to be on and stay empty.
-        self.useful = gain > wake
-        #: Index (n,) of the beginning of the rising branch.
-        self.bottom = np.where(self.useful, bottom, 0)
-        #: N and Pa there (n,).
-        self.bottom_force = self.force[self.bottom, columns]
-        self.bottom_pressure = pressure[self.bottom, columns]
-        #: N at the limit (n,).
-        self.top_force = np.where(self.useful, self.force[-1], self.rest_force)
-        #: How far the force falls while the unit fills (n,), N.
-        self.dip = self.rest_force - self.bottom_force
+    def __init__(self, table: CurveTable, model: Belief):
+        self.table, self.model = table, model
+        self.order = tuple(table.order)
 
-    def _forces(self, pressure):
-        force = self._instant.unit_forces(self._bundle, pressure)
-        return force if self._pushes_back else np.maximum(force, 0.0)
-
-    @cached_property
-    def top(self) -> np.ndarray:
-        """Return the largest force of RS0..RSn, shape (n + 1,), N."""
-        gain = (self.top_force - self.rest_force)[list(self.order)]
-        return self.rest_force.sum() + np.concatenate([[0.0], np.cumsum(gain)])
-
-    @cached_property
-    def floor(self) -> np.ndarray:
-        """Return the smallest force of RS0..RSn on rising branches, shape (n + 1,), N."""
-        return self.rest_force.sum() - np.concatenate(
-            [[0.0], np.cumsum(self.dip[list(self.order)])])
-
-    @cached_property
-    def crossing(self) -> np.ndarray:
-        """
-        Return the largest demands at which RSk -> RSk+1 needs no dip, k = 0..n-1, N.
-
-        Up to there the units before the next have the room to make up for its push-back.
-        """
-        return self.top[:-1] - self.dip[list(self.order)]
+    def __getattr__(self, name: str) -> np.ndarray:
+        """Return a field of the table as an array."""
+        if name in ('force', 'grid', 'pressure'):
+            return np.array(getattr(self.table, name.replace('pressure', 'grid'))).T
+        kind = bool if name == 'useful' else None
+        return np.array(getattr(self.__dict__['table'], name), kind)
 
     def at(self, unit: int, pressure: float) -> float:
         """Return the force of one unit (from 0) at a pressure, N, from the table."""
-        return float(np.interp(pressure, self.pressure[:, unit], self.force[:, unit]))
+        return force_at(self.table, unit, pressure)
 
     def slope(self, unit: int, pressure: float) -> float:
         """Return dF/dP of one unit at a pressure, N/Pa, from the table."""
-        grid = self.pressure[:, unit]
-        i = min(max(int(np.searchsorted(grid, pressure, side='right')), 1), len(grid) - 1)
-        step = grid[i] - grid[i - 1]
-        return float((self.force[i, unit] - self.force[i - 1, unit]) / step) if step else 0.0
+        return slope_at(self.table, unit, pressure)
 
     def fill(self, demand: float, units: Sequence[int],
              fixed: dict[int, float] | None = None) -> Allocation:
@@ -169,84 +113,19 @@ class Curves:
         fixed : dict, optional
             Pressures (Pa) of further units, say one that is just being filled; others are at 0.
         """
-        pressure, force = self._begin(fixed)
-        for unit in units:
-            pressure[unit], force[unit] = self.bottom_pressure[unit], self.bottom_force[unit]
-        missing = demand - float(np.add.reduce(force))
-        for unit in units:
-            if missing <= 0.0:
-                break
-            room = self.top_force[unit] - self.bottom_force[unit]
-            if missing >= room:
-                if room > 0.0:
-                    pressure[unit] = self.pressure[-1, unit]
-                    force[unit] = self.top_force[unit]
-                    missing -= room
-                continue
-            wanted = self.bottom_force[unit] + missing
-            pressure[unit] = self._invert(unit, wanted)
-            force[unit], missing = wanted, 0.0
-        return Allocation(pressure, force, missing)
+        return self._solve(fill, demand, units, fixed)
 
     def share(self, demand: float, units: Sequence[int],
               fixed: dict[int, float] | None = None) -> Allocation:
         """Give the units of use one common pressure (at most their limit); else as `fill`."""
-        pressure, force = self._begin(fixed)
-        units = [i for i in units if self.useful[i]]
-        if not units:
-            return Allocation(pressure, force, demand - float(force.sum()))
-        common = self.pressure[:, units].max(axis=1)
-        total = self.force[:, units].sum(axis=1)
-        bottom = len(total) - 1 - int(np.argmax((total <= total.min() + 1e-9)[::-1]))
-        wanted = demand - float(force.sum() - force[units].sum())
-        rising = np.maximum.accumulate(total[bottom:])
-        i = bottom + max(int(np.searchsorted(rising, wanted)), 1)
-        chosen = float(np.interp(wanted, rising, common[bottom:]))
-        if rising[0] < wanted < rising[-1]:
-            # Within the cell too each unit stops at its own limit.
-            chosen = _refine(
-                wanted, common[i - 1], common[i],
-                lambda fine: self._forces(np.minimum(fine[:, None], self.pressure[-1]))[:, units]
-                .sum(axis=1))
-        for unit in units:
-            pressure[unit] = min(chosen, self.pressure[-1, unit])
-            force[unit] = self.at(unit, pressure[unit])
-        return Allocation(pressure, force, wanted - min(max(wanted, rising[0]), rising[-1]))
+        return self._solve(share, demand, units, fixed)
 
-    def _begin(self, fixed):
-        """Return pressures and forces with the fixed units set and all others at rest."""
-        pressure, force = np.zeros(len(self.rest_force)), self.rest_force.copy()
-        if fixed:
-            for unit, value in fixed.items():
-                pressure[unit] = value
-            exact = self._forces(pressure[None])[0]
-            for unit in fixed:
-                force[unit] = exact[unit]
-        return pressure, force
-
-    def _invert(self, unit, wanted):
-        """Return the pressure on the rising branch, refined within its cell of the table."""
-        bottom = int(self.bottom[unit])
-        rising = np.maximum.accumulate(self.force[bottom:, unit])
-        i = min(bottom + max(int(np.searchsorted(rising, wanted)), 1), len(self.force) - 1)
-        pressure = np.tile(self.pressure[i], (_FINE, 1))
-
-        def force(fine):
-            pressure[:, unit] = fine
-            return self._forces(pressure)[:, unit]
-        return _refine(wanted, self.pressure[i - 1, unit], self.pressure[i, unit], force)
-
-
-def _refine(wanted, low, high, force):
-    """Return the pressure of a force within one cell, which may hold a bottom and kinks."""
-    for _ in range(_ROUNDS):
-        fine = np.linspace(low, high, _FINE)
-        found = force(fine)
-        bottom = int(np.argmin(found))
-        rising = np.maximum.accumulate(found[bottom:])
-        i = bottom + min(max(int(np.searchsorted(rising, wanted)), 1), len(rising) - 1)
-        low, high = fine[max(i - 1, 0)], fine[i]
-    return float(np.interp(wanted, rising, fine[bottom:]))
+    def _solve(self, kernel, demand, units, fixed):
+        n = len(self.order)
+        given = [(fixed or {}).get(unit, math.nan) for unit in range(n)]
+        shares = Shares([0.0] * n, [0.0] * n)
+        kernel(self.table, self.model, float(demand), list(units), len(units), given, shares)
+        return Allocation(np.array(shares.pressure), np.array(shares.force), shares.missing)
 
 
 class Allocator:
@@ -276,13 +155,8 @@ class Allocator:
                  max_pressure: Sequence[float] | None = None,
                  order: Sequence[int] | None = None, points: int = 97):
         self.bundle = bundle
-        self._neglect = neglect
-        model = bundle
-        if neglect:
-            for effect in bundle.effects:
-                if effect.family == 'resistive':
-                    model = model.without_effect(effect.name)
-        self._model = model
+        self.pushes_back = not neglect
+        self.inverted = without_push_back(bundle) if neglect else bundle
         limit = bundle.max_pressure if max_pressure is None else np.minimum(
             bundle.max_pressure, np.asarray(max_pressure, float))
         if limit.shape != (bundle.n,) or not np.all(limit > 0.0):
@@ -293,20 +167,31 @@ class Allocator:
         if sorted(order) != list(range(bundle.n)):
             raise InputError(f'order is {tuple(order)}; expected each of 0 to {bundle.n - 1} once')
         self.order = tuple(order)
-        # One grid for all, cut at each unit's limit: `batch` needs common pressures.
-        self._grid = np.minimum(np.linspace(0.0, limit.max(), points)[:, None], limit)
-
-    def step(self, memory: dict[str, Any], dt: float, strain: float, pressure: np.ndarray,
-             strain_rate: float) -> tuple[float, dict[str, Any]]:
-        """Return the force that the controller believes to be there, N, and the memory after."""
-        forces, after = self._model.step(memory, dt, strain, pressure, strain_rate)
-        if self._neglect:
-            forces = np.maximum(forces, 0.0)
-        return float(np.add.reduce(forces)), after
+        #: Pressures (n, points) of the table, Pa: one grid for all, cut at each unit's limit,
+        #: since `batch` needs common pressures.
+        grid = np.minimum(np.linspace(0.0, limit.max(), points), limit[:, None])
+        self.grid: list[list[float]] = grid.tolist()
+        self._at_rest, self._stepping = (belief_of(self.inverted, self.grid, at_rest=still)
+                                         for still in (True, False))
 
     def curves(self, instant: Instant, asleep: np.ndarray | None = None) -> Curves:
-        """Return the curves of this tick; ``asleep`` as for `Curves`."""
-        return Curves(self._model, instant, self._grid, self.order, not self._neglect, asleep)
+        """
+        Return the curves of an instant.
+
+        ``asleep`` (n,) of bool tells which units were of no use before: see `CurveTable.useful`.
+        """
+        table = curve_table(self.order, self.grid, self.pushes_back)
+        memory = instant.memory
+        now = (0.0, 0.0, True) if memory is None else (
+            memory['time'] + instant.dt if memory['begun'] else 0.0, instant.dt,
+            not memory['begun'])
+        table.moment = Moment(instant.strain, instant.strain_rate, *now)
+        model = self._at_rest if memory is None else self._stepping._replace(
+            memory=memory['memory'])
+        tabulate(table, model)
+        find_branches(table, [0] * len(self.order) if asleep is None
+                      else [int(each) for each in asleep])
+        return Curves(table, model)
 
 
 def allocate(bundle: Bundle, demand: float, strain: float, state: int,

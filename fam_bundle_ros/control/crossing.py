@@ -1,92 +1,118 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The way of one motor unit through its falling branch, in step with those that compensate."""
+"""The way of motor units through their falling branch, in step with those that compensate."""
 
+from dataclasses import dataclass
 import math
+from typing import Any
 
-from fam_bundle_ros.control.allocation import Curves
+from fam_bundle_ros.control.curves import slope_at
 
 #: Time over which a crossing gathers and loses speed, s: both units lag alike only when smooth.
 _EASE = 0.01
-#: How many times faster than `SwitchingConfig.crossing_rate` a crossing may be in a hurry.
-_HURRY = 4.0
+#: How many times faster than `SwitchingConfig.crossing_rate` a crossing may be in a hurry, and
+#: when the others cannot compensate.
+_HURRY, _RUSH = 4.0, 20.0
 
 
-class Crossing:
+@dataclass
+class Crossings:
     """
-    The way of one unit through its falling branch.
+    Units on their way through the falling branch.
+
+    Attributes
+    ----------
+    unit : list (n,) of int
+        The first ``count`` of them are on their way, in the order in which they began.
+    up : list (n,) of int
+        Of each unit: 1 when it is being filled.
+    pressure, speed, pace : list (n,), Pa (gauge) and Pa/s
+        Of each unit: where it is, how fast, and how fast it may be.
+    """
+
+    count: int
+    unit: list
+    up: list
+    pressure: list
+    speed: list
+    pace: list
+
+
+def no_crossings(n: int) -> Crossings:
+    """Return the record of n units, none on its way."""
+    return Crossings(0, [0] * n, [0] * n, [0.0] * n, [0.0] * n, [0.0] * n)
+
+
+def is_crossing(crossings: Any, unit: int) -> bool:
+    """Return whether a unit is on its way."""
+    for k in range(crossings.count):
+        if crossings.unit[k] == unit:
+            return True
+    return False
+
+
+def begin_crossing(crossings: Any, unit: int, up: bool, pressure: float, pace: float) -> None:
+    """Send a unit on its way from a pressure (Pa); ``pace`` from `crossing_pace`."""
+    if not is_crossing(crossings, unit):
+        crossings.unit[crossings.count] = unit
+        crossings.count += 1
+    crossings.up[unit] = 1 if up else 0
+    crossings.pressure[unit], crossings.speed[unit], crossings.pace[unit] = pressure, 0.0, pace
+
+
+def end_crossing(crossings: Any, k: int) -> None:
+    """Take out the k-th of those on their way."""
+    crossings.count -= 1
+    for j in range(k, crossings.count):
+        crossings.unit[j] = crossings.unit[j + 1]
+
+
+def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, short: bool
+            ) -> bool:
+    """
+    Move a unit on by one tick; return whether it has arrived.
+
+    Trapezoidal speed: v' at most pace/`_EASE`, v at most sqrt(2 v' distance).
 
     Parameters
     ----------
-    unit : int
-    up : bool
-    pressure : float, Pa (gauge)
-        Where it is.
-    pace : float, Pa/s
-        See `crossing_pace`.
+    target : float, Pa (gauge)
+        Where it is to end.
+    ratio : float
+        Pressure change that the compensating unit needs per change of this one.
+    short : bool
+        The others cannot compensate: be through as fast as the valve goes.
     """
-
-    def __init__(self, unit: int, up: bool, pressure: float, pace: float):
-        self.unit, self.up, self.pressure = unit, up, pressure
-        self._pace = pace
-        self._speed = 0.0
-
-    def advance(self, dt: float, target: float, ratio: float, short: bool) -> bool:
-        """
-        Move on by one tick.
-
-        Parameters
-        ----------
-        dt : float, s
-        target : float, Pa (gauge)
-            Where it is to end.
-        ratio : float
-            Pressure change that the compensating unit needs per change of this one.
-        short : bool
-            The others cannot compensate: be through as fast as the valve goes.
-
-        Returns
-        -------
-        bool
-            True when it has arrived.
-        """
-        limit = self._pace / max(1.0, ratio)
-        if short:
-            limit = 20.0 * self._pace
-        distance = abs(target - self.pressure)
-        ease = self._pace / _EASE
-        speed = min(self._speed + ease * dt, limit, math.sqrt(2.0 * ease * distance) + ease * dt)
-        self._speed = limit if short else speed
-        step = min(self._speed * dt, distance)
-        self.pressure += math.copysign(step, target - self.pressure)
-        return step >= distance
+    pace = crossings.pace[unit]
+    limit = _RUSH * pace if short else pace / max(1.0, ratio)
+    distance = abs(target - crossings.pressure[unit])
+    ease = pace / _EASE
+    speed = min(crossings.speed[unit] + ease * dt, limit,
+                math.sqrt(2.0 * ease * distance) + ease * dt)
+    crossings.speed[unit] = limit if short else speed
+    step = min(crossings.speed[unit] * dt, distance)
+    crossings.pressure[unit] += math.copysign(step, target - crossings.pressure[unit])
+    return step >= distance
 
 
-def crossing_pace(curves: Curves, unit: int, rate: float, usual: float) -> float:
+def crossing_pace(table: Any, unit: int, rate: float, usual: float) -> float:
     """
     Return the pressure rate at which to bring a unit through its falling branch, Pa/s.
 
     Smoothly where there is time; faster where the demand (rising by ``rate``, N/s) would
-    meanwhile use up what the others can compensate.
-
-    Parameters
-    ----------
-    curves : Curves
-    unit : int
-    rate : float, N/s
-    usual : float, Pa/s
-        `SwitchingConfig.crossing_rate`.
+    meanwhile use up what the others can compensate. ``usual`` is
+    `SwitchingConfig.crossing_rate`.
     """
-    dip = max(float(curves.dip[unit]), 0.1)
-    hurry = float(curves.bottom_pressure[unit]) * max(rate, 0.0) / dip
+    hurry = table.bottom_pressure[unit] * max(rate, 0.0) / max(table.dip[unit], 0.1)
     return min(max(usual, hurry), _HURRY * usual)
 
 
-def crossing_time(curves: Curves, unit: int, rate: float, usual: float) -> float:
+def crossing_time(table: Any, unit: int, rate: float, usual: float) -> float:
     """Return about how long it takes to bring a unit to the bottom of its branch, s."""
-    travel = float(curves.bottom_pressure[unit])
-    others = [i for i in curves.order if i != unit]
-    slope = max((curves.slope(i, curves.pressure[-1, i]) for i in others), default=0.0)
-    compensation = float(curves.dip[unit]) / slope if slope > 0.0 else 0.0
-    pace = crossing_pace(curves, unit, rate, usual)
-    return 1.4 * max(travel, compensation) / pace + 2.0 * _EASE
+    slope = 0.0
+    for other in range(len(table.order)):
+        if other != unit:
+            slope = max(slope, slope_at(table, other, table.grid[other][-1]))
+    compensation = table.dip[unit] / slope if slope > 0.0 else 0.0
+    pace = crossing_pace(table, unit, rate, usual)
+    return 1.4 * max(table.bottom_pressure[unit], compensation) / pace + 2.0 * _EASE

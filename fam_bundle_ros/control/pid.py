@@ -10,27 +10,28 @@ feedback is small. A setpoint of 0 means open to exhaust, whatever the sensor sh
 of recruitment or ROS. Pressures are gauge.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 
+from fam_bundle_ros.control.pressure_loop import (
+    ANTI_WINDUP,
+    forget,
+    PidDiagnostics,
+    PidSettings,
+    PidState,
+    pressure_step,
+)
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.pneumatics import ATMOSPHERE, flow_for, pressure_rate, ValveFlow
-
-#: Time in which a command that was taken over on switching on fades, s.
-_CARRY_TIME = 0.01
-#: Pa: on the way to a setpoint of 0, a followed setpoint below it has arrived.
-_EMPTY = 1e3
-#: Share of the valve's rate that leaks and slow errors may take. Feedback that asks for more and
-#: is not answered has met a fault, which the integral must not learn.
-_SLOW_SHARE = 0.05
-#: Named as control_toolbox names them.
-ANTI_WINDUP = ('none', 'back_calculation', 'conditional_integration')
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE, ValveFlow
 
 
 @dataclass(frozen=True)
 class PidGains:
     """
     Gains from pressure error to pressure rate.
+
+    The defaults here and in `PidConfig` are the only ones: what `tune` gives for its own defaults,
+    a loop over topics at 200 Hz whose readings are one period old.
 
     Parameters
     ----------
@@ -40,8 +41,8 @@ class PidGains:
         Acts on the measured pressure rate, never on the setpoint.
     """
 
-    p: float = 110.0
-    i: float = 1500.0
+    p: float = 54.0
+    i: float = 365.0
     d: float = 0.02
 
     def __post_init__(self):
@@ -96,8 +97,8 @@ class PidConfig:
     ambient: float = ATMOSPHERE
     setpoint_rate: float = 50e6
     setpoint_bandwidth: float = 500.0
-    flow_lag: float = 3.0e-3
-    quiet_error: float = 500.0
+    flow_lag: float = 6e-3
+    quiet_error: float = 800.0
     filter_time: float = 4e-3
     feed_forward: bool = True
     dead_band_compensation: bool = True
@@ -116,22 +117,12 @@ class PidConfig:
                 raise InputError(f'{name} is {getattr(self, name)}; expected 0 or more')
 
 
-@dataclass(frozen=True)
-class PidDiagnostics:
-    """
-    What the loop did in the last update: Pa, Pa/s, -1..1.
-
-    ``expected_rate`` is what the pressure does by the models of valve and chamber.
-    """
-
-    error: float = 0.0
-    followed_setpoint: float = 0.0
-    wanted_rate: float = 0.0
-    expected_rate: float = 0.0
-    integral: float = 0.0
-    command: float = 0.0
-    saturated: bool = False
-    at_rest: bool = True
+def pid_settings(gains: PidGains, config: PidConfig) -> PidSettings:
+    """Return the record that `pressure_step` takes."""
+    valve = config.valve
+    return PidSettings(**{
+        **vars(gains), **vars(config), 'anti_windup': ANTI_WINDUP.index(config.anti_windup),
+        'valve': ValveFlow(valve.conductance, valve.critical_ratio, valve.dead_band)})
 
 
 class PressurePid:
@@ -154,10 +145,35 @@ class PressurePid:
     """
 
     def __init__(self, gains: PidGains = PidGains(), config: PidConfig = PidConfig()):
-        self.gains = gains
-        self.config = config
-        self.diagnostics = PidDiagnostics()
-        self.reset()
+        self._gains, self._config = gains, config
+        #: The records that `pressure_step` takes.
+        self.settings = pid_settings(gains, config)
+        self.state = PidState()
+
+    @property
+    def gains(self) -> PidGains:
+        """Gains; they may change while the loop runs."""
+        return self._gains
+
+    @gains.setter
+    def gains(self, gains: PidGains) -> None:
+        self._gains = gains
+        self.settings = pid_settings(gains, self._config)
+
+    @property
+    def config(self) -> PidConfig:
+        """Settings; they may change while the loop runs."""
+        return self._config
+
+    @config.setter
+    def config(self, config: PidConfig) -> None:
+        self._config = config
+        self.settings = pid_settings(self._gains, config)
+
+    @property
+    def diagnostics(self) -> PidDiagnostics:
+        """Return what the loop did in the last update."""
+        return replace(self.state.shown)
 
     def reset(self, command: float = 0.0) -> None:
         """
@@ -165,14 +181,7 @@ class PressurePid:
 
         The setpoint is then approached from the pressure of the next reading.
         """
-        self._command = min(max(command, -1.0), 1.0)
-        self._integral = 0.0
-        #: Pressure rate of the command that was taken over; it fades.
-        self._carried = 0.0
-        self._followed = math.nan
-        self._delayed = 0.0
-        self._filtered = self._quiet = 0.0
-        self._measured_rate = 0.0
+        forget(self.state, command)
 
     def update(self, setpoint: float, pressure: float, dt: float, supply: float | None = None,
                volume: float | None = None, volume_rate: float = 0.0) -> float:
@@ -195,124 +204,6 @@ class PressurePid:
         A setpoint or any reading that is not finite, or a volume of 0, shuts the valve; what
         then has to happen (hold, vent) is the caller's decision.
         """
-        volume = self.config.volume if volume is None else volume
-        supply = self.config.supply if supply is None else supply
-        # A sum is finite only when every term is.
-        if not (math.isfinite(setpoint + pressure + supply + volume + volume_rate)
-                and volume > 0.0):
-            self.reset()
-            self.diagnostics = PidDiagnostics()
-            return 0.0
-        if not dt > 0.0:
-            return self._command
-        config, gains = self.config, self.gains
-        absolute = pressure + config.ambient
-        source = supply + config.ambient
-        filling = config.valve.flow(1.0, absolute, source, config.ambient)
-        venting = config.valve.flow(-1.0, absolute, source, config.ambient)
-        fastest = pressure_rate(absolute, volume, volume_rate, filling)
-        slowest = pressure_rate(absolute, volume, volume_rate, venting)
-        if math.isnan(self._followed):
-            self._start(pressure, absolute, volume, volume_rate, source)
-
-        rate = self._follow(setpoint, pressure, dt, fastest, slowest)
-        error = self._error(pressure, dt)
-        if setpoint <= 0.0 and self._followed <= _EMPTY:
-            return self._exhaust(setpoint - pressure, slowest)
-        feedback = (gains.p * error - gains.d * self._measured_rate + self._integral
-                    + self._carried)
-        self._carried *= math.exp(-dt / _CARRY_TIME)
-        if config.feed_forward:
-            feedback += gains.d * rate
-        wanted = feedback + (rate if config.feed_forward else 0.0)
-        # What the muscle's motion does to the pressure with the valve shut.
-        drift = pressure_rate(absolute, volume, volume_rate, 0.0)
-        still = 0.2 * gains.p * config.quiet_error
-        at_rest = error == 0.0 and abs(rate - drift) + abs(self._carried) < still
-        if at_rest:
-            opening, possible = 0.0, 0.0
-        else:
-            flow = flow_for(absolute, volume, volume_rate if config.feed_forward else 0.0, wanted)
-            limit = filling if flow >= 0.0 else -venting
-            opening = min(max(flow / max(limit, 1e-12), -1.0), 1.0)
-            possible = min(max(wanted, slowest), fastest)
-        self._integrate(error, rate, possible - wanted, dt, at_rest,
-                        _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
-        self._command = (config.valve.command(opening) if config.dead_band_compensation
-                         else opening)
-        self.diagnostics = PidDiagnostics(
-            error=setpoint - pressure, followed_setpoint=self._followed, wanted_rate=wanted,
-            expected_rate=possible, integral=self._integral, command=self._command,
-            saturated=abs(wanted - possible) > 1e-6 * abs(wanted) and not at_rest,
-            at_rest=at_rest)
-        return self._command
-
-    def _start(self, pressure, absolute, volume, volume_rate, source):
-        """Begin at the pressure as it is, with the rate that continues the last command."""
-        self._followed = self._delayed = self._filtered = pressure
-        self._measured_rate = self._quiet = 0.0
-        opening = self.config.valve.opening(self._command)
-        if opening != 0.0:
-            flow = self.config.valve.flow(opening, absolute, source, self.config.ambient)
-            self._carried = pressure_rate(absolute, volume, volume_rate, flow)
-
-    def _exhaust(self, error, slowest):
-        """Open to exhaust for good: a reading that is wrong must not shut the air in."""
-        self._integral = self._carried = 0.0
-        self._command = -1.0
-        self.diagnostics = PidDiagnostics(
-            error=error, followed_setpoint=self._followed, wanted_rate=slowest,
-            expected_rate=slowest, command=-1.0, at_rest=False)
-        return self._command
-
-    def _follow(self, setpoint, pressure, dt, fastest, slowest):
-        """Move the followed setpoint within valve and rate limits; return its rate."""
-        config = self.config
-        # At most half of the distance per sample: the filter must not ring at low rates.
-        bandwidth = min(config.setpoint_bandwidth, 0.7 / dt)
-        upper = min(0.97 * max(fastest, 0.0), config.setpoint_rate)
-        lower = max(0.97 * min(slowest, 0.0), -config.setpoint_rate)
-        # Above both setpoint and reading there is no air that the valve would have to let out.
-        lower = min(lower, (max(setpoint, pressure) - self._followed) * bandwidth)
-        rate = min(max((setpoint - self._followed) * bandwidth, lower), upper)
-        self._followed += rate * dt
-        lag = config.flow_lag + 0.5 * dt
-        self._delayed += (self._followed - self._delayed) * (1.0 - math.exp(-dt / lag))
-        return rate
-
-    def _error(self, pressure, dt):
-        """Filter the reading and the error; return the error beyond the quiet band."""
-        config = self.config
-        share = 1.0 - math.exp(-dt / config.filter_time) if config.filter_time > 0.0 else 1.0
-        change = (pressure - self._filtered) * share
-        self._filtered += change
-        self._measured_rate = change / dt
-        error = self._delayed - pressure
-        self._quiet += (error - self._quiet) * share
-        # Large errors unfiltered (no lag in the loop), small ones filtered (no noise).
-        if max(abs(error), abs(self._quiet)) < 4.0 * config.quiet_error:
-            error = self._quiet
-        return math.copysign(max(abs(error) - config.quiet_error, 0.0), error)
-
-    def _integrate(self, error, rate, excess, dt, at_rest, low, high):
-        """Advance the integral, with the anti-windup that was chosen."""
-        config = self.config
-        if at_rest:
-            # Nothing to correct: what was learnt on the move must not creep at rest.
-            self._integral *= math.exp(-dt / 0.1)
-            return
-        if abs(rate) > 4.0 * self.gains.p * config.quiet_error:
-            # The integral learns leaks and slow errors, not what the flow model misses in a step.
-            return
-        step = self.gains.i * error * dt
-        if config.anti_windup == 'none':
-            self._integral += step
-            return
-        feedback = self.gains.p * error + self._integral
-        if feedback * error > 0.0 and not low <= feedback <= high:
-            step = 0.0
-        if config.anti_windup == 'back_calculation':
-            step += excess * dt / config.tracking_time
-        elif excess * error < 0.0:
-            step = 0.0
-        self._integral = min(max(self._integral + step, low), high)
+        return pressure_step(self.settings, self.state, setpoint, pressure, dt,
+                             self._config.supply if supply is None else supply,
+                             self._config.volume if volume is None else volume, volume_rate)

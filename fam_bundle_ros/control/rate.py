@@ -6,8 +6,9 @@ The strain rate that a model is asked about: as measured, without the noise that
 Dry friction turns the sign of the rate into newtons. At rest the sign of a measured rate is noise.
 """
 
-from collections import deque
+from dataclasses import dataclass, field
 import math
+from typing import Any
 
 #: s: filters, the quick one first. Second differences span twice two of the quick one.
 _QUICK, _PATIENT = 0.01, 0.1
@@ -19,100 +20,139 @@ _WIDTH = 2.5
 _NEAR = 0.7
 #: 1/s: a change of this size is believed to be noise, whatever was seen before.
 _USUAL = 1e-3
+#: s: over which second differences reach; places in the ring of past values; least time between
+#: two of them, so that the ring spans them at any sample time.
+_SPAN, _PAST = 4.0 * _QUICK - 1e-9, 64
+_APART = _SPAN / (_PAST - 4)
 
 
-class QuietRate:
+def _ring():
+    return field(default_factory=lambda: [0.0] * _PAST)
+
+
+@dataclass
+class RateState:
     """
-    Strain rate with a band of noise left out; the band is learnt from the readings.
+    Memory of `quiet_rate`.
+
+    Attributes
+    ----------
+    quick, patient : float, 1/s
+        The rate filtered.
+    quick_kept, patient_kept : float, 1/s
+        The same behind a play.
+    past_time, past_rate : list (64,)
+        Ring of what the quick filter showed; ``head`` is the oldest of ``size``.
+    time : float, s
+    mean : float, 1/s
+        Of the size of second differences; ``seen`` of them so far.
+    """
+
+    quick: float = 0.0
+    patient: float = 0.0
+    quick_kept: float = 0.0
+    patient_kept: float = 0.0
+    past_time: list[float] = _ring()
+    past_rate: list[float] = _ring()
+    head: int = 0
+    size: int = 0
+    time: float = 0.0
+    mean: float = 0.0
+    seen: int = 0
+    started: bool = False
+
+
+def forget_rate(state: Any) -> None:
+    """Begin anew."""
+    state.quick_kept = state.patient_kept = state.time = state.mean = 0.0
+    state.head, state.size, state.seen = 0, 0, 0
+    state.started = False
+
+
+def quiet_rate(state: Any, rate: float, dt: float) -> float:
+    """
+    Return the rate to be believed, 1/s; 0 until the noise is known (0.04 s).
 
     A quick filter sees what is fast at once. What it cannot tell from noise is left to a patient
     one, whose band is narrower; where the quick one is nearer to zero by more than noise, the
     patient one follows, so that the end of a motion is seen soon. A rate without noise passes
     with the quick filter's lag.
 
+    Parameters
+    ----------
+    state : RateState
+    rate : float, 1/s
+    dt : float, s
+
     Examples
     --------
-    >>> sense = QuietRate()
-    >>> rates = [sense.update(4e-3, 2e-3 * (-1) ** k) for k in range(500)]
+    >>> state = RateState()
+    >>> rates = [quiet_rate(state, 2e-3 * (-1) ** k, 4e-3) for k in range(500)]
     >>> max(map(abs, rates[-250:]))
     0.0
-    >>> rates = [sense.update(4e-3, 0.1 + 2e-3 * (-1) ** k) for k in range(100)]
+    >>> rates = [quiet_rate(state, 0.1 + 2e-3 * (-1) ** k, 4e-3) for k in range(100)]
     >>> bool(0.09 < rates[-1] < 0.11)
     True
     """
+    if not state.started:
+        state.started = True
+        state.quick = state.patient = rate
+    state.quick += (1.0 - math.exp(-dt / _QUICK)) * (rate - state.quick)
+    learn_noise(state, dt)
+    width = _WIDTH * noise_of(state)
+    patient = state.patient + (1.0 - math.exp(-dt / _PATIENT)) * (rate - state.patient)
+    if patient > 0.0:
+        patient = max(min(patient, state.quick + _NEAR * width), 0.0)
+    else:
+        patient = min(max(patient, state.quick - _NEAR * width), 0.0)
+    state.patient = patient
+    # White noise is averaged out by the root of the time.
+    narrow = width * math.sqrt(_QUICK / _PATIENT)
+    state.patient_kept = play(state.patient_kept, patient, narrow)
+    if state.seen == 0:
+        return 0.0
+    state.quick_kept = play(state.quick_kept, state.quick, width)
+    quick = beyond(state.quick_kept, width)
+    return quick if quick != 0.0 else beyond(state.patient_kept, narrow)
 
-    def __init__(self):
-        self._quick, self._patient = _Band(_QUICK), _Band(_PATIENT)
-        self._mean = 0.0
-        self._seen = 0
-        self._past: deque[tuple[float, float]] = deque()
-        self._time = 0.0
 
-    @property
-    def noise(self) -> float:
-        """Return the standard deviation of the quickly filtered rate's noise, 1/s."""
-        # Of a second difference of values that are not correlated, from its mean size.
-        return self._mean * math.sqrt(0.5 * math.pi / 6.0)
+def play(kept: float, value: float, width: float) -> float:
+    """Return a value behind a play (backlash): what wavers by less than the width is dropped."""
+    return min(max(kept, value - width), value + width)
 
-    def update(self, dt: float, rate: float) -> float:
-        """Return the rate to be believed, 1/s; 0 until the noise is known (0.04 s)."""
-        quick, patient = self._quick, self._patient
-        quick.filter(dt, rate)
-        self._learn(dt, quick.smooth)
-        width = _WIDTH * self.noise
-        patient.filter(dt, rate)
-        patient.shrink(quick.smooth - _NEAR * width, quick.smooth + _NEAR * width)
-        # White noise is averaged out by the root of the time.
-        slow = patient.beyond(width * math.sqrt(_QUICK / _PATIENT))
-        return (quick.beyond(width) or slow) if self._seen else 0.0
 
-    def _learn(self, dt, smooth):
-        """Follow the mean size of second differences: steady motion has none."""
-        self._time += dt
-        past = self._past
-        past.append((self._time, smooth))
-        span = 4.0 * _QUICK - 1e-9
-        if len(past) < 3 or self._time - past[0][0] < span:
-            return
-        while len(past) > 3 and self._time - past[1][0] >= span:
-            past.popleft()
-        middle = past[len(past) // 2][1]
-        change = abs(smooth - 2.0 * middle + past[0][1])
-        self._seen += 1
-        gain = max(1.0 - math.exp(-dt / _LEARN_TIME), 1.0 / self._seen)
+def beyond(kept: float, width: float) -> float:
+    """
+    Return 0 up to one width and all of a value from two on.
+
+    This dead zone drops what the play keeps of a motion that is over. So a rate counts from two
+    widths on, and until it is back at zero: between them it does not chatter.
+    """
+    size = abs(kept)
+    return math.copysign(min(size, 2.0 * max(size - width, 0.0)), kept)
+
+
+def noise_of(state: Any) -> float:
+    """Return the standard deviation of the quickly filtered rate's noise, 1/s."""
+    # Of a second difference of values that are not correlated, from its mean size.
+    return state.mean * math.sqrt(0.5 * math.pi / 6.0)
+
+
+def learn_noise(state: Any, dt: float) -> None:
+    """Follow the mean size of second differences: steady motion has none."""
+    state.time += dt
+    times, rates, head, size = state.past_time, state.past_rate, state.head, state.size
+    if size > 0 and state.time - times[(head + size - 1) % _PAST] < _APART:
+        return
+    times[(head + size) % _PAST], rates[(head + size) % _PAST] = state.time, state.quick
+    size += 1
+    if size >= 3 and state.time - times[head] >= _SPAN:
+        while size > 3 and state.time - times[(head + 1) % _PAST] >= _SPAN:
+            head, size = (head + 1) % _PAST, size - 1
+        middle = rates[(head + size // 2) % _PAST]
+        change = abs(state.quick - 2.0 * middle + rates[head])
+        state.seen += 1
+        gain = max(1.0 - math.exp(-dt / _LEARN_TIME), 1.0 / state.seen)
         # One that is far out of the ordinary is a motion that begins or ends.
-        self._mean += gain * (min(change, 4.0 * self._mean + _USUAL) - self._mean)
-
-
-class _Band:
-    """
-    A filtered rate and what of it is beyond noise.
-
-    A play as wide as the noise drops what wavers and a dead zone of the same width drops what the
-    play keeps of a motion that is over. So a rate counts from two widths on, and until it is back
-    at zero: between them it does not chatter.
-    """
-
-    def __init__(self, filter_time):
-        self._filter_time = filter_time
-        self._started = False
-        self.smooth = self._kept = 0.0
-
-    def filter(self, dt, rate):
-        """Take in a reading."""
-        share = 1.0 - math.exp(-dt / self._filter_time) if self._started else 1.0
-        self._started = True
-        self.smooth += share * (rate - self.smooth)
-
-    def shrink(self, low, high):
-        """Bring what is filtered nearer to zero, to be within bounds."""
-        if self.smooth > 0.0:
-            self.smooth = max(min(self.smooth, high), 0.0)
-        else:
-            self.smooth = min(max(self.smooth, low), 0.0)
-
-    def beyond(self, width):
-        """Return the rate to be believed: 0 up to one width, all of it from two on."""
-        self._kept = min(max(self._kept, self.smooth - width), self.smooth + width)
-        size = abs(self._kept)
-        return math.copysign(min(size, 2.0 * max(size - width, 0.0)), self._kept)
+        state.mean += gain * (min(change, 4.0 * state.mean + _USUAL) - state.mean)
+    state.head, state.size = head, size

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What goes into the recruitment controller each tick, and what comes out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from fam_bundle_ros.control.recruitment import Margins
+from fam_bundle_ros.control.reasons import Reason
+from fam_bundle_ros.control.switching import Margins
 
 
 @dataclass(frozen=True)
@@ -68,5 +69,38 @@ class Command:
     share: np.ndarray
     saturated: str = ''
     explanation: str = ''
-    margins: Margins = Margins()
+    margins: Margins = field(default_factory=Margins)
     demand: float = 0.0
+
+
+@dataclass
+class CommandRecord:
+    """
+    What the pressure loops are to do, and why; see `Command`.
+
+    ``active`` has 1 for units that are on, ``saturated`` a code of `outer_loop.SATURATION`.
+    """
+
+    pressure: list
+    active: list
+    share: list
+    state: int = 0
+    saturated: int = 0
+    demand: float = 0.0
+    margins: Margins = field(default_factory=Margins)
+    reason: Reason = field(default_factory=Reason)
+
+
+@dataclass
+class MeasurementRecord:
+    """What the rig shows: force (N), strain, its rate (1/s), pressures (Pa, gauge)."""
+
+    force: float
+    strain: float
+    strain_rate: float
+    pressure: list
+
+
+def command_record(n: int) -> CommandRecord:
+    """Return the command of a vented bundle."""
+    return CommandRecord([0.0] * n, [0] * n, [0.0] * n)

@@ -97,7 +97,7 @@ class TuneResult:
                 f'points')
 
 
-def tune(sample_period: float = 2e-3, transport_delay: float = 1e-3,
+def tune(sample_period: float = 5e-3, transport_delay: float = 5e-3,
          spool_frequency: float = 125.0, spool_damping: float = 0.7,
          gain_margin_db: float = 8.0, phase_margin_deg: float = 55.0, derivative: float = 0.02,
          config: PidConfig = PidConfig(),

@@ -1,10 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Geometry of one McKibben muscle: radius, volume, lengths.
+Dimensions of one McKibben muscle, in SI units.
 
-All functions take the strain e = (L0 - L)/L0 (positive when shorter) as an array of any shape,
-and a `Geometry` whose fields are floats or arrays that broadcast with it. SI units.
+Strain is e = (L0 - L)/L0, positive when shorter.
 """
 
 from dataclasses import dataclass, field, fields
@@ -16,6 +15,18 @@ import numpy as np
 #: value is commonly off; used as priors when a model is refitted.
 RADIUS_TOLERANCE = 0.04
 BRAID_ANGLE_TOLERANCE = np.radians(1.5)
+
+#: What `derived` returns, in its order.
+DERIVED = ('cos2', 'sin2', 'cot2', 'area', 'wall_area')
+
+
+def derived(radius, braid_angle, wall_thickness):
+    """Return cos^2, sin^2 and 1/tan^2 of the braid angle, pi r0^2, and the wall's section."""
+    cosine, sine = np.cos(braid_angle), np.sin(braid_angle)
+    inner = radius - wall_thickness
+    area = np.pi * radius * radius
+    return (cosine * cosine, sine * sine, cosine * cosine / (sine * sine), area,
+            area - np.pi * inner * inner)
 
 
 @dataclass(frozen=True)
@@ -51,14 +62,9 @@ class Geometry:
 
     def __post_init__(self):
         """Work out once what the engine needs at every tick."""
-        cosine, sine = np.cos(self.braid_angle), np.sin(self.braid_angle)
-        object.__setattr__(self, 'cos2', cosine * cosine)
-        object.__setattr__(self, 'sin2', sine * sine)
-        object.__setattr__(self, 'cot2', cosine * cosine / (sine * sine))
-        inner = self.radius - self.wall_thickness
-        area = np.pi * self.radius * self.radius
-        object.__setattr__(self, 'area', area)
-        object.__setattr__(self, 'wall_area', area - np.pi * inner * inner)
+        worked_out = derived(self.radius, self.braid_angle, self.wall_thickness)
+        for name, value in zip(DERIVED, worked_out, strict=True):
+            object.__setattr__(self, name, value)
         object.__setattr__(self, 'bladder_volume', self.wall_area * self.length)
 
     @classmethod
@@ -66,39 +72,6 @@ class Geometry:
         """Return one Geometry with array fields (n,) from n geometries."""
         names = [item.name for item in fields(cls) if item.init]
         return cls(*(np.array([getattr(g, name) for g in geometries], float) for name in names))
-
-
-def radius(geometry, strain, braid=1.0):
-    """
-    Return the radius of the muscle, r0 sqrt(B - l^2 cos^2 a0)/sin a0, in m.
-
-    ``braid`` is B, the square of the thread's stretch (1 for a stiff thread): the kinematics of
-    threads of length b = L0/cos a0 wound n times [CH96].
-    """
-    stretch = 1.0 - strain
-    return geometry.radius * np.sqrt((braid - stretch * stretch * geometry.cos2) / geometry.sin2)
-
-
-def volume(geometry, strain):
-    """
-    Return the volume inside the braid, pi r0^2 L0 (l - l^3 cos^2 a0)/sin^2 a0, in m^3 [CH96].
-
-    Examples
-    --------
-    >>> paper = Geometry(6.35e-3, 0.127, np.radians(33), 1.59e-3)
-    >>> print(f'{1e6 * volume(paper, 0.0):.2f} mL')
-    16.09 mL
-    """
-    stretch = 1.0 - strain
-    cubic = stretch * (1.0 - stretch * stretch * geometry.cos2)
-    return geometry.area * geometry.length * cubic / geometry.sin2
-
-
-def volume_slope(geometry, strain):
-    """Return dV/de in m^3: how fast the volume grows as the muscle shortens."""
-    stretch = 1.0 - strain
-    return -geometry.area * geometry.length * (
-        1.0 - 3.0 * stretch * stretch * geometry.cos2) / geometry.sin2
 
 
 def ideal_free_strain(geometry):

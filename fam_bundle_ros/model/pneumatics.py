@@ -3,73 +3,28 @@
 """
 Air through a valve into a chamber: the equations that plant and controller share.
 
-Scalars in, scalars out (plain floats): this runs many times per control tick. Pressures here are
-ABSOLUTE, in Pa: what flows through an orifice depends on nothing else.
+Kernels of plain floats (`fam_bundle_ros.kernels`): they run many times per control tick, as they
+are or compiled. A `valve` is a `ValveFlow`, any dataclass derived from it, or a record of either.
+Pressures here are ABSOLUTE, in Pa: what flows through an orifice depends on nothing else.
 """
 
 from dataclasses import dataclass
 import math
+from typing import Any
 
 #: Reference conditions of ISO 6358: density in kg/m^3, temperature in K.
 REFERENCE_DENSITY = 1.185
 REFERENCE_TEMPERATURE = 293.15
 #: Gas constant of dry air, J/(kg K).
 GAS_CONSTANT = 287.05
+#: R T of the air at the reference temperature, J/kg.
+RT = GAS_CONSTANT * REFERENCE_TEMPERATURE
 #: Standard atmosphere, Pa.
 ATMOSPHERE = 101325.0
 #: One exponent for filling, venting and compression: between isothermal (1) and adiabatic (1.4).
 POLYTROPIC = 1.2
 #: Above this pressure ratio the flow goes linearly to zero (ISO 6358 leaves an infinite slope).
 LAMINAR_RATIO = 0.999
-
-
-@dataclass(frozen=True)
-class ValveFlow:
-    """
-    A 3-way proportional valve as its flow goes: conductance, critical ratio, dead band.
-
-    The defaults are those of the Festo MPYE-5-M5-010-B (from memory of its data sheet: 100 l/min
-    nominal, 0-10 V with 5 V closed, dead band 0.1-0.3 V): see PHYSICS of the project.
-
-    Parameters
-    ----------
-    conductance : float, m^3/(s Pa)
-        Sonic conductance C fully open.
-    critical_ratio : float
-        b: below this ratio of absolute pressures the flow is choked.
-    dead_band : float
-        Command (of 1) at which the valve begins to open, on either side.
-    """
-
-    conductance: float = 3.93e-9
-    critical_ratio: float = 0.3
-    dead_band: float = 0.04
-
-    def opening(self, command: float) -> float:
-        """Return the opening, -1 exhaust .. 1 fill, that a command or a spool position gives."""
-        size = (abs(command) - self.dead_band) / (1.0 - self.dead_band)
-        return math.copysign(min(max(size, 0.0), 1.0), command)
-
-    def command(self, opening: float) -> float:
-        """Return the command for an opening: the inverse of `opening`, 0 for closed."""
-        if opening == 0.0:
-            return 0.0
-        size = min(abs(opening), 1.0)
-        return math.copysign(self.dead_band + size * (1.0 - self.dead_band), opening)
-
-    def flow(self, opening: float, pressure: float, supply: float,
-             ambient: float = ATMOSPHERE) -> float:
-        """
-        Return the mass flow into the chamber, kg/s, negative when it vents.
-
-        Parameters
-        ----------
-        opening : float, -1..1
-        pressure, supply, ambient : float, Pa (absolute)
-        """
-        if opening >= 0.0:
-            return opening * mass_flow(self.conductance, self.critical_ratio, supply, pressure)
-        return opening * mass_flow(self.conductance, self.critical_ratio, pressure, ambient)
 
 
 def mass_flow(conductance: float, critical_ratio: float, upstream: float, downstream: float,
@@ -92,17 +47,88 @@ def mass_flow(conductance: float, critical_ratio: float, upstream: float, downst
     >>> print(f'{mass_flow(3.93e-9, 0.3, 701325.0, 101325.0):.3e} kg/s')
     3.266e-03 kg/s
     """
-    if downstream > upstream:
-        return -mass_flow(conductance, critical_ratio, downstream, upstream, temperature)
-    choked = (conductance * upstream * REFERENCE_DENSITY
-              * math.sqrt(REFERENCE_TEMPERATURE / temperature))
-    ratio = downstream / upstream
-    if ratio <= critical_ratio:
-        return choked
-    if ratio <= LAMINAR_RATIO:
-        return choked * math.sqrt(1.0 - ((ratio - critical_ratio) / (1.0 - critical_ratio)) ** 2)
-    edge = math.sqrt(1.0 - ((LAMINAR_RATIO - critical_ratio) / (1.0 - critical_ratio)) ** 2)
-    return choked * edge * (1.0 - ratio) / (1.0 - LAMINAR_RATIO)
+    high, low = upstream, downstream
+    if low > high:
+        high, low = low, high
+    flow = conductance * high * REFERENCE_DENSITY
+    if temperature != REFERENCE_TEMPERATURE:
+        flow *= math.sqrt(REFERENCE_TEMPERATURE / temperature)
+    ratio = low / high
+    if ratio > LAMINAR_RATIO:
+        edge = (LAMINAR_RATIO - critical_ratio) / (1.0 - critical_ratio)
+        flow *= math.sqrt(1.0 - edge * edge) * (1.0 - ratio) / (1.0 - LAMINAR_RATIO)
+    elif ratio > critical_ratio:
+        beyond = (ratio - critical_ratio) / (1.0 - critical_ratio)
+        flow *= math.sqrt(1.0 - beyond * beyond)
+    return flow if upstream >= downstream else -flow
+
+
+def valve_opening(valve: Any, command: float) -> float:
+    """Return the opening, -1 exhaust .. 1 fill, that a command or a spool position gives."""
+    size = (abs(command) - valve.dead_band) / (1.0 - valve.dead_band)
+    if size <= 0.0:
+        return 0.0
+    return math.copysign(min(size, 1.0), command)
+
+
+def valve_command(valve: Any, opening: float) -> float:
+    """Return the command for an opening: the inverse of `valve_opening`, 0 for closed."""
+    if opening == 0.0:
+        return 0.0
+    size = min(abs(opening), 1.0)
+    return math.copysign(valve.dead_band + size * (1.0 - valve.dead_band), opening)
+
+
+def valve_flow(valve: Any, opening: float, pressure: float, supply: float,
+               ambient: float) -> float:
+    """
+    Return the mass flow into the chamber, kg/s, negative when it vents.
+
+    Parameters
+    ----------
+    valve : ValveFlow
+    opening : float, -1..1
+    pressure, supply, ambient : float, Pa (absolute)
+    """
+    if opening >= 0.0:
+        return opening * mass_flow(valve.conductance, valve.critical_ratio, supply, pressure)
+    return opening * mass_flow(valve.conductance, valve.critical_ratio, pressure, ambient)
+
+
+@dataclass(frozen=True)
+class ValveFlow:
+    """
+    A 3-way proportional valve as its flow goes: conductance, critical ratio, dead band.
+
+    The defaults are those of the Festo MPYE-5-M5-010-B (from memory of its data sheet: 100 l/min
+    nominal, 0-10 V with 5 V closed, dead band 0.1-0.3 V).
+
+    Parameters
+    ----------
+    conductance : float, m^3/(s Pa)
+        Sonic conductance C fully open.
+    critical_ratio : float
+        b: below this ratio of absolute pressures the flow is choked.
+    dead_band : float
+        Command (of 1) at which the valve begins to open, on either side.
+    """
+
+    conductance: float = 3.93e-9
+    critical_ratio: float = 0.3
+    dead_band: float = 0.04
+
+    def opening(self, command: float) -> float:
+        """Return `valve_opening` of this valve."""
+        return valve_opening(self, command)
+
+    def command(self, opening: float) -> float:
+        """Return `valve_command` of this valve."""
+        return valve_command(self, opening)
+
+    def flow(self, opening: float, pressure: float, supply: float,
+             ambient: float = ATMOSPHERE) -> float:
+        """Return `valve_flow` of this valve, kg/s; pressures absolute."""
+        return valve_flow(self, opening, pressure, supply, ambient)
 
 
 def pressure_rate(pressure: float, volume: float, volume_rate: float, flow: float,

@@ -38,30 +38,37 @@ SPECS = (
     Spec('motor_unit', 1, 'which motor unit, from 1', 1, 64),
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + ': for gas volume and largest pressure'),
     *LISTENER,
-    Spec('gains.p', 54.0, 'pressure rate per error, 1/s', 0.0, 1e3, dynamic=True),
-    Spec('gains.i', 365.0, 'pressure rate per integrated error, 1/s^2', 0.0, 1e5, dynamic=True),
+    Spec('gains.p', _GAINS.p, 'pressure rate per error, 1/s', 0.0, 1e3, dynamic=True),
+    Spec('gains.i', _GAINS.i, 'pressure rate per integrated error, 1/s^2', 0.0, 1e5, dynamic=True),
     Spec('gains.d', _GAINS.d, 'on the measured pressure rate, dimensionless', 0.0, 1.0,
          dynamic=True),
     Spec('anti_windup', _CONFIG.anti_windup, 'what the integral does at the valve limits',
          choices=ANTI_WINDUP, dynamic=True),
-    Spec('feed_forward', True, 'meet moving setpoints and muscles by the chamber model',
+    Spec('feed_forward', _CONFIG.feed_forward,
+         'meet moving setpoints and muscles by the chamber model', dynamic=True),
+    Spec('dead_band_compensation', _CONFIG.dead_band_compensation,
+         'jump over the dead band of the valve', dynamic=True),
+    Spec('quiet_error', _CONFIG.quiet_error, 'errors below it are left alone, Pa', 0.0, 1e5,
          dynamic=True),
-    Spec('dead_band_compensation', True, 'jump over the dead band of the valve', dynamic=True),
-    Spec('quiet_error', 800.0, 'errors below it are left alone, Pa', 0.0, 1e5, dynamic=True),
     Spec('setpoint_rate', _CONFIG.setpoint_rate, 'largest rate of the setpoint, Pa/s', 1e3, 1e9,
          dynamic=True),
-    Spec('flow_lag', 3.5e-3, 'from command to flow, s', 0.0, 0.5, dynamic=True),
+    Spec('flow_lag', _CONFIG.flow_lag, 'from command to flow, s', 0.0, 0.5, dynamic=True),
     Spec('valve.conductance', _CONFIG.valve.conductance, 'sonic conductance, m^3/(s Pa)',
          1e-12, 1e-5),
     Spec('valve.dead_band', _CONFIG.valve.dead_band, 'command that does not open the valve',
          0.0, 0.9),
-    Spec('supply.pressure', 500e3, 'supply where nothing is measured, Pa gauge', 1e3, 1.5e6),
+    Spec('supply.pressure', _CONFIG.supply, 'supply where nothing is measured, Pa gauge', 1e3,
+         1.5e6),
+    Spec('volume', _CONFIG.volume, 'gas volume with tubes where no strain is measured, m^3',
+         1e-7, 1e-1),
     Spec('tube_volume', 5e-6, 'tube and fittings between valve and muscles, m^3', 0.0, 1e-2),
     Spec('over_pressure_factor', 1.15, 'vent and latch above the largest pressure times this',
          1.0, 3.0, dynamic=True),
     Spec('setpoint_timeout', 0.2, 'vent when the setpoint is older than this, s', 0.01, 10.0,
          dynamic=True),
     Spec('sensor_timeout', 0.1, 'a pressure older than this is stale, s', 0.01, 10.0),
+    Spec('auxiliary_timeout', 0.5, 'a strain or supply older than this is not used; volume and '
+         'supply.pressure take their place, s', 0.01, 60.0, dynamic=True),
     Spec('hold_time', 0.2, 'a bad reading shuts the valve so long, then vents, s', 0.0, 10.0),
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
     Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while the valve is open is '
@@ -112,8 +119,7 @@ class PressurePidNode(BundleNode):
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time']))
         self._setpoint: tuple[int, float] | None = None
         self._setpoint_received = 0.0
-        self._strain = (math.nan, math.nan)
-        self._supply = math.nan
+        self._strain, self._supply = _Latest('strain'), _Latest('supply')
         #: State and reason.
         self._latched: tuple[str, str] | None = None
         self._state = 'WAITING'
@@ -163,14 +169,14 @@ class PressurePidNode(BundleNode):
         if self.lock_step:
             self._collect('strain', interface.stamp_ns(message.header.stamp), value)
         else:
-            self._strain = value
+            self._strain.take(*value)
 
     def _on_supply(self, message: FluidPressure) -> None:
         value = interface.read_pressure(message, self.ambient, self.p['pressure_is_gauge'])
         if self.lock_step:
             self._collect('supply', interface.stamp_ns(message.header.stamp), value)
         else:
-            self._supply = value
+            self._supply.take(value)
 
     def _on_e_stop(self) -> None:
         if not self.lock_step:
@@ -190,8 +196,8 @@ class PressurePidNode(BundleNode):
         gate = self._gate
         setpoint = gate.value('setpoint')
         self._setpoint = None if setpoint is None else (gate.stamp, setpoint)
-        self._strain = gate.value('strain', (math.nan, math.nan))
-        self._supply = gate.value('supply', math.nan)
+        self._strain.take(*gate.value('strain', (math.nan, math.nan)))
+        self._supply.take(gate.value('supply', math.nan))
         self._answer(gate.stamp, gate.value('pressure', math.nan))
 
     # --- time ----------------------------------------------------------------------------------
@@ -246,12 +252,18 @@ class PressurePidNode(BundleNode):
             self._observe(self._now(stamp), pressure)
         self._publish(stamp, self._command)
 
+    @property
+    def _patience(self) -> float:
+        """Largest age of strain and supply, s; in lock-step they come with the pressure."""
+        return math.inf if self.lock_step else self.p['auxiliary_timeout']
+
     def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
-        strain, rate = self._strain
+        strain, rate = self._strain.value(self._patience)
         volume, slope = self._volumes.at(strain)
-        supply = self._supply if math.isfinite(self._supply) else None
+        supply = self._supply.value(self._patience)[0]
         return float(self.pid.update(
-            min(max(setpoint, 0.0), self._max_pressure), pressure, dt, supply, volume,
+            min(max(setpoint, 0.0), self._max_pressure), pressure, dt,
+            supply if math.isfinite(supply) else None, volume,
             slope * rate if math.isfinite(rate) else 0.0))
 
     def _observe(self, now: float, pressure: float) -> None:
@@ -334,7 +346,7 @@ class PressurePidNode(BundleNode):
     # --- parameters and diagnostics ------------------------------------------------------------
 
     def _change(self, changes: dict[str, Any]) -> None:
-        if set(changes) <= {'over_pressure_factor', 'setpoint_timeout'}:
+        if set(changes) <= {'over_pressure_factor', 'setpoint_timeout', 'auxiliary_timeout'}:
             return
         gains, config = _settings(self.p)
         self.pid.gains, self.pid.config = gains, config
@@ -357,13 +369,43 @@ class PressurePidNode(BundleNode):
                    'HOLD': self._watch.reason}.get(self._state, '')
             report.add(ERROR if urgent else WARN, f'{self._state} {why}'.strip())
             return
-        supply = self._supply if math.isfinite(self._supply) else self.p['supply.pressure']
+        supply = self._supply.value(self._patience)[0]
+        report.value('supply, Pa', supply if math.isfinite(supply) else 'not measured')
+        report.value('volume', 'of the measured strain' if math.isfinite(
+            self._strain.value(self._patience)[0]) else 'not measured')
+        for reading, name in ((self._strain, 'volume'), (self._supply, 'supply.pressure')):
+            if reading.lost(self._patience):
+                report.add(WARN, f'no {reading.name} any more: the parameter {name}, '
+                           f'{self.p[name]:g}, takes its place')
+        supply = supply if math.isfinite(supply) else self.p['supply.pressure']
         if self._setpoint and self._setpoint[1] > supply:
             report.add(WARN, f'supply at {supply / 1e3:.0f} kPa, below the setpoint of '
                        f'{self._setpoint[1] / 1e3:.0f} kPa')
         elif self._off.lasted > _SETTLING:
             report.add(WARN, f'{self._seen} for {self._off.lasted:.1f} s: supply, valve, tube or '
                        'sensor?')
+
+
+class _Latest:
+    """The last reading (value, rate) of what the loop can do without, until it is too old."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._value, self._received = (math.nan, math.nan), -math.inf
+        self._seen = False
+
+    def take(self, value: float, rate: float = math.nan) -> None:
+        self._value, self._received = (value, rate), time.monotonic()
+        self._seen = self._seen or math.isfinite(value)
+
+    def value(self, patience: float) -> tuple[float, float]:
+        """Return value and rate, nan where they are older than ``patience`` (s)."""
+        fresh = time.monotonic() - self._received <= patience
+        return self._value if fresh else (math.nan, math.nan)
+
+    def lost(self, patience: float) -> bool:
+        """Whether it was there once and is no more."""
+        return self._seen and not math.isfinite(self.value(patience)[0])
 
 
 class _Stretch:
@@ -404,7 +446,8 @@ def _settings(values: dict[str, Any]) -> tuple[PidGains, PidConfig]:
     config = PidConfig(
         valve=ValveFlow(conductance=values['valve.conductance'],
                         dead_band=values['valve.dead_band']),
-        anti_windup=values['anti_windup'], supply=values['supply.pressure'],
+        anti_windup=values['anti_windup'], volume=values['volume'],
+        supply=values['supply.pressure'],
         ambient=values['ambient_pressure'], setpoint_rate=values['setpoint_rate'],
         flow_lag=values['flow_lag'], quiet_error=values['quiet_error'],
         feed_forward=values['feed_forward'],

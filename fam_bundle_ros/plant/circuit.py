@@ -3,18 +3,23 @@
 """
 The pneumatic circuit: regulator -> manifold -> n valves -> n chambers -> ambient.
 
-One `Circuit.advance` per internal step of the rig. Inside, Runge-Kutta of fourth order with as
-many sub-steps as the stiffest volume asks for: near equal pressures an open valve settles a
-small chamber in less than a millisecond. Plain floats in lists: for the few motor units of a
-bundle this is several times faster than arrays. Pressures are ABSOLUTE in here.
+Kernels (`fam_bundle_ros.kernels`), one for each block; `circuit_step` is the whole. Runge-Kutta
+of fourth order with as many sub-steps as the stiffest volume asks for: near equal pressures an
+open valve settles a small chamber in less than a millisecond. Pressures are ABSOLUTE in here.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import math
+from typing import Any
 
-from fam_bundle_ros.model.pneumatics import mass_flow, REFERENCE_DENSITY
-from fam_bundle_ros.plant.pneumatics import ChamberConfig, RT, ValveConfig
+from fam_bundle_ros.model.pneumatics import (
+    mass_flow,
+    REFERENCE_DENSITY,
+    RT,
+    valve_opening,
+    ValveFlow,
+)
+from fam_bundle_ros.plant.pneumatics import ChamberConfig, ValveConfig
 from fam_bundle_ros.plant.supply import SupplyConfig
 
 #: Largest product of sub-step and fastest rate. RK4 is stable to 2.8; below 0.7 its error is
@@ -40,201 +45,272 @@ class AirBalance:
     dumped: float = 0.0
 
 
-class Circuit:
+@dataclass(frozen=True)
+class AirConfig:
+    """Constants of the circuit."""
+
+    valve: ValveFlow
+    chamber: ChamberConfig
+    supply: SupplyConfig
+    #: Pa (absolute).
+    ambient: float
+    #: Pa/(kg/s), of regulator and line together.
+    resistance: float
+    #: rad/s, natural frequency of the spools; their damping ratio.
+    spool_frequency: float
+    spool_damping: float
+
+    @classmethod
+    def of(cls, valve: ValveConfig, chamber: ChamberConfig, supply: SupplyConfig,
+           ambient: float, droop: float = 0.0) -> 'AirConfig':
+        """Return the constants; ``droop``, Pa/(kg/s), adds to the regulator's resistance."""
+        flow = ValveFlow(valve.conductance, valve.critical_ratio, valve.dead_band)
+        return cls(flow, chamber, supply, float(ambient), supply.resistance + droop,
+                   valve.natural_frequency, valve.damping)
+
+
+@dataclass
+class AirScratch:
+    """What one step of the circuit works with; nothing in it outlives the step."""
+
+    #: Mean opening of each valve over a sub-step.
+    opening: list[float]
+    #: m^3/s, of each gas volume.
+    slope: list[float]
+    #: Pa and Pa/s, at a stage of Runge-Kutta; Pa, change over the sub-step.
+    stage: list[float]
+    rate: list[float]
+    change: list[float]
+
+
+@dataclass
+class Air:
+    """State of the air in a rig, one value for each chamber or valve in the lists."""
+
+    #: Pa (absolute).
+    pressure: list[float]
+    #: m^3 with tubing.
+    volume: list[float]
+    #: m^3/Pa, at constant strain; 0 where the muscle does not swell with pressure.
+    compliance: list[float]
+    #: Spool position, -1..1, and its speed, 1/s.
+    spool: list[float]
+    spool_rate: list[float]
+    #: Pa (absolute).
+    manifold: float
+    #: True while the supply is shut off and the manifold dumped (emergency stop).
+    dumping: bool
+    balance: AirBalance
+    scratch: AirScratch = field(repr=False)
+
+    @classmethod
+    def at_rest(cls, config: AirConfig, volume: list[float]) -> 'Air':
+        """Return chambers at ambient, the manifold at the regulator's set point, valves shut."""
+        n = len(volume)
+        return cls([config.ambient] * n, list(volume), [0.0] * n, [0.0] * n, [0.0] * n,
+                   config.supply.pressure + config.ambient, False, AirBalance(),
+                   AirScratch(*([0.0] * n for _ in range(5))))
+
+
+def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
+                 dt: float) -> None:
     """
-    State and motion of the air in a rig.
+    Advance the air by ``dt`` while the gas volumes go linearly to ``volume``.
 
     Parameters
     ----------
-    units : int
-    valve : ValveConfig
-    chamber : ChamberConfig
-    supply : SupplyConfig
-    ambient : float, Pa (absolute)
-    droop : float, Pa/(kg/s)
-        Resistance in series with the regulator's own.
+    config : AirConfig
+    air : Air
+        Advanced in place. Its volumes end at ``volume`` + compliance x change of pressure.
+    commands : vector (n,), -1..1
+        Valve commands, held.
+    volume : vector (n,), m^3
+        Gas volumes with tubing at the end, at the pressure of the beginning.
+    leaks : vector (n,), 1/s
+        Rate at which each chamber's gauge pressure leaks away at constant volume.
     """
-
-    def __init__(self, units: int, valve: ValveConfig, chamber: ChamberConfig,
-                 supply: SupplyConfig, ambient: float, droop: float = 0.0):
-        self.units = units
-        self.valve = valve
-        self.chamber = chamber
-        self.supply = supply
-        self.ambient = ambient
-        self._resistance = supply.resistance + droop
-        self._stiffest = max(chamber.inflow_exponent, chamber.outflow_exponent)
-        self._spool_steps: dict[float, tuple[float, float, float, float]] = {}
-        self.reset()
-
-    def reset(self) -> None:
-        """Chambers at ambient, manifold at the regulator's set point, valves closed."""
-        #: Pa (absolute), one per chamber.
-        self.pressure = [self.ambient] * self.units
-        #: Spool position and its speed, one per valve.
-        self.spool = [0.0] * self.units
-        self.spool_rate = [0.0] * self.units
-        #: Pa (absolute).
-        self.manifold = self.supply.pressure + self.ambient
-        #: True while the supply is shut off and the manifold dumped (emergency stop).
-        self.dumping = False
-        self.balance = AirBalance()
-
-    def advance(self, dt: float, commands: Sequence[float], volume: Sequence[float],
-                volume_after: Sequence[float], leaks: Sequence[float]) -> None:
-        """
-        Advance by ``dt`` while the gas volumes go linearly to ``volume_after``.
-
-        Parameters
-        ----------
-        dt : float, s
-        commands : sequence of float, -1..1
-            Valve commands, held.
-        volume, volume_after : sequence of float, m^3
-            Gas volumes with tubing.
-        leaks : sequence of float, 1/s
-            Rate at which each chamber's gauge pressure leaks away at constant volume.
-        """
-        units = range(self.units)
-        slopes = [(volume_after[i] - volume[i]) / dt for i in units]
-        smallest = [min(volume[i], volume_after[i]) for i in units]
-        count = self._substeps(dt, commands, smallest, leaks)
-        h = dt / count
-        for k in range(count):
-            openings = self._move_spools(h, commands)
-            now = [volume[i] + k * h * slopes[i] for i in units]
-            self._runge_kutta(h, openings, now, slopes, leaks)
-
-    def _move_spools(self, dt: float, commands: Sequence[float]) -> list[float]:
-        """Move the spools exactly and return the mean opening of each valve over the step."""
-        half = self._spool_steps.get(dt)
-        if half is None:
-            half = self._spool_steps[dt] = self.valve.spool_step(0.5 * dt)
-        a, b, c, d = half
-        opening = self.valve.opening
-        openings = []
-        for i, target in enumerate(commands):
-            error, rate = self.spool[i] - target, self.spool_rate[i]
-            if error == 0.0 and rate == 0.0:
-                openings.append(opening(target))
-                self.spool[i], self.spool_rate[i] = target, 0.0
-                continue
-            middle, middle_rate = a * error + b * rate, c * error + d * rate
-            after = a * middle + b * middle_rate
-            # Simpson's rule: the opening bends where the dead band ends.
-            openings.append((opening(target + error) + 4.0 * opening(target + middle)
-                             + opening(target + after)) / 6.0)
-            self.spool[i] = target + after
-            self.spool_rate[i] = c * middle + d * middle_rate
-        return openings
-
-    def _substeps(self, dt: float, commands: Sequence[float], volume: Sequence[float],
-                  leaks: Sequence[float]) -> int:
-        """
-        Return how many sub-steps keep spools and pressures well resolved.
-
-        The flow is concave in the pressure ratio, so flow over pressure difference bounds the
-        slope at the present pressure from above.
-        """
-        c, b, chamber = self.valve.conductance, self.valve.critical_ratio, self.chamber
-        opening = self.valve.opening
-        least, fastest = 1, 0.0
-        manifold = 1.0 / self._resistance
-        if self.dumping:
-            manifold += _secant(self.supply.dump_conductance, b, self.manifold, self.ambient)
-        for i, target in enumerate(commands):
-            p, spool = self.pressure[i], self.spool[i]
-            if abs(spool - target) > _SPOOL_MOVES:
-                least = 2
-            ends = (opening(spool), opening(target))
-            slope = 0.0
-            if max(ends) > 0.0:
-                slope = max(ends) * _secant(c, b, self.manifold, p)
-                manifold += slope
-            if min(ends) < 0.0:
-                slope = max(slope, -min(ends) * _secant(c, b, p, self.ambient))
-            if p > self.ambient + chamber.relief_pressure - chamber.relief_band:
-                # Opening the relief valve is steeper than the flow through it.
-                slope += c * p * REFERENCE_DENSITY * (1.0 / chamber.relief_band + 1.0 / p)
-            fastest = max(fastest, self._stiffest * RT * slope / volume[i] + leaks[i])
-        fastest = max(fastest, RT * manifold / self.supply.volume)
-        return max(least, math.ceil(dt * fastest / _STIFFNESS))
-
-    def _flows(self, p: Sequence[float], manifold: float, volume: Sequence[float],
-               slopes: Sequence[float], openings: Sequence[float], leaks: Sequence[float],
-               ) -> tuple[list[float], float, float, float, float, float, float]:
-        """Return dp/dt per chamber, dp/dt of the manifold, and the five flows of the balance."""
-        c, b, ambient = self.valve.conductance, self.valve.critical_ratio, self.ambient
-        chamber = self.chamber
-        g_in, g_out, g_v = (chamber.inflow_exponent, chamber.outflow_exponent,
-                            chamber.volume_exponent)
-        relief = ambient + chamber.relief_pressure
-        rates = []
-        delivered = exhausted = leaked = 0.0
-        for i, pi in enumerate(p):
-            opening = openings[i]
-            v = volume[i]
-            into = out = leak = 0.0
-            if opening > 0.0:
-                flow = opening * mass_flow(c, b, manifold, pi)
-                delivered += flow
-                if flow >= 0.0:
-                    into = flow
-                else:
-                    out = -flow
-            elif opening < 0.0:
-                flow = -opening * mass_flow(c, b, pi, ambient)
-                exhausted += flow
-                if flow >= 0.0:
-                    out = flow
-                else:
-                    into = -flow
-            if pi > relief:
-                flow = min((pi - relief) / chamber.relief_band, 1.0) * mass_flow(c, b, pi, ambient)
-                exhausted += flow
-                out += flow
-            if leaks[i]:
-                # Written as the flow that makes the gauge pressure decay exponentially.
-                leak = leaks[i] * (pi - ambient) * v / (g_out * RT)
-                leaked += leak
-            rates.append((RT * (g_in * into - g_out * (out + leak)) - g_v * pi * slopes[i]) / v)
-        drawn = dumped = 0.0
-        if self.dumping:
-            dumped = mass_flow(self.supply.dump_conductance, b, manifold, ambient)
-        else:
-            lack = self.supply.pressure + ambient - manifold
-            drawn = min(max(lack / self._resistance, 0.0), self.supply.flow_limit)
-        rate = RT * (drawn - delivered - dumped) / self.supply.volume
-        return rates, rate, drawn, delivered, exhausted, leaked, dumped
-
-    def _runge_kutta(self, h: float, openings: Sequence[float], volume: Sequence[float],
-                     slopes: Sequence[float], leaks: Sequence[float]) -> None:
-        units = range(self.units)
-        p, m = self.pressure, self.manifold
-        half, sixth = 0.5 * h, h / 6.0
-        middle = [volume[i] + half * slopes[i] for i in units]
-        end = [volume[i] + h * slopes[i] for i in units]
-        r1, *f1 = self._flows(p, m, volume, slopes, openings, leaks)
-        r2, *f2 = self._flows([p[i] + half * r1[i] for i in units], m + half * f1[0],
-                              middle, slopes, openings, leaks)
-        r3, *f3 = self._flows([p[i] + half * r2[i] for i in units], m + half * f2[0],
-                              middle, slopes, openings, leaks)
-        r4, *f4 = self._flows([p[i] + h * r3[i] for i in units], m + h * f3[0],
-                              end, slopes, openings, leaks)
-        self.pressure = [p[i] + sixth * (r1[i] + 2.0 * (r2[i] + r3[i]) + r4[i]) for i in units]
-        total = [sixth * (f1[j] + 2.0 * (f2[j] + f3[j]) + f4[j]) for j in range(6)]
-        self.manifold = m + total[0]
-        balance = self.balance
-        balance.drawn += total[1]
-        balance.delivered += total[2]
-        balance.exhausted += total[3]
-        balance.leaked += total[4]
-        balance.dumped += total[5]
+    slope = air.scratch.slope
+    for i in range(len(commands)):
+        slope[i] = (volume[i] - air.volume[i]) / dt
+    count = substeps(config, air, commands, volume, leaks, dt)
+    h = dt / count
+    for _ in range(count):
+        move_spools(config, air, commands, h)
+        runge_kutta(config, air, leaks, h)
 
 
-def _secant(conductance: float, b: float, upstream: float, downstream: float) -> float:
+def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: float) -> int:
+    """
+    Return how many sub-steps keep spools and pressures well resolved.
+
+    The flow is concave in the pressure ratio, so flow over pressure difference bounds the
+    slope at the present pressure from above.
+    """
+    valve, chamber, supply = config.valve, config.chamber, config.supply
+    c, b, ambient, manifold = (valve.conductance, valve.critical_ratio, config.ambient,
+                               air.manifold)
+    exponent = RT * max(chamber.inflow_exponent, chamber.outflow_exponent)
+    relief = ambient + chamber.relief_pressure - chamber.relief_band
+    least, fastest = 1, 0.0
+    through = 1.0 / config.resistance
+    if air.dumping:
+        through += secant(supply.dump_conductance, b, manifold, ambient)
+    for i in range(len(commands)):
+        p, spool = air.pressure[i], air.spool[i]
+        if abs(spool - commands[i]) > _SPOOL_MOVES:
+            least = 2
+        here, there = valve_opening(valve, spool), valve_opening(valve, commands[i])
+        most, lowest = max(here, there), min(here, there)
+        slope = 0.0
+        if most > 0.0:
+            slope = most * secant(c, b, manifold, p)
+            through += slope
+        if lowest < 0.0:
+            slope = max(slope, -lowest * secant(c, b, p, ambient))
+        if p > relief:
+            # Opening the relief valve is steeper than the flow through it.
+            slope += c * p * REFERENCE_DENSITY * (1.0 / chamber.relief_band + 1.0 / p)
+        if slope > 0.0 or leaks[i] > 0.0:
+            smallest = min(air.volume[i], volume[i])
+            fastest = max(fastest, exponent * slope / smallest + leaks[i])
+    fastest = max(fastest, RT * through / supply.volume)
+    return max(least, math.ceil(dt * fastest / _STIFFNESS))
+
+
+def secant(conductance: float, b: float, upstream: float, downstream: float) -> float:
     """Return flow over pressure difference, kg/(s Pa); at equal pressures its limit."""
     difference = abs(upstream - downstream)
     if difference < 1.0:
         upstream, difference = downstream + 1.0, 1.0
     return abs(mass_flow(conductance, b, upstream, downstream)) / difference
+
+
+def move_spools(config: Any, air: Any, commands: Any, dt: float) -> None:
+    """
+    Move the spools by ``dt`` and leave the mean opening of each valve in the scratch.
+
+    A spool is a second-order lag, x'' = w^2 (u - x) - 2 z w x', solved exactly for the held
+    command u.
+    """
+    a, b, c, d = spool_step(config.spool_frequency, config.spool_damping, 0.5 * dt)
+    for i in range(len(commands)):
+        target = commands[i]
+        error, rate = air.spool[i] - target, air.spool_rate[i]
+        opening = valve_opening(config.valve, target)
+        if error != 0.0 or rate != 0.0:
+            middle, middle_rate = a * error + b * rate, c * error + d * rate
+            after = a * middle + b * middle_rate
+            # Simpson's rule: the opening bends where the dead band ends.
+            opening = (valve_opening(config.valve, target + error)
+                       + 4.0 * valve_opening(config.valve, target + middle)
+                       + valve_opening(config.valve, target + after)) / 6.0
+            air.spool[i] = target + after
+            air.spool_rate[i] = c * middle + d * middle_rate
+        air.scratch.opening[i] = opening
+
+
+def spool_step(frequency: float, damping: float, dt: float) -> tuple[float, float, float, float]:
+    """
+    Return (a, b, c, d) of the spool's exact step over ``dt`` at a constant command u.
+
+    With the error e = position - u: e' = a e + b rate, rate' = c e + d rate.
+    """
+    decay = damping * frequency
+    damped = frequency * math.sqrt(1.0 - damping * damping)
+    envelope = math.exp(-decay * dt)
+    sine = envelope * math.sin(damped * dt)
+    cosine = envelope * math.cos(damped * dt)
+    return (cosine + decay / damped * sine, sine / damped,
+            -frequency * frequency / damped * sine, cosine - decay / damped * sine)
+
+
+def runge_kutta(config: Any, air: Any, leaks: Any, dt: float) -> None:
+    """Advance chambers, manifold and balance by ``dt``, the classical four stages."""
+    work, start = air.scratch, air.manifold
+    n = len(air.pressure)
+    for i in range(n):
+        work.stage[i] = air.pressure[i]
+        work.change[i] = 0.0
+    manifold, change, at = start, 0.0, 0.0
+    for stage in range(4):
+        weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
+        rate = chamber_flows(config, air, leaks, manifold, at, weight)
+        at = dt if stage == 2 else 0.5 * dt
+        manifold = start + at * rate
+        change += weight * rate
+        for i in range(n):
+            work.change[i] += weight * work.rate[i]
+            work.stage[i] = air.pressure[i] + at * work.rate[i]
+    air.manifold = start + change
+    for i in range(n):
+        air.pressure[i] += work.change[i]
+        air.volume[i] += dt * work.slope[i] + air.compliance[i] * work.change[i]
+
+
+def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: float,
+                  weight: float) -> float:
+    """
+    Put dp/dt of each chamber into the scratch; return that of the manifold, Pa/s.
+
+    dp/dt = (R T (g_in m_in - g_out m_out) - g_v p V')/(V + g_v p C), V' the rate of the volume
+    at constant pressure, C its compliance: conservation of mass for a polytropic gas. The flows
+    times ``weight`` are added to the balance.
+
+    Parameters
+    ----------
+    manifold : float, Pa (absolute)
+        At this stage of Runge-Kutta, ``time`` (s) after the beginning of the sub-step.
+    """
+    valve, chamber, work, balance = config.valve, config.chamber, air.scratch, air.balance
+    c, b, ambient = valve.conductance, valve.critical_ratio, config.ambient
+    relief = ambient + chamber.relief_pressure
+    delivered = exhausted = leaked = 0.0
+    for i in range(len(air.pressure)):
+        p, opening = work.stage[i], work.opening[i]
+        compliance = air.compliance[i]
+        volume = (air.volume[i] + time * work.slope[i]
+                  + compliance * (p - air.pressure[i]))
+        flow = out = 0.0
+        if opening > 0.0:
+            flow = opening * mass_flow(c, b, manifold, p)
+            delivered += flow
+        elif opening < 0.0:
+            flow = opening * mass_flow(c, b, p, ambient)
+            exhausted -= flow
+        if p > relief:
+            out = (min((p - relief) / chamber.relief_band, 1.0)
+                   * mass_flow(c, b, p, ambient))
+            exhausted += out
+        if leaks[i] > 0.0:
+            # Written as the flow that makes the gauge pressure decay exponentially.
+            leak = leaks[i] * (p - ambient) * volume / (chamber.outflow_exponent * RT)
+            leaked += leak
+            out += leak
+        exponent = chamber.inflow_exponent if flow > 0.0 else chamber.outflow_exponent
+        squeeze = chamber.volume_exponent * p
+        work.rate[i] = ((RT * (exponent * flow - chamber.outflow_exponent * out)
+                         - squeeze * work.slope[i]) / (volume + squeeze * compliance))
+    balance.delivered += weight * delivered
+    balance.exhausted += weight * exhausted
+    balance.leaked += weight * leaked
+    return supply_flows(config, air, manifold, delivered, weight)
+
+
+def supply_flows(config: Any, air: Any, manifold: float, delivered: float,
+                 weight: float) -> float:
+    """
+    Return dp/dt of the manifold, Pa/s, isothermal: R T (drawn - delivered - dumped)/V.
+
+    The regulator gives (set point - manifold)/resistance within its flow limit, or is shut off
+    while the dump valve empties the manifold.
+    """
+    supply, drawn, dumped = config.supply, 0.0, 0.0
+    if air.dumping:
+        dumped = mass_flow(supply.dump_conductance, config.valve.critical_ratio, manifold,
+                           config.ambient)
+    else:
+        lack = supply.pressure + config.ambient - manifold
+        drawn = min(max(lack / config.resistance, 0.0), supply.flow_limit)
+    air.balance.drawn += weight * drawn
+    air.balance.dumped += weight * dumped
+    return RT * (drawn - delivered - dumped) / supply.volume

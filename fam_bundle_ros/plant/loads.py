@@ -3,56 +3,258 @@
 """
 What the bundle pulls on: a dynamometer, a mass with gravity and springs, a forearm.
 
-A load is a frozen description; its motion is a tuple of floats that starts with the bundle's
-strain and strain rate (1, 1/s; positive when shorter), so that one load serves many rigs. The
-integrator of the rig moves positions with the present speeds (`drift`) and then speeds with the
-forces at the new positions (`kick`): symplectic, so that springs neither gain nor lose energy.
-``length`` is the bundle's rest length in m throughout.
+A load is a frozen description; `LoadState` is its state, so that one load serves many rigs. What
+loads do are kernels (`fam_bundle_ros.kernels`) on one record for all kinds, `LoadRecord`:
+positions move with the speeds (`drift`), speeds with the forces (`kick`). ``length`` is the
+bundle's rest length in m throughout; strain is positive when shorter.
 """
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from abc import ABC
+from dataclasses import dataclass, fields
 import math
+from typing import Any, ClassVar
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant.checks import require
 
 GRAVITY = 9.80665
+#: Strains that any load may reach.
+_WIDEST = (-0.15, 0.5)
+#: Kinds of loads, as `LoadRecord.kind` has them.
+DYNAMOMETER, MASS_SPRING, SERIES_SPRING_MASS, ARM = range(4)
 
-#: Strain, strain rate, and what else the load needs.
-Motion = tuple[float, ...]
 
+@dataclass
+class LoadState:
+    """Where a load is and how fast it moves."""
+
+    #: 1 and 1/s.
+    strain: float
+    strain_rate: float = 0.0
+    #: Strain that a dynamometer goes to, and the size of the strain rate (1/s) at which it does.
+    target: float = 0.0
+    speed: float = 0.0
+    #: m and m/s: the mass behind a series spring, counted like the contraction.
+    place: float = 0.0
+    place_rate: float = 0.0
+    #: Of strain (1/s^2) and place (m/s^2), in the last kick.
+    acceleration: float = 0.0
+    place_acceleration: float = 0.0
+
+
+@dataclass
+class LoadRecord:
+    """The values of any load as kernels read them; 0 where its kind has none."""
+
+    kind: int
+    #: Lower and upper end stop.
+    low: float = 0.0
+    high: float = 0.0
+    mass: float = 0.0
+    damping: float = 0.0
+    gravity: float = 0.0
+    stiffness_against: float = 0.0
+    spring_rest: float = 0.0
+    stiffness_series: float = 0.0
+    fitting_mass: float = 0.0
+    spring_damping: float = 0.0
+    floor: float = 0.0
+    moment_of_inertia: float = 0.0
+    centre: float = 0.0
+    moment_arm: float = 0.0
+    rest_angle: float = 0.0
+
+
+# --- kernels -----------------------------------------------------------------------------------
+
+def drift(load: Any, motion: Any, dt: float, past: float) -> None:
+    """
+    Move the positions by ``dt`` at the present speeds, in place.
+
+    A dynamometer goes towards its target, its rate is what was really moved. What arrives at an
+    end stop or on a floor is at rest there (`land`).
+
+    Parameters
+    ----------
+    past : float, s
+        For how much of ``dt`` the last kick was; the rest belongs to the one to come.
+    """
+    if load.kind == DYNAMOMETER:
+        most = motion.speed * dt
+        step = max(-most, min(most, motion.target - motion.strain))
+        motion.strain += step
+        motion.strain_rate = step / dt
+        return
+    motion.strain += dt * motion.strain_rate
+    if motion.strain < load.low:
+        motion.strain_rate = land(motion.strain - load.low, motion.strain_rate,
+                                  max(motion.acceleration, 0.0), dt, past)
+        motion.strain = load.low
+    elif motion.strain > load.high:
+        motion.strain_rate = land(motion.strain - load.high, motion.strain_rate,
+                                  min(motion.acceleration, 0.0), dt, past)
+        motion.strain = load.high
+    if load.kind == SERIES_SPRING_MASS:
+        motion.place += dt * motion.place_rate
+        if motion.place < load.floor:
+            motion.place_rate = land(motion.place - load.floor, motion.place_rate,
+                                     max(motion.place_acceleration, 0.0), dt, past)
+            motion.place = load.floor
+
+
+def land(beyond: float, speed: float, acceleration: float, dt: float, past: float) -> float:
+    """
+    Return the speed after a stop has taken up the blow, ``beyond`` past which the drift went.
+
+    Forces that pull away from the stop act from the moment of arrival on. What the last kick
+    did before it is lost with the blow; what the next kick will do too much is taken off here.
+    Without this the arrival would be first order in ``dt``.
+    """
+    arrival = dt - min(beyond / speed, dt)
+    return acceleration * (past - arrival)
+
+
+def kick(load: Any, motion: Any, dt: float, force: float, length: float) -> tuple[float, float]:
+    """
+    Return (strain rate, speed of the mass behind a spring) after ``dt`` under a constant force.
+
+    Implicit in the load's own damping (backward Euler), so that any size of it is stable.
+    """
+    rate, place_rate = motion.strain_rate, motion.place_rate
+    if load.kind == DYNAMOMETER:
+        return rate, place_rate
+    if load.kind == SERIES_SPRING_MASS:
+        rate, place_rate = kick_through_spring(load, motion, dt, force, length)
+    else:
+        mass = inertia(load, length)
+        rate = ((rate + dt * (force - holding_force(load, motion.strain, length)) / mass)
+                / (1.0 + dt * drag(load, length) / mass))
+    if motion.strain <= load.low:
+        rate = max(rate, 0.0)
+    elif motion.strain >= load.high:
+        rate = min(rate, 0.0)
+    return rate, place_rate
+
+
+def kick_through_spring(load: Any, motion: Any, dt: float, force: float, length: float,
+                        ) -> tuple[float, float]:
+    """
+    Return `kick` of a fitting (speed u) that pulls a mass (speed w) through a spring.
+
+    m_f u' = F - S - c u, m w' = S - W - c w; S = k x + c_s (u - w) where the spring is stretched
+    by x > 0 and S > 0, else 0 (a tendon goes slack); W the weight and the spring against.
+    """
+    near, far = dt / load.fitting_mass, dt / load.mass
+    stretch = motion.strain * length - motion.place
+    weight = load.mass * load.gravity + load.stiffness_against * motion.place
+    u, w = motion.strain_rate * length + near * force, motion.place_rate - far * weight
+    c, s = load.damping, load.spring_damping
+    slack_u, slack_w = u / (1.0 + near * c), w / (1.0 + far * c)
+    if stretch > 0.0:
+        pull = load.stiffness_series * stretch
+        u, w = u - near * pull, w + far * pull
+        a, d = 1.0 + near * (c + s), 1.0 + far * (c + s)
+        det = a * d - near * far * s * s
+        u, w = (d * u + near * s * w) / det, (a * w + far * s * u) / det
+        if motion.place <= load.floor and w < 0.0:
+            w = 0.0
+            u = (motion.strain_rate * length + near * (force - pull)) / a
+        if pull + s * (u - w) > 0.0:
+            return u / length, w
+    if motion.place <= load.floor:
+        slack_w = max(slack_w, 0.0)
+    return slack_u / length, slack_w
+
+
+def holding_force(load: Any, strain: float, length: float) -> float:
+    """Return the bundle force, N, that holds the load still at a strain (nan: any)."""
+    if load.kind == DYNAMOMETER:
+        return math.nan
+    weight = load.mass * load.gravity
+    if load.kind == ARM:
+        return (weight * load.centre * math.sin(load.rest_angle
+                                                + strain * length / load.moment_arm)
+                / load.moment_arm)
+    if load.kind == MASS_SPRING:
+        return weight + load.stiffness_against * (strain * length - load.spring_rest)
+    on_support = load.stiffness_series * (strain * length - load.floor)
+    lifted = (load.stiffness_series * (weight + load.stiffness_against * strain * length)
+              / (load.stiffness_series + load.stiffness_against))
+    return max(0.0, min(on_support, lifted))
+
+
+def stiffness(load: Any, strain: float, length: float) -> float:
+    """Return d(holding force)/d(strain), N."""
+    if load.kind == DYNAMOMETER:
+        return math.inf
+    if load.kind == ARM:
+        return (load.mass * load.gravity * load.centre * length / load.moment_arm ** 2
+                * math.cos(load.rest_angle + strain * length / load.moment_arm))
+    if load.kind == MASS_SPRING:
+        return load.stiffness_against * length
+    k, ground = load.stiffness_series, load.stiffness_against
+    if k * (strain * length - load.floor) < load.mass * load.gravity + ground * load.floor:
+        return k * length if strain * length > load.floor else 0.0
+    return k * ground / (k + ground) * length
+
+
+def inertia(load: Any, length: float) -> float:
+    """Return force per strain acceleration, N s^2; fitting and mass move together."""
+    if load.kind == DYNAMOMETER:
+        return math.inf
+    if load.kind == ARM:
+        return load.moment_of_inertia * length / load.moment_arm ** 2
+    return (load.mass + load.fitting_mass) * length
+
+
+def drag(load: Any, length: float) -> float:
+    """Return the load's own viscous force per strain rate, N s."""
+    if load.kind == ARM:
+        return load.damping * length / load.moment_arm ** 2
+    return load.damping * length
+
+
+def damping_rate(load: Any, length: float) -> float:
+    """Return how fast the load's own damping slows the bundle's end, 1/s."""
+    if load.kind == SERIES_SPRING_MASS:
+        return (load.damping + load.spring_damping) / load.fitting_mass
+    return drag(load, length) / inertia(load, length)
+
+
+# --- descriptions ------------------------------------------------------------------------------
 
 class Load(ABC):
     """What every load answers."""
 
-    @abstractmethod
-    def start(self, length: float) -> Motion:
-        """Return the motion at rest that the load begins with."""
+    kind: ClassVar[int]
+    stops: tuple[float, float]
 
-    @abstractmethod
-    def drift(self, motion: Motion, dt: float, length: float) -> Motion:
-        """Return the motion with its positions moved by ``dt`` at the present speeds."""
+    @property
+    def record(self) -> LoadRecord:
+        """The load as kernels read it."""
+        own = {item.name: float(getattr(self, item.name)) for item in fields(LoadRecord)
+               if hasattr(self, item.name) and item.name != 'kind'}
+        return LoadRecord(self.kind, *map(float, self.stops), **own)
 
-    @abstractmethod
-    def kick(self, motion: Motion, dt: float, force: float, length: float) -> Motion:
-        """Return the motion with its speeds after ``dt`` under the bundle's ``force`` (N)."""
+    def start(self, length: float) -> LoadState:
+        """Return the motion that the load begins with: at rest on the lower end stop."""
+        return LoadState(self.stops[0])
 
-    @abstractmethod
     def holding_force(self, strain: float, length: float) -> float:
         """Return the bundle force, N, that holds the load still at a strain (nan: any)."""
+        return holding_force(self.record, strain, length)
 
-    @abstractmethod
     def stiffness(self, strain: float, length: float) -> float:
         """Return d(holding force)/d(strain), N: what a strain loop sees of the load at rest."""
+        return stiffness(self.record, strain, length)
 
-    @abstractmethod
     def inertia(self, strain: float, length: float) -> float:
         """Return force per strain acceleration, N s^2: what a strain loop sees in motion."""
+        return inertia(self.record, length)
 
-    @abstractmethod
     def drag(self, length: float) -> float:
         """Return the load's own viscous force per strain rate, N s."""
+        return drag(self.record, length)
 
 
 @dataclass(frozen=True)
@@ -71,94 +273,36 @@ class Dynamometer(Load):
     strain: float = 0.0
     speed: float = 1.0
 
+    kind = DYNAMOMETER
+    stops = _WIDEST
+
     def __post_init__(self):
-        require(self, 'strain', least=-0.15, most=0.5)
+        require(self, 'strain', least=_WIDEST[0], most=_WIDEST[1])
         require(self, 'speed', above=0.0)
 
-    def start(self, length: float) -> Motion:
-        """Return (strain, strain rate, target, speed)."""
-        return (self.strain, 0.0, self.strain, self.speed)
+    def start(self, length: float) -> LoadState:
+        """Return the motion of a machine that rests at its strain."""
+        return LoadState(self.strain, 0.0, self.strain, self.speed)
 
-    def impose(self, motion: Motion, strain: float, speed: float | None = None) -> Motion:
+    def impose(self, motion: LoadState, strain: float, speed: float | None = None) -> None:
         """
-        Return the motion with a new target, to be reached at a strain rate of size ``speed``.
+        Set the target of a motion, to be reached at a strain rate of size ``speed``.
 
         Raises
         ------
         InputError
-            For a target outside -0.15..0.5 or a speed that is not positive.
+            For a target outside -0.15..0.5 or a speed that is not a finite number.
         """
         speed = self.speed if speed is None else abs(speed)
-        if not -0.15 <= strain <= 0.5:
+        if not _WIDEST[0] <= strain <= _WIDEST[1]:
             raise InputError(f'imposed strain is {strain!r}; expected between -0.15 and 0.5')
         if not 0.0 <= speed < math.inf:
             raise InputError(f'imposed strain rate is {speed!r} 1/s; expected a finite number')
-        return (motion[0], motion[1], float(strain), float(speed))
-
-    def drift(self, motion: Motion, dt: float, length: float) -> Motion:
-        """Move towards the target; the rate is what was really moved over the step."""
-        strain, _, target, speed = motion
-        step = max(-speed * dt, min(speed * dt, target - strain))
-        return (strain + step, step / dt, target, speed)
-
-    def kick(self, motion: Motion, dt: float, force: float, length: float) -> Motion:
-        """Return the motion unchanged: the machine is stronger."""
-        return motion
-
-    def holding_force(self, strain: float, length: float) -> float:
-        """Return nan: a test machine holds any force."""
-        return math.nan
-
-    def stiffness(self, strain: float, length: float) -> float:
-        """Return infinity."""
-        return math.inf
-
-    def inertia(self, strain: float, length: float) -> float:
-        """Return infinity."""
-        return math.inf
-
-    def drag(self, length: float) -> float:
-        """Return 0: what the machine loses is its own affair."""
-        return 0.0
-
-
-class _OneBody(Load):
-    """A load with one degree of freedom, described by forces along the bundle."""
-
-    stops: tuple[float, float]
-
-    def start(self, length: float) -> Motion:
-        """Return (strain, strain rate): at rest on the lower end stop."""
-        return (self.stops[0], 0.0)
-
-    def drift(self, motion: Motion, dt: float, length: float) -> Motion:
-        """Move, and come to rest at an end stop (which swallows the blow)."""
-        strain, rate = motion[0] + dt * motion[1], motion[1]
-        low, high = self.stops
-        if strain <= low:
-            strain, rate = low, max(rate, 0.0)
-        elif strain >= high:
-            strain, rate = high, min(rate, 0.0)
-        return (strain, rate) + motion[2:]
-
-    def kick(self, motion: Motion, dt: float, force: float, length: float) -> Motion:
-        """Accelerate; the own damping is taken implicitly, so that any size of it is stable."""
-        strain, rate = motion[0], motion[1]
-        inertia = self.inertia(strain, length)
-        rate = ((rate + dt * (force - self.holding_force(strain, length)) / inertia)
-                / (1.0 + dt * self.drag(length) / inertia))
-        return (strain, self._against_stop(strain, rate)) + motion[2:]
-
-    def _against_stop(self, strain: float, rate: float) -> float:
-        if strain <= self.stops[0]:
-            return max(rate, 0.0)
-        if strain >= self.stops[1]:
-            return min(rate, 0.0)
-        return rate
+        motion.target, motion.speed = float(strain), float(speed)
 
 
 @dataclass(frozen=True)
-class MassSpring(_OneBody):
+class MassSpring(Load):
     """
     A mass hanging from (or lying before) the bundle, with a spring against the pull.
 
@@ -186,32 +330,17 @@ class MassSpring(_OneBody):
     gravity: float = GRAVITY
     stops: tuple[float, float] = (0.0, 0.3)
 
+    kind = MASS_SPRING
+
     def __post_init__(self):
         require(self, 'mass', above=0.0)
         require(self, 'stiffness_against', 'damping', 'gravity', least=0.0)
         require(self, 'spring_rest')
         _check_stops(self)
 
-    def holding_force(self, strain: float, length: float) -> float:
-        """Return weight and spring force at a strain, N."""
-        return (self.mass * self.gravity
-                + self.stiffness_against * (strain * length - self.spring_rest))
-
-    def stiffness(self, strain: float, length: float) -> float:
-        """Return the spring's stiffness per strain, N."""
-        return self.stiffness_against * length
-
-    def inertia(self, strain: float, length: float) -> float:
-        """Return mass times length, N s^2."""
-        return self.mass * length
-
-    def drag(self, length: float) -> float:
-        """Return the guide's damping times length, N s."""
-        return self.damping * length
-
 
 @dataclass(frozen=True)
-class SeriesSpringMass(_OneBody):
+class SeriesSpringMass(Load):
     """
     A mass that the bundle pulls through a spring (a tendon, a compliant limb).
 
@@ -246,67 +375,21 @@ class SeriesSpringMass(_OneBody):
     stops: tuple[float, float] = (0.0, 0.3)
     floor: float = 0.0
 
+    kind = SERIES_SPRING_MASS
+
     def __post_init__(self):
         require(self, 'mass', 'stiffness_series', 'fitting_mass', above=0.0)
         require(self, 'stiffness_against', 'damping', 'spring_damping', 'gravity', least=0.0)
         require(self, 'floor')
         _check_stops(self)
 
-    def start(self, length: float) -> Motion:
-        """Return (strain, strain rate, mass position in m, mass speed in m/s): all at rest."""
-        return (self.stops[0], 0.0, self.floor, 0.0)
-
-    def drift(self, motion: Motion, dt: float, length: float) -> Motion:
-        """Move the fitting and the mass."""
-        strain, rate, place, speed = super().drift(motion, dt, length)
-        place += dt * speed
-        if place <= self.floor:
-            place, speed = self.floor, max(speed, 0.0)
-        return (strain, rate, place, speed)
-
-    def kick(self, motion: Motion, dt: float, force: float, length: float) -> Motion:
-        """Accelerate both masses; the spring pulls only (a tendon goes slack)."""
-        strain, rate, place, speed = motion
-        stretch = strain * length - place
-        pull = self.stiffness_series * stretch
-        pull = max(pull + self.spring_damping * (rate * length - speed), 0.0) if pull > 0 else 0.0
-        rate = ((rate * length + dt * (force - pull) / self.fitting_mass)
-                / (1.0 + dt * self.damping / self.fitting_mass)) / length
-        load = self.mass * self.gravity + self.stiffness_against * place
-        speed = ((speed + dt * (pull - load) / self.mass)
-                 / (1.0 + dt * self.damping / self.mass))
-        if place <= self.floor:
-            speed = max(speed, 0.0)
-        return (strain, self._against_stop(strain, rate), place, speed)
-
-    def holding_force(self, strain: float, length: float) -> float:
-        """Return the spring's pull with the mass at rest, on its support or in the air, N."""
-        weight = self.mass * self.gravity
-        on_support = self.stiffness_series * (strain * length - self.floor)
-        lifted = self.stiffness_series * (
-            weight + self.stiffness_against * strain * length
-        ) / (self.stiffness_series + self.stiffness_against)
-        return max(0.0, min(on_support, lifted))
-
-    def stiffness(self, strain: float, length: float) -> float:
-        """Return the stiffness of the two springs in series, N; of one while the mass rests."""
-        k, ground = self.stiffness_series, self.stiffness_against
-        weight = self.mass * self.gravity + ground * self.floor
-        if k * (strain * length - self.floor) < weight:
-            return k * length if strain * length > self.floor else 0.0
-        return k * ground / (k + ground) * length
-
-    def inertia(self, strain: float, length: float) -> float:
-        """Return the inertia of fitting and mass moving together, N s^2."""
-        return (self.mass + self.fitting_mass) * length
-
-    def drag(self, length: float) -> float:
-        """Return the guide's damping times length, N s."""
-        return self.damping * length
+    def start(self, length: float) -> LoadState:
+        """Return the motion at rest on stop and floor."""
+        return LoadState(self.stops[0], place=self.floor)
 
 
 @dataclass(frozen=True)
-class Arm(_OneBody):
+class Arm(Load):
     """
     A forearm on a joint that the bundle turns over a pulley.
 
@@ -339,6 +422,8 @@ class Arm(_OneBody):
     gravity: float = GRAVITY
     stops: tuple[float, float] = (0.0, 0.3)
 
+    kind = ARM
+
     def __post_init__(self):
         require(self, 'moment_of_inertia', 'mass', 'centre', 'moment_arm', above=0.0)
         require(self, 'damping', 'gravity', least=0.0)
@@ -349,27 +434,9 @@ class Arm(_OneBody):
         """Return the joint's angle from hanging straight down, rad."""
         return self.rest_angle + strain * length / self.moment_arm
 
-    def holding_force(self, strain: float, length: float) -> float:
-        """Return the gravity torque over the moment arm, N."""
-        torque = self.mass * self.gravity * self.centre * math.sin(self.angle(strain, length))
-        return torque / self.moment_arm
 
-    def stiffness(self, strain: float, length: float) -> float:
-        """Return the change of the gravity torque's force with strain, N."""
-        return (self.mass * self.gravity * self.centre * length / self.moment_arm ** 2
-                * math.cos(self.angle(strain, length)))
-
-    def inertia(self, strain: float, length: float) -> float:
-        """Return the moment of inertia as felt along the bundle, N s^2."""
-        return self.moment_of_inertia * length / self.moment_arm ** 2
-
-    def drag(self, length: float) -> float:
-        """Return the joint's damping as felt along the bundle, N s."""
-        return self.damping * length / self.moment_arm ** 2
-
-
-def _check_stops(load: _OneBody) -> None:
+def _check_stops(load: Load) -> None:
     low, high = load.stops
-    if not -0.15 <= low < high <= 0.5:
+    if not _WIDEST[0] <= low < high <= _WIDEST[1]:
         raise InputError(f'{type(load).__name__}.stops is {load.stops!r}; '
                          'expected two strains that rise, between -0.15 and 0.5')

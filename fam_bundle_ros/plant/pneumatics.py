@@ -12,18 +12,14 @@ import math
 
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
-    GAS_CONSTANT,
     LAMINAR_RATIO,
     mass_flow,
     POLYTROPIC,
     REFERENCE_DENSITY,
-    REFERENCE_TEMPERATURE,
+    RT,
     ValveFlow,
 )
 from fam_bundle_ros.plant.checks import require
-
-#: R T of the air in the rig, J/kg.
-RT = GAS_CONSTANT * REFERENCE_TEMPERATURE
 
 
 @dataclass(frozen=True)
@@ -53,21 +49,6 @@ class ValveConfig(ValveFlow):
         z2 = self.damping ** 2
         return 2.0 * math.pi * self.bandwidth / math.sqrt(
             1.0 - 2.0 * z2 + math.sqrt(4.0 * z2 * z2 - 4.0 * z2 + 2.0))
-
-    def spool_step(self, dt: float) -> tuple[float, float, float, float]:
-        """
-        Return (a, b, c, d) of the spool's exact step over ``dt`` at a constant command u.
-
-        With the error e = position - u: e' = a e + b rate, rate' = c e + d rate.
-        """
-        wn = self.natural_frequency
-        decay = self.damping * wn
-        wd = wn * math.sqrt(1.0 - self.damping ** 2)
-        envelope = math.exp(-decay * dt)
-        sine = envelope * math.sin(wd * dt)
-        cosine = envelope * math.cos(wd * dt)
-        return (cosine + decay / wd * sine, sine / wd,
-                -wn * wn / wd * sine, cosine - decay / wd * sine)
 
 
 #: The valve of the rig that the defaults describe.

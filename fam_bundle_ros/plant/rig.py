@@ -1,13 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The simulated rig: bundle, valves, supply, load and sensors, integrated with a fixed step.
+The simulated rig as an object: a plant with its valves, supply, load and sensors.
 
-Per internal step: the load moves at its present speed, the air moves (with sub-steps of its own)
-while the gas volumes change, the bundle gives its force at the new strain and pressures (its
-memory advances by one step), and the force accelerates the load. Where the force depends on the
-rate, the new rate is found implicitly: dry friction is far too stiff for an explicit step.
-Deterministic: the same seed and the same calls give the same bytes.
+The equations are kernels: `fam_bundle_ros.plant.circuit` the air, `loads` the load, `motion` both
+with the bundle's force, `sensors` the instruments. This is their state, their checks and their
+words. Deterministic: the same seed and the same calls give the same bytes.
 """
 
 from collections.abc import Sequence
@@ -18,20 +16,37 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE
 from fam_bundle_ros.plant.checks import require
-from fam_bundle_ros.plant.circuit import AirBalance, Circuit
-from fam_bundle_ros.plant.loads import Dynamometer, Load, Motion
+from fam_bundle_ros.plant.circuit import Air, AirBalance, AirConfig
+from fam_bundle_ros.plant.loads import Dynamometer, Load
+from fam_bundle_ros.plant.motion import (
+    begin,
+    E_STOP,
+    FaultRecord,
+    OVER_PRESSURE,
+    rig_step,
+    RigRecord,
+    RigState,
+    RUNNING,
+    true_channels,
+)
 from fam_bundle_ros.plant.pneumatics import ChamberConfig, ValveConfig
-from fam_bundle_ros.plant.sensors import Readings, SensorConfig, SensorFaults, Sensors
+from fam_bundle_ros.plant.sensors import (
+    Draws,
+    FORCE,
+    lost_channels,
+    PRESSURE,
+    read_sensors,
+    Readings,
+    SensorConfig,
+    SensorFaults,
+    SensorRecord,
+    SensorState,
+    STRAIN,
+    SUPPLY,
+)
 from fam_bundle_ros.plant.supply import SupplyConfig
-
-#: 1/s: how exactly the strain rate is solved for where the force depends on it.
-_RATE_TOLERANCE = 1e-5
-#: Strains over which gas volumes are tabulated; beyond them the volume stays as at the end.
-_STRAIN_RANGE = (-0.16, 0.52)
-_STRAIN_INTERVALS = 4080
 
 
 @dataclass(frozen=True)
@@ -83,18 +98,82 @@ class Faults(SensorFaults):
         self.__dict__.update(Faults().__dict__)
 
 
+@dataclass(frozen=True)
+class RigParts:
+    """The records of a rig at rest, as its kernels take them; ``model`` runs in plain Python."""
+
+    rig: RigRecord
+    load: Any
+    model: Any
+    state: RigState
+    sensors: SensorRecord
+    shown: SensorState
+
+
+def rig_parts(plant: Any, config: RigConfig) -> RigParts:
+    """
+    Return the records of a rig around a plant.
+
+    Parameters
+    ----------
+    plant : Bundle or ForeignPlant
+    config : RigConfig
+    """
+    n, length = plant.n, float(plant.length)
+    model = plant.model(False)
+    air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
+                       plant.pneumatics.supply_resistance)
+    rig = RigRecord(air, float(config.step), length, float(config.chamber.tube_volume),
+                    float(config.trip_pressure), *_dependences(plant, model))
+    state = RigState.at_rest(Air.at_rest(air, [0.0] * n), config.load.start(length))
+    begin(rig, None, model, state)
+    return RigParts(rig, config.load.record, model, state,
+                    SensorRecord.of(config.sensors, *_gauge_errors(plant)),
+                    SensorState.fresh(n + PRESSURE))
+
+
+def _dependences(plant, model) -> tuple[bool, bool]:
+    """Return whether the plant's force knows the strain rate, and its volume the pressure."""
+    rate = volume = False
+    for strain in (0.0, 0.1, 0.2):
+        for share in (0.0, 0.3, 0.9):
+            pressure = [share * float(p) for p in plant.max_pressure]
+            more = [p + 1e4 for p in pressure]
+            for i in range(plant.n):
+                slow, fast = (model.force(i, strain, v, pressure, 0.0, 0.0, True, model.shape,
+                                          model.parameters, model.tables, model.memory,
+                                          model.after) for v in (-0.05, 0.05))
+                rate = rate or slow != fast
+                low, high = (model.volume(i, strain, p, 0.0, model.shape, model.parameters,
+                                          model.tables) for p in (pressure, more))
+                volume = volume or low != high
+    return rate, volume
+
+
+def _gauge_errors(plant) -> tuple[list[float], list[float]]:
+    """Return gain and offset of each channel of a plant whose gauges err (`readings`)."""
+    zeros, ones = np.zeros(plant.n), np.ones(plant.n)
+    force, strain, pressure = plant.readings(0.0, 0.0, zeros)
+    offset = [float(force), float(strain), 0.0, *np.broadcast_to(pressure, plant.n).tolist()]
+    force, strain, pressure = plant.readings(1.0, 1.0, ones)
+    one = [float(force), float(strain), 1.0, *np.broadcast_to(pressure, plant.n).tolist()]
+    return [a - b for a, b in zip(one, offset)], offset
+
+
 class Rig:
     """
     A bundle on a simulated rig.
 
     Parameters
     ----------
-    bundle : Bundle
+    bundle : Bundle or ForeignPlant
         Every effect that it names acts here: the muscles' in the force, `leak` and
         `supply_droop` in the air, sensor effects in the readings.
     config : RigConfig
     seed : int
         Of the sensors' noise.
+    faults : Faults, optional
+        What is broken from the start.
 
     Attributes
     ----------
@@ -102,10 +181,12 @@ class Rig:
     load : Load
     length : float
         Rest length of the bundle, m.
-    work : float
-        Done on the load so far, J.
-    e_stopped : str
-        Why the rig was stopped; empty while it runs.
+    leak : float
+        Rate at which every chamber's gauge pressure leaks away after the plant's model, 1/s.
+    parts : RigParts
+        The records that kernels take.
+    draws : Draws
+        Random numbers of the instruments, those of the samples to come.
 
     Examples
     --------
@@ -117,42 +198,24 @@ class Rig:
     True
     """
 
-    def __init__(self, bundle: Bundle, config: RigConfig = RigConfig(), seed: int = 0):
+    def __init__(self, bundle: Any, config: RigConfig = RigConfig(), seed: int = 0,
+                 faults: Faults | None = None):
         self.bundle = bundle
         self.config = config
-        self.faults = Faults()
-        self.length = float(bundle.motor_units[0].geometry.length)
-        self._leak_rate = 0.0
-        droop = 0.0
-        for effect in bundle.pneumatics:
-            if effect.name == 'leak':
-                self._leak_rate += 1.0 / effect.values['time_constant']
-            elif effect.name == 'supply_droop':
-                droop += effect.values['resistance']
-            else:
-                raise InputError(f"the plant does not know the pneumatic effect '{effect.name}'; "
-                                 "expected 'leak' or 'supply_droop'")
-        self._volumes = self._tabulate_volumes()
-        self._circuit = Circuit(bundle.n, config.valve, config.chamber, config.supply,
-                                config.ambient_pressure, droop)
-        self._sensors = Sensors(config.sensors, bundle.n, seed)
-        self._rate_matters = self._depends_on_rate()
+        self.faults = faults or Faults()
+        self._seed = seed
         self.reset()
 
     def reset(self) -> None:
         """Return to the start: at rest, vented, seed as new, not stopped. Faults stay."""
         self.load = self.config.load
-        self.work = 0.0
-        self.e_stopped = ''
-        self._time = 0.0
-        self._gap_slope = -1.0
-        self._motion: Motion = self.load.start(self.length)
-        self._circuit.reset()
-        self._sensors.reset()
-        self._memory: Any = self.bundle.start_state()
-        self._volume = self._volume_at(self._motion[0])
-        self._force = float(np.sum(self.bundle.unit_forces(self._motion[0], self._gauge())))
-        self._readings = self._read()
+        self.parts = rig_parts(self.bundle, self.config)
+        self._state, self._load = self.parts.state, self.parts.load
+        self.length, self.leak = self.parts.rig.length, self.bundle.pneumatics.leak_rate
+        self._e_stop_reason = ''
+        self.draws = Draws(self._seed, self.bundle.n + PRESSURE)
+        self._broken = fault_record(self.faults, self.leak, self.bundle.n)
+        self._read()
 
     @property
     def readings(self) -> Readings:
@@ -162,32 +225,42 @@ class Rig:
     @property
     def truth(self) -> Readings:
         """What perfect sensors would show now."""
-        ambient = self.config.ambient_pressure
-        strain, rate = self._motion[:2]
-        return Readings(self._time, self._force, strain, strain * self.length, rate,
-                        np.array([p - ambient for p in self._circuit.pressure]),
-                        self._circuit.manifold - ambient)
+        motion = self._state.motion
+        return self._as_readings(self._true(), motion.strain_rate)
 
     @property
     def air(self) -> AirBalance:
         """Where the air went so far."""
-        return self._circuit.balance
+        return self._state.air.balance
 
     @property
     def air_mass(self) -> float:
         """Air that the valves have taken from the supply so far, kg."""
-        return self._circuit.balance.delivered
+        return self._state.air.balance.delivered
+
+    @property
+    def work(self) -> float:
+        """Done on the load so far, J."""
+        return self._state.work
+
+    @property
+    def e_stopped(self) -> str:
+        """Why the rig was stopped; empty while it runs."""
+        return stop_text(self._state, self.bundle, self.config, self._e_stop_reason)
 
     def step(self, valve_commands: Sequence[float], duration: float) -> Readings:
         """
-        Advance the rig with the valve commands held, and read the sensors once at the end.
+        Advance by ``duration`` seconds with the valve commands held.
 
         Parameters
         ----------
         valve_commands : sequence of float, shape (n,)
-            -1 exhaust, 0 closed, 1 fill; sizes above 1 count as 1.
+            -1 exhaust .. 0 closed .. +1 fill; clipped. Not used while the rig is stopped.
         duration : float, s
-            Divided into equal internal steps no longer than `RigConfig.step`.
+
+        Returns
+        -------
+        Readings
 
         Raises
         ------
@@ -198,13 +271,14 @@ class Rig:
         commands = self._checked(valve_commands)
         if not 0.0 < duration < math.inf:
             raise InputError(f'duration is {duration!r} s; expected a positive number')
-        leaks, stuck = self._apply_faults()
-        count = max(1, math.ceil(duration / self.config.step - 1e-9))
-        dt = duration / count
-        for _ in range(count):
-            self._advance(dt, commands, leaks, stuck)
-        self._time += duration
-        self._readings = self._read()
+        self._broken = fault_record(self.faults, self.leak, self.bundle.n)
+        parts = self.parts
+        rig_step(parts.rig, self._load, parts.model, self._state, commands, self._broken,
+                 duration)
+        for unit, position in self.faults.stuck_valve.items():
+            if position is None:
+                self.faults.stuck_valve[unit] = self._broken.stuck[unit]
+        self._read()
         return self._readings
 
     def impose_strain(self, strain: float, rate: float | None = None) -> None:
@@ -219,7 +293,7 @@ class Rig:
         if not isinstance(self.load, Dynamometer):
             raise InputError(f'the load is a {type(self.load).__name__}; '
                              'only a Dynamometer imposes a strain')
-        self._motion = self.load.impose(self._motion, strain, rate)
+        self.load.impose(self._state.motion, strain, rate)
 
     def change_load(self, **changes: float) -> None:
         """
@@ -230,21 +304,20 @@ class Rig:
         InputError
             When the load has no such value or it is out of range.
         """
-        try:
-            self.load = replace(self.load, **changes)  # type: ignore[type-var]
-        except TypeError as error:
-            raise InputError(f'{type(self.load).__name__} cannot change '
-                             f"{', '.join(changes)}") from error
+        self.load = changed_load(self.load, changes)
+        self._load = self.load.record
 
     def tare(self) -> None:
         """Zero the force reading at the present force (as the mean of many samples would)."""
-        self._sensors.tare = self._shown().force + self.config.sensors.force_bias
+        sensors = self.parts.sensors
+        self.parts.shown.tare = (sensors.gain[FORCE] * self._state.force
+                                  + sensors.offset[FORCE] + sensors.bias[FORCE])
 
     def e_stop(self, reason: str = 'emergency stop') -> None:
         """Shut off and dump the supply, switch all valves to exhaust, and stay so."""
-        if not self.e_stopped:
-            self.e_stopped = reason
-        self._circuit.dumping = True
+        if self._state.reason == RUNNING:
+            self._state.reason, self._e_stop_reason = E_STOP, reason
+        self._state.air.dumping = True
 
     def e_stop_reset(self) -> bool:
         """
@@ -255,86 +328,27 @@ class Rig:
         bool
             False, and still stopped, while a chamber is above the trip pressure.
         """
-        if max(self._gauge()) > self.config.trip_pressure:
+        if max(self._state.gauge) > self.config.trip_pressure:
             return False
-        self.e_stopped = ''
-        self._circuit.dumping = False
+        self._state.reason, self._state.air.dumping = RUNNING, False
         return True
 
-    def _advance(self, dt: float, commands: list[float], leaks: list[float],
-                 stuck: dict[int, float]) -> None:
-        before, force_before = self._motion[0], self._force
-        moved = self.load.drift(self._motion, dt, self.length)
-        volume = self._volume_at(moved[0])
-        if self.e_stopped:
-            commands = [-1.0] * len(commands)
-        if stuck:
-            commands = [stuck.get(i, command) for i, command in enumerate(commands)]
-        self._circuit.advance(dt, commands, self._volume, volume, leaks)
-        self._volume = volume
-        gauge = self._gauge()
-        self._motion, self._force, self._memory = self._accelerate(moved, dt, np.array(gauge))
-        self.work += (0.5 * (force_before + self._force) * (self._motion[0] - before)
-                      * self.length)
-        if not self.e_stopped and max(gauge) > self.config.trip_pressure:
-            unit = gauge.index(max(gauge))
-            self.e_stop(f'{self.bundle.motor_units[unit].name} at {max(gauge) / 1e3:.0f} kPa, '
-                        f'above the trip of {self.config.trip_pressure / 1e3:.0f} kPa')
+    def _true(self) -> list[float]:
+        """Return the true value of every channel."""
+        true = [0.0] * (self.bundle.n + PRESSURE)
+        true_channels(self.parts.rig, self._state, true)
+        return true
 
-    def _accelerate(self, moved: Motion, dt: float, gauge: np.ndarray,
-                    ) -> tuple[Motion, float, Any]:
-        """
-        Return motion, force and memory after the force has acted for ``dt``.
+    def _read(self) -> None:
+        parts, broken = self.parts, self._broken
+        read_sensors(parts.sensors, parts.shown, self._true(), self._state.time, broken.lost,
+                     broken.noise_factor, *self.draws.row())
+        self._readings = self._as_readings(parts.shown.shown, parts.shown.strain_rate)
 
-        Solves rate = kick(force(rate)): one evaluation where the force knows no rate, else
-        secants on the gap between the two, which falls with the rate for any force that
-        dissipates; between a sign change they are those of the Illinois rule. The slope of the
-        step before gives the first one.
-        """
-        def attempt(rate):
-            forces, memory = self.bundle.step(self._memory, dt, moved[0], gauge, rate)
-            force = float(np.add.reduce(forces))
-            motion = self.load.kick(moved, dt, force, self.length)
-            return motion[1] - rate, (motion, force, memory)
-
-        low = moved[1]
-        gap_low, result = attempt(low)
-        if not self._rate_matters or abs(gap_low) <= _RATE_TOLERANCE:
-            return result
-        high = low - gap_low / self._gap_slope
-        gap_high, result = attempt(high)
-        for _ in range(30):
-            if abs(gap_high) <= _RATE_TOLERANCE:
-                break
-            self._gap_slope = min((gap_high - gap_low) / (high - low), -1.0)
-            rate = high - gap_high / self._gap_slope
-            gap, result = attempt(rate)
-            if gap * gap_high < 0.0:
-                low, gap_low = high, gap_high
-            elif gap_low * gap_high < 0.0:
-                gap_low *= 0.5
-            else:
-                low, gap_low = high, gap_high
-            high, gap_high = rate, gap
-        return result
-
-    def _gauge(self) -> list[float]:
-        """Return gauge pressures as the muscles feel them: none is sucked below ambient."""
-        ambient = self.config.ambient_pressure
-        return [max(p - ambient, 0.0) for p in self._circuit.pressure]
-
-    def _shown(self) -> Readings:
-        """Return the truth with the sensor effects of the model file in it."""
-        truth = self.truth
-        if not self.bundle.sensors:
-            return truth
-        force, strain, pressure = self.bundle.readings(
-            truth.force, truth.strain, truth.pressure)
-        return replace(truth, force=float(force), strain=float(strain),
-                       contraction=float(strain) * self.length, pressure=pressure)
-
-    def _read(self) -> Readings:
-        return self._sensors.read(self._shown(), self.length, self.faults)
+    def _as_readings(self, channels, strain_rate) -> Readings:
+        return Readings(self._state.time, channels[FORCE], channels[STRAIN],
+                        channels[STRAIN] * self.length, strain_rate,
+                        np.array(channels[PRESSURE:]), channels[SUPPLY])
 
     def _checked(self, commands: Sequence[float]) -> list[float]:
         values = [float(c) for c in commands]
@@ -344,41 +358,42 @@ class Rig:
         for i, value in enumerate(values):
             if not math.isfinite(value):
                 raise InputError(f'valve command {i + 1} is {value}; expected -1 to 1')
-        return [min(max(value, -1.0), 1.0) for value in values]
+        return values
 
-    def _apply_faults(self) -> tuple[list[float], dict[int, float]]:
-        """Return leak rates per chamber and positions of stuck valves."""
-        for unit in (*self.faults.leak, *self.faults.stuck_valve):
-            if not 0 <= unit < self.bundle.n:
-                raise InputError(f'fault of motor unit {unit}; there are 0 to '
-                                 f'{self.bundle.n - 1}')
-        leaks = [self._leak_rate] * self.bundle.n
-        for unit, time_constant in self.faults.leak.items():
-            leaks[unit] += 1.0 / time_constant
-        stuck = {}
-        for unit, position in self.faults.stuck_valve.items():
-            if position is None:
-                position = self.faults.stuck_valve[unit] = self._circuit.spool[unit]
-            stuck[unit] = position
-        return leaks, stuck
 
-    def _tabulate_volumes(self) -> list[list[float]]:
-        """Return gas volumes with tubing on an even grid of strains: quicker than the formula."""
-        grid = np.linspace(*_STRAIN_RANGE, _STRAIN_INTERVALS + 1)
-        volume = np.asarray(self.bundle.gas_volume(grid), dtype=float)
-        return (np.maximum(volume, 0.0) + self.config.chamber.tube_volume).tolist()
+def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
+    """
+    Return faults as kernels take them; ``leak`` (1/s) is that of every chamber without a fault.
 
-    def _volume_at(self, strain: float) -> list[float]:
-        low, high = _STRAIN_RANGE
-        place = (strain - low) / (high - low) * _STRAIN_INTERVALS
-        k = min(max(int(place), 0), _STRAIN_INTERVALS - 1)
-        share = min(max(place - k, 0.0), 1.0)
-        return [a + share * (b - a)
-                for a, b in zip(self._volumes[k], self._volumes[k + 1], strict=True)]
+    Raises
+    ------
+    InputError
+        When a fault names a motor unit or a channel that is not there.
+    """
+    for unit in (*faults.leak, *faults.stuck_valve):
+        if not 0 <= unit < units:
+            raise InputError(f'fault of motor unit {unit}; there are 0 to {units - 1}')
+    record = FaultRecord([leak] * units, [math.nan] * units, lost_channels(faults, units),
+                         float(faults.noise_factor))
+    for unit, time_constant in faults.leak.items():
+        record.leak[unit] += 1.0 / time_constant
+    for unit, position in faults.stuck_valve.items():
+        record.stuck[unit] = math.inf if position is None else float(position)
+    return record
 
-    def _depends_on_rate(self) -> bool:
-        """Return whether the bundle's force changes with the strain rate."""
-        pressure = 0.5 * np.asarray(self.bundle.max_pressure, dtype=float)
-        slow, fast = (self.bundle.step(self.bundle.start_state(), self.config.step, 0.1,
-                                       pressure, rate)[0] for rate in (-0.05, 0.05))
-        return not np.array_equal(slow, fast)
+
+def changed_load(load: Load, changes: dict[str, float]) -> Load:
+    """Return a load with other values; InputError when it has none of that name."""
+    try:
+        return replace(load, **changes)  # type: ignore[type-var]
+    except TypeError as error:
+        raise InputError(f'{type(load).__name__} cannot change '
+                         f"{', '.join(changes)}") from error
+
+
+def stop_text(state: Any, plant: Any, config: RigConfig, e_stop_reason: str) -> str:
+    """Return in words why a rig is stopped; empty while it runs."""
+    if state.reason == OVER_PRESSURE:
+        return (f'{plant.names[state.tripped_unit]} at {state.tripped_pressure / 1e3:.0f} kPa, '
+                f'above the trip of {config.trip_pressure / 1e3:.0f} kPa')
+    return e_stop_reason if state.reason == E_STOP else ''

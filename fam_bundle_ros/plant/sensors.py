@@ -1,16 +1,26 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the instruments of the rig show: noise, bias, quantisation, dropout, a filtered rate."""
+"""
+What the instruments of the rig show: noise, bias, quantisation, dropout, a filtered rate.
+
+Channels are, in this order: force, strain, supply, and the pressure of each motor unit.
+"""
 
 from dataclasses import dataclass, field
+from functools import cache
 import math
+from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant.checks import require
 
+#: Channels before the pressures of the motor units, and the index of each.
+FORCE, STRAIN, SUPPLY, PRESSURE = range(4)
 _BLOCK = 1024
+#: Added and taken off again, it rounds a float to a whole number (half to even, as `round`).
+_ROUNDER = 1.5 * 2.0 ** 52
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,100 +115,152 @@ class SensorFaults:
     noise_factor: float = 1.0
 
 
-class Sensors:
-    """
-    The instruments of one rig, with their random numbers.
+@dataclass
+class SensorRecord:
+    """Constants of the instruments as kernels read them; one value a channel in the lists."""
 
-    Every sample takes one row of random numbers whatever is switched on, so that a fault or
-    another noise level never changes the noise of the other channels.
+    #: Effects of the plant's own model on its gauges: shown = gain x true + offset.
+    gain: list[float]
+    offset: list[float]
+    #: Of the instruments (`SensorConfig`).
+    bias: list[float]
+    noise: list[float]
+    resolution: list[float]
+    rate_cutoff: float
+    dropout: float
+    hold: bool
+
+    @classmethod
+    def of(cls, config: SensorConfig, gain: list[float], offset: list[float]) -> 'SensorRecord':
+        """Return the constants; ``gain`` and ``offset`` have a value for each channel."""
+        c, pressures = config, len(gain) - 2
+        return cls(list(map(float, gain)), list(map(float, offset)),
+                   [c.force_bias, c.strain_bias] + [c.pressure_bias] * pressures,
+                   [c.force_noise, c.strain_noise] + [c.pressure_noise] * pressures,
+                   [c.force_resolution, c.strain_resolution]
+                   + [c.pressure_resolution] * pressures,
+                   c.rate_cutoff, c.dropout, c.on_dropout == 'hold')
+
+
+@dataclass
+class SensorState:
+    """What the instruments showed last."""
+
+    shown: list[float]
+    #: 1/s, nan without a strain reading.
+    strain_rate: float
+    #: State of the rate's filter, 1/s; the strain reading before and when it was.
+    filtered: float
+    last_strain: float
+    last_time: float
+    #: N, taken off the force reading.
+    tare: float
+
+    @classmethod
+    def fresh(cls, channels: int) -> 'SensorState':
+        """Return instruments that have shown nothing yet."""
+        return cls([math.nan] * channels, math.nan, 0.0, math.nan, math.nan, 0.0)
+
+
+def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,
+                 noise_factor: float, normal: Any, chance: Any) -> None:
+    """
+    Take one sample of all instruments; ``state`` holds what they show.
 
     Parameters
     ----------
-    config : SensorConfig
-    units : int
+    config : SensorRecord
+    state : SensorState
+    true : vector (c,)
+        True values of the channels.
+    time : float, s
+    lost : vector (c,) of int
+        1 for a channel that has dropped out, else 0.
+    noise_factor : float
+    normal, chance : vector (c,)
+        Random numbers of this sample: standard normal, and uniform in 0..1. A sample takes them
+        whatever is switched on, so that a fault never changes the noise of another channel.
+    """
+    for i in range(len(true)):
+        if lost[i] != 0 or chance[i] < config.dropout:
+            if not config.hold:
+                state.shown[i] = math.nan
+            continue
+        value = true[i]
+        if i == FORCE:
+            value = config.gain[i] * value + config.offset[i] - state.tare
+        else:
+            value = config.gain[i] * value + config.offset[i]
+        value += config.bias[i] + noise_factor * config.noise[i] * normal[i]
+        step = config.resolution[i]
+        if step > 0.0:
+            value = step * ((value / step + _ROUNDER) - _ROUNDER)
+        state.shown[i] = value
+    filter_rate(config, state, time)
+
+
+def filter_rate(config: Any, state: Any, time: float) -> None:
+    """Differentiate the strain reading and low-pass it; afresh after a reading that was lost."""
+    strain, before, at = state.shown[STRAIN], state.last_strain, state.last_time
+    state.last_strain, state.last_time = strain, time
+    if math.isnan(strain):
+        state.strain_rate = math.nan
+        return
+    if math.isnan(before):
+        state.filtered = 0.0
+    elif time > at:
+        gain = -math.expm1(-2.0 * math.pi * config.rate_cutoff * (time - at))
+        state.filtered += gain * ((strain - before) / (time - at) - state.filtered)
+    state.strain_rate = state.filtered
+
+
+class Draws:
+    """
+    The random numbers of a rig's instruments, one row for each sample.
+
+    Parameters
+    ----------
     seed : int
+    channels : int
     """
 
-    def __init__(self, config: SensorConfig, units: int, seed: int):
-        self.config = config
-        self.channels = ('force', 'strain', 'supply',
-                         *(f'mu{i + 1}/pressure' for i in range(units)))
-        self._seed = seed
-        c = config
-        self._noise = [c.force_noise, c.strain_noise] + [c.pressure_noise] * (units + 1)
-        self._bias = [c.force_bias, c.strain_bias] + [c.pressure_bias] * (units + 1)
-        self._resolution = ([c.force_resolution, c.strain_resolution]
-                            + [c.pressure_resolution] * (units + 1))
-        self.reset()
-
-    def reset(self) -> None:
-        """Start the random numbers and the rate filter afresh; the tare is undone."""
-        streams = np.random.SeedSequence(self._seed).spawn(2)
+    def __init__(self, seed: int, channels: int):
+        streams = np.random.SeedSequence(seed).spawn(2)
         self._normal = np.random.default_rng(streams[0])
         self._uniform = np.random.default_rng(streams[1])
-        self._rows: list[list[float]] = []
-        self._losses: list[list[float]] = []
-        self._row = 0
-        self._shown = [math.nan] * len(self.channels)
-        self._last = (math.nan, math.nan)
-        self._rate = 0.0
-        #: N, taken off the force reading.
-        self.tare = 0.0
+        self._channels = channels
+        self._rows: list[tuple[list[float], list[float]]] = []
 
-    def read(self, truth: Readings, length: float, faults: SensorFaults) -> Readings:
-        """
-        Return what the instruments show of ``truth``.
+    def rows(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the next ``count`` rows of normal and of uniform numbers, (count, channels)."""
+        shape = (count, self._channels)
+        return self._normal.standard_normal(shape), self._uniform.random(shape)
 
-        Parameters
-        ----------
-        truth : Readings
-        length : float, m
-            Rest length of the bundle.
-        faults : SensorFaults
+    def row(self) -> tuple[list[float], list[float]]:
+        """Return the next row of each as lists."""
+        if not self._rows:
+            normal, uniform = self.rows(_BLOCK)
+            self._rows = list(zip(normal[::-1].tolist(), uniform[::-1].tolist()))
+        return self._rows.pop()
 
-        Raises
-        ------
-        InputError
-            When a fault names a channel that is not there.
-        """
-        config = self.config
-        self._check(faults)
-        if self._row == len(self._rows):
-            width = len(self.channels)
-            self._rows = self._normal.standard_normal((_BLOCK, width)).tolist()
-            self._losses = self._uniform.random((_BLOCK, width)).tolist()
-            self._row = 0
-        normal, loss = self._rows[self._row], self._losses[self._row]
-        self._row += 1
-        true = [truth.force - self.tare, truth.strain, truth.supply, *truth.pressure.tolist()]
-        shown = []
-        for i, value in enumerate(true):
-            if loss[i] < config.dropout or self.channels[i] in faults.dropout:
-                shown.append(self._shown[i] if config.on_dropout == 'hold' else math.nan)
-                continue
-            value += self._bias[i] + faults.noise_factor * self._noise[i] * normal[i]
-            step = self._resolution[i]
-            shown.append(step * round(value / step) if step else value)
-        self._shown = shown
-        rate = self._filter(truth.time, shown[1])
-        return Readings(truth.time, shown[0], shown[1], shown[1] * length, rate,
-                        np.array(shown[3:]), shown[2])
 
-    def _filter(self, time: float, strain: float) -> float:
-        """Differentiate the reading and low-pass it; afresh after a reading that was lost."""
-        before, at = self._last
-        self._last = (strain, time)
-        if math.isnan(strain):
-            return math.nan
-        if math.isnan(before):
-            self._rate = 0.0
-        elif time > at:
-            gain = -math.expm1(-2.0 * math.pi * self.config.rate_cutoff * (time - at))
-            self._rate += gain * ((strain - before) / (time - at) - self._rate)
-        return self._rate
+@cache
+def channel_names(units: int) -> tuple[str, ...]:
+    """Return the names of the channels, as `SensorFaults.dropout` takes them."""
+    return ('force', 'strain', 'supply', *(f'mu{i + 1}/pressure' for i in range(units)))
 
-    def _check(self, faults: SensorFaults) -> None:
-        for channel in faults.dropout:
-            if channel not in self.channels:
-                raise InputError(f"no sensor channel '{channel}'; there are "
-                                 f"{', '.join(self.channels)}")
+
+def lost_channels(faults: SensorFaults, units: int) -> list[int]:
+    """
+    Return 1 for each channel that has dropped out, else 0.
+
+    Raises
+    ------
+    InputError
+        When a fault names a channel that is not there.
+    """
+    names = channel_names(units)
+    for channel in faults.dropout:
+        if channel not in names:
+            raise InputError(f"no sensor channel '{channel}'; there are {', '.join(names)}")
+    return [int(name in faults.dropout) for name in names]

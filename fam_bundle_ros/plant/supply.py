@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.pneumatics import ATMOSPHERE
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE, RT
 from fam_bundle_ros.plant.checks import require
-from fam_bundle_ros.plant.pneumatics import RT
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,13 @@ import pytest
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, pressure_rate, ValveFlow
+from fam_bundle_ros.model.pneumatics import (
+    ATMOSPHERE,
+    flow_for,
+    mass_flow,
+    pressure_rate,
+    ValveFlow,
+)
 
 CONFIG = PidConfig(flow_lag=1.5e-3)
 
@@ -169,6 +175,65 @@ def test_switching_on_goes_on_from_the_command_that_was_there():
         pid = PressurePid(config=CONFIG)
         pid.reset(command)
         assert pid.update(200e3, 200e3, 1e-3, supply=500e3) == pytest.approx(command, abs=0.02)
+
+
+def test_a_command_that_was_taken_over_fades():
+    """A tenth of a second after reset(u), at the setpoint, the valve is shut."""
+    pid = PressurePid(config=CONFIG)
+    pid.reset(0.3)
+    commands = [pid.update(200e3, 200e3, 1e-3, supply=500e3) for _ in range(200)]
+    assert commands[-1] == 0.0
+
+
+def test_large_errors_act_at_once_and_small_ones_filtered():
+    """The wanted rate is p times the error beyond the band, unfiltered where that is large."""
+    config = PidConfig(feed_forward=False, quiet_error=100.0, filter_time=0.1)
+    for jump, share in ((-40e3, 1.0), (-300.0, 0.0)):
+        pid = PressurePid(PidGains(20.0, 0.0, 0.0), config)
+        for pressure in (100e3, 100e3 + jump):
+            pid.update(100e3, pressure, 1e-3)
+        expected = share * 20.0 * (abs(jump) - 100.0)
+        assert pid.diagnostics.wanted_rate == pytest.approx(expected)
+
+
+def test_feedback_waits_for_what_is_on_its_way():
+    """A chamber that follows a ramp behind lag and half a sample leaves little to feedback."""
+    pid, rate, dt = PressurePid(config=PidConfig(flow_lag=4e-3)), 400e3, 2e-3
+    pressure = 0.0
+    for k in range(200):
+        pid.update(rate * k * dt, pressure, dt)
+        pressure = max(pid.diagnostics.followed_setpoint - rate * (4e-3 + 0.5 * dt), 0.0)
+    assert pid.diagnostics.wanted_rate == pytest.approx(rate, rel=0.1)
+
+
+def test_what_was_learnt_on_the_move_fades_at_rest(chamber):
+    """After a leak has been mended, the integral is gone in half a second of rest."""
+    loop = chamber(leak=1.0)
+    loop.run(250e3, 1.5)
+    learnt = loop.pid.diagnostics.integral
+    for _ in range(500):
+        loop.pid.update(250e3, 250e3, 1e-3, 500e3, 20e-6)
+    assert abs(loop.pid.diagnostics.integral) < 0.05 * abs(learnt)
+
+
+def test_a_moving_muscle_is_given_the_air_that_it_takes():
+    """At the setpoint, the flow into a growing volume is p dV/dt/(R T)."""
+    pid = PressurePid(config=CONFIG)
+    for _ in range(3):
+        command = pid.update(200e3, 200e3, 2e-3, 500e3, 20e-6, 2e-5)
+    valve, absolute = CONFIG.valve, 200e3 + ATMOSPHERE
+    flow = valve.flow(valve.opening(command), absolute, 500e3 + ATMOSPHERE)
+    assert flow == pytest.approx(flow_for(absolute, 20e-6, 2e-5, 0.0), rel=1e-6)
+    assert flow > 0.0
+
+
+def test_followed_setpoint_does_not_ring_at_low_rates():
+    """At 20 ms per sample the followed setpoint approaches from one side."""
+    pid = PressurePid(config=CONFIG)
+    pid.update(100e3, 100e3, 0.02)
+    for _ in range(20):
+        pid.update(104e3, 100e3, 0.02)
+        assert pid.diagnostics.followed_setpoint <= 104e3
 
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf])

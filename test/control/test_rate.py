@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fam_bundle_ros.control.rate import QuietRate
+from fam_bundle_ros.control.rate import noise_of, quiet_rate, RateState
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
@@ -18,8 +18,8 @@ DT = 4e-3
 def test_noise_at_rest_is_no_motion(noise):
     """Whatever the size of the noise, a standing muscle counts as standing."""
     readings = np.random.default_rng(1).normal(0.0, noise, 2500)
-    sense = QuietRate()
-    believed = np.array([sense.update(DT, float(r)) for r in readings])
+    state = RateState()
+    believed = np.array([quiet_rate(state, float(r), DT) for r in readings])
     assert np.mean(believed[125:] != 0.0) < 0.01
     assert abs(believed).max() < noise
 
@@ -29,8 +29,8 @@ def test_sign_changes_once_per_reversal():
     random = np.random.default_rng(2)
     time = DT * np.arange(2500)
     true = 0.1 * np.cos(0.8 * np.pi * time)
-    sense = QuietRate()
-    believed = np.array([sense.update(DT, float(r))
+    state = RateState()
+    believed = np.array([quiet_rate(state, float(r), DT)
                          for r in true + random.normal(0.0, 6e-3, time.size)])
     signs = np.sign(believed)[125:]
     turned = np.flatnonzero(np.diff(signs[signs != 0.0]))
@@ -42,9 +42,49 @@ def test_sign_changes_once_per_reversal():
 
 def test_a_rate_without_noise_passes():
     """Clean readings pass with no more than the lag of the filter."""
-    sense = QuietRate()
-    believed = [sense.update(DT, 0.05 * math.sin(DT * k)) for k in range(1000)]
+    state = RateState()
+    believed = [quiet_rate(state, 0.05 * math.sin(DT * k), DT) for k in range(1000)]
     assert believed[-1] == pytest.approx(0.05 * math.sin(DT * 999 - 0.01), abs=1e-3)
+
+
+def believed(true, noise, dt=DT, seed=5):
+    """Return what is believed of true rates with noise, and the memory."""
+    random, state = np.random.default_rng(seed), RateState()
+    return np.array([quiet_rate(state, float(rate + random.normal(0.0, noise)), dt)
+                     for rate in true]), state
+
+
+def test_slow_motion_is_found_by_the_patient_filter():
+    """A rate that is not much above the noise, too small for the quick filter, is believed."""
+    seen, state = believed(np.full(2500, 8e-3), 6e-3)
+    assert 2.0 * 2.5 * noise_of(state) > 8e-3
+    assert np.all(seen[250:] > 0.0)
+
+
+def test_motions_that_begin_and_end_are_not_learnt_as_noise():
+    """A start or a stop each second leaves the noise that is found within a factor of 1.5."""
+    true = np.where(np.arange(5000) // 250 % 2, 0.4, 0.0)
+    _, state = believed(true, 6e-3)
+    _, calm = believed(np.zeros(5000), 6e-3)
+    assert noise_of(state) < 1.5 * noise_of(calm)
+
+
+def test_the_end_of_a_motion_is_seen_soon():
+    """0.1 s after a stop next to nothing of the motion is believed any more."""
+    seen, _ = believed(np.where(np.arange(3000) < 2500, 0.2, 0.0), 6e-3)
+    assert abs(seen[2525:]).max() < 0.02 * 0.2
+
+
+def test_nothing_is_believed_before_the_noise_is_known():
+    """The first reading says nothing, however large."""
+    assert believed([0.5], 0.0)[0][0] == 0.0
+
+
+def test_fast_sampling_leaves_the_rate_as_it_is():
+    """At 10 kHz a motion is believed as at 250 Hz."""
+    seen, state = believed(np.full(10000, 0.1), 6e-3, dt=1e-4)
+    assert np.mean(seen[-3000:]) == pytest.approx(0.1, abs=2e-3)
+    assert noise_of(state) > 0.0
 
 
 def test_friction_in_the_model_costs_nothing_at_rest(paper_bundle):

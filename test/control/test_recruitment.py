@@ -17,7 +17,9 @@ from fam_bundle_ros.control import (
     Reference,
     SwitchingConfig,
 )
-from fam_bundle_ros.control.recruitment import Demand, Heading, RecruitmentMachine
+from fam_bundle_ros.control.heading import follow_heading, heading_now, heading_of
+from fam_bundle_ros.control.recruitment import RecruitmentMachine
+from fam_bundle_ros.control.switching import Demand
 from fam_bundle_ros.errors import InputError
 
 DT = 5e-3
@@ -180,12 +182,12 @@ def test_uneven_sample_times_recruit_nothing(paper_bundle, uneven):
 @settings(deadline=None)
 def test_a_ramp_shows_its_rate_whatever_the_sample_times(steps, slope, bandwidth):
     """Once the start has faded, uneven samples of a ramp give its rate and nothing else."""
-    heading = Heading(np.zeros(1))
+    heading = heading_of(1)
     for dt in [0.05] * 60 + steps:
-        heading.update(heading.value + slope * dt, dt, bandwidth)
-    rate, acceleration, _ = heading.now(bandwidth)
-    assert rate[0] == pytest.approx(slope, abs=1e-3)
-    assert acceleration[0] == pytest.approx(0.0, abs=0.1)
+        follow_heading(heading, 0, heading.value[0] + slope * dt, dt, bandwidth)
+    rate, acceleration, _ = heading_now(heading, 0, bandwidth)
+    assert rate == pytest.approx(slope, abs=1e-3)
+    assert acceleration == pytest.approx(0.0, abs=0.1)
 
 
 def test_neglect_dips_where_reversal_aware_does_not(paper_bundle):

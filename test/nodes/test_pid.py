@@ -10,7 +10,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 import yaml
 
-from fam_bundle_ros.control import tune
+from fam_bundle_ros.control import PidConfig, PidGains, PressurePid, tune
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.diagnostics import ERROR, Report, WARN
@@ -33,15 +33,22 @@ def pair(graph, quiet):
     return start
 
 
-def test_default_gains_are_those_of_tune_at_200_hz_over_topics():
-    """A reading at 200 Hz that is a period old: what the node starts with, and rig.yaml says."""
+def test_there_is_one_set_of_defaults():
+    """Class, node, rig.yaml and what tune gives by default are the same numbers."""
     pytest.importorskip('control')
-    gains = tune(sample_period=5e-3, transport_delay=5e-3).gains
+    gains, config = PidGains(), PidConfig()
+    known = {**{f'gains.{name}': value for name, value in vars(gains).items()},
+             'quiet_error': config.quiet_error, 'flow_lag': config.flow_lag,
+             'supply.pressure': config.supply, 'volume': config.volume,
+             'valve.conductance': config.valve.conductance,
+             'valve.dead_band': config.valve.dead_band}
     defaults = {spec.name: spec.default for spec in SPECS}
     rig = yaml.safe_load(config_path('rig.yaml').read_text())['/**']['ros__parameters']
     for values in (defaults, rig):
-        assert values['gains.p'] == pytest.approx(gains.p, rel=0.01)
-        assert values['gains.i'] == pytest.approx(gains.i, rel=0.01)
+        assert {name: values[name] for name in known} == known
+    assert PressurePid().gains == gains
+    tuned = tune().gains
+    assert (gains.p, gains.i, gains.d) == pytest.approx((tuned.p, tuned.i, tuned.d), rel=2e-3)
 
 
 def test_pressure_reaches_the_setpoint(graph, pair):
@@ -100,7 +107,7 @@ def test_nan_shuts_the_valve_then_vents(graph, pair):
 def test_frozen_sensor_is_found_and_vented(graph, pair):
     """A reading that stands still while the valve is open is not believed."""
     rig, pids = pair(sensors__pressure_noise=350.0, trip_pressure=1e6)
-    graph.answer_pressures(2, lambda unit, t: 100e3 if t < 0.4 else 90e3)
+    graph.answer_pressures(2, lambda unit, t: 100e3 if t < 0.4 else 60e3)
     graph.advance(rig, 0.35)
     graph.set('plant_simulator', faults__frozen='mu1/pressure')
     graph.advance(rig, lambda: pids[0]._state == 'SENSOR', 'the watch')
@@ -275,6 +282,38 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
     assert (node._state, commands[-1]) == (state, -1.0)
     if event == 'stamp':
         assert 0.0 in commands
+
+
+def test_strain_and_supply_expire(graph):
+    """Readings that stop coming are replaced by the parameters, and diagnostics say so."""
+    node = PressurePidNode(1, context=graph.context, overrides={
+        'auxiliary_timeout': 0.05, 'volume': 30e-6, 'supply.pressure': 450e3})
+    graph.add(node)
+    given = []
+    node.pid.update = lambda *values: given.append(values) or 0.0
+    stamp = graph.probe.now_ns()
+    node._on_setpoint(interface.pressure_message(stamp, 100e3, 101325.0))
+
+    def regulate(k):
+        node._on_pressure(interface.pressure_message(stamp + k * 5_000_000, 90e3 + k, 101325.0))
+        return given[-1]
+    regulate(0)
+    assert given[-1][3:] == (None, None, 0.0)
+    assert 'any more' not in reported(node)[1]
+    node._on_supply(interface.pressure_message(stamp, 600e3, 101325.0))
+    node._on_strain(interface.strain_message(stamp, 0.1, 0.02, 0.127))
+    _, _, _, supply, volume, flow = regulate(1)
+    assert supply == pytest.approx(600e3)
+    assert 5e-6 < volume < 40e-6
+    assert flow != 0.0
+    assert 'any more' not in reported(node)[1]
+    time.sleep(0.06)
+    assert regulate(2)[3:] == (None, None, 0.0)
+    level, text = reported(node)
+    assert level == WARN
+    assert 'no strain any more: the parameter volume, 3e-05, takes its place' in text
+    assert 'no supply any more: the parameter supply.pressure, 450000, takes its place' in text
+    assert node.pid.config.volume == 30e-6
 
 
 def test_motor_unit_that_is_not_there_fails(ros_context):

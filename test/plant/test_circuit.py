@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.pneumatics import RT
 from fam_bundle_ros.plant import (
     air_energy,
     available_energy,
@@ -15,23 +16,34 @@ from fam_bundle_ros.plant import (
     SupplyConfig,
     ValveConfig,
 )
-from fam_bundle_ros.plant.circuit import Circuit
-from fam_bundle_ros.plant.pneumatics import RT
+from fam_bundle_ros.plant.circuit import Air, AirConfig, circuit_step
 
 AMBIENT = 101325.0
 V = [14e-6, 30e-6]
 CALM = [0.0, 0.0]
 
 
-def circuit(valve=None, chamber=None, supply=None, droop=0.0):
-    """Return a circuit of two motor units at rest."""
-    return Circuit(2, valve or ValveConfig(), chamber or ChamberConfig(),
-                   supply or SupplyConfig(), AMBIENT, droop)
+class Circuit:
+    """A circuit of two motor units at rest."""
 
+    def __init__(self, valve=None, chamber=None, supply=None, droop=0.0, volume=V):
+        self.config = AirConfig.of(valve or ValveConfig(), chamber or ChamberConfig(),
+                                   supply or SupplyConfig(), AMBIENT, droop)
+        self.air = Air.at_rest(self.config, volume)
 
-def gauge(c):
-    """Return the chambers' gauge pressures, Pa."""
-    return np.array(c.pressure) - AMBIENT
+    def advance(self, dt, commands, volume=V, leaks=CALM):
+        """Advance by dt while the volumes go to ``volume``."""
+        circuit_step(self.config, self.air, commands, volume, leaks, dt)
+
+    def run(self, commands, seconds, volume=V, leaks=CALM, dt=1e-3):
+        """Advance with everything held."""
+        for _ in range(round(seconds / dt)):
+            self.advance(dt, commands, volume, leaks)
+
+    @property
+    def gauge(self):
+        """The chambers' gauge pressures, Pa."""
+        return np.array(self.air.pressure) - AMBIENT
 
 
 def ample(**values):
@@ -39,23 +51,17 @@ def ample(**values):
     return SupplyConfig(volume=1.0, flow_limit=1.0, **values)
 
 
-def run(c, commands, seconds, volume=V, leaks=CALM, dt=1e-3):
-    """Advance with everything held."""
-    for _ in range(round(seconds / dt)):
-        c.advance(dt, commands, volume, volume, leaks)
-
-
 def test_open_valve_fills_in_the_least_time():
     """The circuit with a quick spool reaches 300 kPa when the closed form says so."""
-    c = circuit(valve=ValveConfig(bandwidth=1e5), supply=ample())
-    run(c, [1.0, 1.0], 1e-4, dt=1e-5)
-    already = c.pressure[0] - AMBIENT
+    c = Circuit(valve=ValveConfig(bandwidth=1e5), supply=ample())
+    c.run([1.0, 1.0], 1e-4, dt=1e-5)
+    already = c.air.pressure[0] - AMBIENT
     time, dt = 0.0, 1e-4
-    while c.pressure[0] - AMBIENT < 300e3:
-        before = c.pressure[0] - AMBIENT
-        c.advance(dt, [1.0, 1.0], V, V, CALM)
+    while c.air.pressure[0] - AMBIENT < 300e3:
+        before = c.air.pressure[0] - AMBIENT
+        c.advance(dt, [1.0, 1.0])
         time += dt
-    time -= dt * (c.pressure[0] - AMBIENT - 300e3) / (c.pressure[0] - AMBIENT - before)
+    time -= dt * (c.air.pressure[0] - AMBIENT - 300e3) / (c.air.pressure[0] - AMBIENT - before)
     assert time == pytest.approx(fastest_rise(already, 300e3, V[0], 500e3), rel=2e-3)
 
 
@@ -65,110 +71,110 @@ def _wander(c, exponent, moving):
     leaks = [0.2, 0.0]
 
     def content(volume):
-        return (sum(p * v for p, v in zip(c.pressure, volume, strict=True)) / (exponent * RT)
-                + c.manifold * c.supply.volume / RT)
+        return (sum(p * v for p, v in zip(c.air.pressure, volume, strict=True)) / (exponent * RT)
+                + c.air.manifold * c.config.supply.volume / RT)
 
     volume = list(V)
     start = content(volume)
     worst = 0.0
     for k in range(400):
-        c.dumping = 300 < k < 320
+        c.air.dumping = 300 < k < 320
         commands = rng.uniform(-1.0, 1.0, 2).tolist()
         after = [v * rng.uniform(0.97, 1.03) for v in volume] if moving else volume
         for _ in range(5):
             step = [v + (w - v) / 5.0 for v, w in zip(volume, after, strict=True)]
-            c.advance(1e-3, commands, volume, step, leaks)
+            c.advance(1e-3, commands, step, leaks)
             volume = step
-        b = c.balance
+        b = c.air.balance
         change = b.drawn - b.exhausted - b.leaked - b.dumped
         worst = max(worst, abs(content(volume) - start - change))
-    assert c.balance.drawn > 1e-3
-    assert c.balance.leaked > 0.0
-    assert c.balance.dumped > 0.0
+    assert c.air.balance.drawn > 1e-3
+    assert c.air.balance.leaked > 0.0
+    assert c.air.balance.dumped > 0.0
     return worst
 
 
 def test_no_air_is_lost_or_made_in_isothermal_chambers_of_changing_volume():
     """Supply = chambers + manifold + exhaust + leaks + dump, while p V = m R T holds."""
     isothermal = ChamberConfig(inflow_exponent=1.0, outflow_exponent=1.0, volume_exponent=1.0)
-    c = circuit(chamber=isothermal)
-    assert _wander(c, 1.0, moving=True) < 1e-5 * c.balance.drawn
+    c = Circuit(chamber=isothermal)
+    assert _wander(c, 1.0, moving=True) < 1e-5 * c.air.balance.drawn
 
 
 def test_no_air_is_lost_or_made_in_polytropic_chambers_of_constant_volume():
     """With the exponent 1.2 a chamber holds p V/(1.2 R T) of the air that went in."""
-    c = circuit()
-    assert _wander(c, 1.2, moving=False) < 1e-9 * c.balance.drawn
+    c = Circuit()
+    assert _wander(c, 1.2, moving=False) < 1e-9 * c.air.balance.drawn
 
 
 def test_pressure_never_exceeds_the_supply():
     """Whatever the valves do at constant volume, a chamber stays between ambient and supply."""
-    c = circuit(chamber=ChamberConfig(relief_pressure=900e3))
+    c = Circuit(chamber=ChamberConfig(relief_pressure=900e3))
     rng = np.random.default_rng(5)
     for k in range(300):
         commands = [1.0, 1.0] if k < 50 else rng.uniform(-1.0, 1.0, 2).tolist()
-        run(c, commands, 5e-3)
-        assert np.all(gauge(c) <= 500e3 + 1e-3)
-        assert np.all(gauge(c) >= -1e-3)
-    assert c.manifold - AMBIENT <= 500e3 + 1e-3
+        c.run(commands, 5e-3)
+        assert np.all(c.gauge <= 500e3 + 1e-3)
+        assert np.all(c.gauge >= -1e-3)
+    assert c.air.manifold - AMBIENT <= 500e3 + 1e-3
 
 
 def test_closed_chamber_is_compressed_along_the_polytrope():
     """With the valve closed p V^1.2 stays as it is."""
-    c = circuit()
-    c.pressure = [3e5, 3e5]
+    c = Circuit()
+    c.air.pressure = [3e5, 3e5]
     v = list(V)
     for _ in range(100):
         w = [x * 0.9955 for x in v]
-        c.advance(1e-3, CALM, v, w, CALM)
+        c.advance(1e-3, CALM, w)
         v = w
     expected = 3e5 * (V[0] / v[0]) ** 1.2
-    assert c.pressure[0] == pytest.approx(expected, rel=1e-7)
+    assert c.air.pressure[0] == pytest.approx(expected, rel=1e-7)
 
 
 def test_leak_lets_gauge_pressure_decay_exponentially():
     """A closed chamber of constant volume loses gauge pressure as exp(-t/tau)."""
-    c = circuit()
-    c.pressure = [4e5, 4e5]
-    run(c, CALM, 2.0, leaks=[1.0 / 4.0, 0.0])
-    assert gauge(c)[0] == pytest.approx((4e5 - AMBIENT) * np.exp(-0.5), rel=1e-9)
-    assert c.pressure[1] == 4e5
+    c = Circuit()
+    c.air.pressure = [4e5, 4e5]
+    c.run(CALM, 2.0, leaks=[1.0 / 4.0, 0.0])
+    assert c.gauge[0] == pytest.approx((4e5 - AMBIENT) * np.exp(-0.5), rel=1e-9)
+    assert c.air.pressure[1] == 4e5
 
 
 def test_steady_flow_lowers_the_manifold_by_resistance_times_flow():
     """In steady flow the manifold hangs back by the regulator's and the effect's resistance."""
     droop = 2e7
-    c = circuit(supply=SupplyConfig(resistance=1e6, flow_limit=1.0), droop=droop,
+    c = Circuit(supply=SupplyConfig(resistance=1e6, flow_limit=1.0), droop=droop,
                 chamber=ChamberConfig(relief_pressure=20e3))
-    run(c, [0.3, 0.0], 1.0)
-    drawn = c.balance.drawn
-    run(c, [0.3, 0.0], 0.1)
-    flow = (c.balance.drawn - drawn) / 0.1
+    c.run([0.3, 0.0], 1.0)
+    drawn = c.air.balance.drawn
+    c.run([0.3, 0.0], 0.1)
+    flow = (c.air.balance.drawn - drawn) / 0.1
     assert flow > 1e-4
-    assert 500e3 - (c.manifold - AMBIENT) == pytest.approx((1e6 + droop) * flow, rel=1e-6)
+    assert 500e3 - (c.air.manifold - AMBIENT) == pytest.approx((1e6 + droop) * flow, rel=1e-6)
 
 
 def test_units_that_fill_together_fill_slower():
     """The manifold is shared: the first unit rises slower while the second fills too."""
-    alone, together = (circuit(droop=2e7, supply=SupplyConfig(volume=3e-5)) for _ in range(2))
-    run(alone, [1.0, 0.0], 0.01)
-    run(together, [1.0, 1.0], 0.01)
-    assert together.pressure[0] < alone.pressure[0] - 5e3
+    alone, together = (Circuit(droop=2e7, supply=SupplyConfig(volume=3e-5)) for _ in range(2))
+    alone.run([1.0, 0.0], 0.01)
+    together.run([1.0, 1.0], 0.01)
+    assert together.air.pressure[0] < alone.air.pressure[0] - 5e3
 
 
 def test_regulator_gives_no_more_than_its_limit():
     """An emptied manifold refills at the flow limit."""
-    c = circuit(supply=SupplyConfig(flow_limit=1e-3))
-    c.manifold = AMBIENT
-    run(c, CALM, 0.1)
-    assert c.balance.drawn == pytest.approx(1e-4, rel=1e-9)
+    c = Circuit(supply=SupplyConfig(flow_limit=1e-3))
+    c.air.manifold = AMBIENT
+    c.run(CALM, 0.1)
+    assert c.air.balance.drawn == pytest.approx(1e-4, rel=1e-9)
 
 
 def test_relief_valve_limits_a_chamber_on_too_high_a_supply():
     """On a supply of 700 kPa the relief valve holds a trickle near 500 kPa."""
-    c = circuit(supply=SupplyConfig(pressure=700e3))
-    run(c, [0.3, 0.0], 1.0)
-    assert 500e3 < gauge(c)[0] < 520e3
+    c = Circuit(supply=SupplyConfig(pressure=700e3))
+    c.run([0.3, 0.0], 1.0)
+    assert 500e3 < c.gauge[0] < 520e3
 
 
 def test_pressures_do_not_depend_on_the_step():
@@ -176,12 +182,12 @@ def test_pressures_do_not_depend_on_the_step():
     rng = np.random.default_rng(8)
     commands = rng.uniform(-1.0, 1.0, (60, 2)).tolist()
     small = [3e-6, 8e-6]
-    coarse, fine = circuit(), circuit()
+    coarse, fine = Circuit(volume=small), Circuit(volume=small)
     worst = 0.0
     for command in commands:
-        run(coarse, command, 0.01, volume=small, dt=1e-3)
-        run(fine, command, 0.01, volume=small, dt=5e-4)
-        worst = max(worst, np.max(np.abs(gauge(coarse) - gauge(fine))))
+        coarse.run(command, 0.01, volume=small, dt=1e-3)
+        fine.run(command, 0.01, volume=small, dt=5e-4)
+        worst = max(worst, np.max(np.abs(coarse.gauge - fine.gauge)))
     assert worst < 300.0
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring, SeriesSpringMass
-from fam_bundle_ros.plant.loads import GRAVITY
+from fam_bundle_ros.plant.loads import drift, GRAVITY, kick, LoadState
 
 LENGTH = 0.127
 WIDE = (-0.15, 0.5)
@@ -22,11 +22,27 @@ MOVING = [
 
 
 def move(load, motion, force, seconds, dt=1e-4):
-    """Let a load move under a bundle force given as a function of the strain."""
+    """
+    Let a load move under a bundle force given as a function of the strain; return its motion.
+
+    Half drift, kick by the midpoint rule, half drift, as the rig does.
+    """
+    record = load.record
     for _ in range(round(seconds / dt)):
-        motion = load.drift(motion, dt, LENGTH)
-        motion = load.kick(motion, dt, force(motion[0]), LENGTH)
+        drift(record, motion, 0.5 * dt, 0.0)
+        rate, place_rate = kick(record, motion, 0.5 * dt, force(motion.strain), LENGTH)
+        motion.acceleration = 2.0 * (rate - motion.strain_rate) / dt
+        motion.place_acceleration = 2.0 * (place_rate - motion.place_rate) / dt
+        motion.strain_rate += dt * motion.acceleration
+        motion.place_rate += dt * motion.place_acceleration
+        drift(record, motion, 0.5 * dt, 0.5 * dt)
     return motion
+
+
+def impose(load, motion, seconds, dt=1e-3):
+    """Let a dynamometer move."""
+    for _ in range(round(seconds / dt)):
+        drift(load.record, motion, dt, 0.0)
 
 
 def test_mass_on_a_spring_keeps_period_and_energy():
@@ -34,10 +50,10 @@ def test_mass_on_a_spring_keeps_period_and_energy():
     load = MassSpring(mass=4.0, stiffness_against=3e3, damping=0.0, gravity=0.0, stops=WIDE)
     period = 2.0 * math.pi * math.sqrt(4.0 / 3e3)
     dt = period / 400
-    motion = (0.1, 0.0)
+    motion = LoadState(0.1)
     for turns in (1, 499):
         motion = move(load, motion, lambda e: 0.0, turns * period, dt)
-        assert motion[0] == pytest.approx(0.1, rel=1e-3)
+        assert motion.strain == pytest.approx(0.1, rel=1e-3)
 
 
 @pytest.mark.parametrize('load', [
@@ -58,8 +74,8 @@ def test_damped_load_follows_its_differential_equation(load):
         return [v, torque / load.moment_of_inertia * load.moment_arm]
 
     exact = solve_ivp(rates, (0.0, 0.3), [0.0, 0.0], rtol=1e-9, atol=1e-12).y[:, -1]
-    motion = move(load, (0.0, 0.0), force, 0.3)
-    assert motion[0] * LENGTH == pytest.approx(exact[0], abs=2e-5)
+    motion = move(load, LoadState(0.0), force, 0.3, dt=1e-3)
+    assert motion.strain * LENGTH == pytest.approx(exact[0], abs=5e-6)
 
 
 @pytest.mark.parametrize('load', MOVING, ids=lambda load: type(load).__name__)
@@ -70,11 +86,12 @@ def test_load_rests_where_the_bundle_balances_it(load):
 
     motion = load.start(LENGTH)
     for _ in range(5000):
-        motion = load.drift(motion, 1e-3, LENGTH)
-        motion = load.kick(motion, 1e-3, force(motion[0]) - 40.0 * motion[1], LENGTH)
-    assert abs(motion[1]) < 1e-4
-    assert load.stops[0] < motion[0] < load.stops[1]
-    assert force(motion[0]) == pytest.approx(load.holding_force(motion[0], LENGTH), abs=0.05)
+        rate = motion.strain_rate
+        move(load, motion, lambda e, rate=rate: force(e) - 40.0 * rate, 1e-3, 1e-3)
+    assert abs(motion.strain_rate) < 1e-4
+    assert load.stops[0] < motion.strain < load.stops[1]
+    assert force(motion.strain) == pytest.approx(
+        load.holding_force(motion.strain, LENGTH), abs=0.05)
 
 
 @pytest.mark.parametrize('load', MOVING, ids=lambda load: type(load).__name__)
@@ -91,28 +108,29 @@ def test_stiffness_is_the_slope_of_the_holding_force(load, strain):
 def test_load_stays_within_its_end_stops(load):
     """No force drives a load through a stop, and it leaves the stop without sticking."""
     up = move(load, load.start(LENGTH), lambda e: 2000.0, 1.0)
-    assert up[:2] == (load.stops[1], 0.0)
+    assert (up.strain, up.strain_rate) == (load.stops[1], 0.0)
     down = move(load, up, lambda e: -2000.0, 1.0)
-    assert down[:2] == (load.stops[0], 0.0)
+    assert (down.strain, down.strain_rate) == (load.stops[0], 0.0)
 
 
 def test_inertia_is_what_a_sudden_force_accelerates():
     """From rest at balance, one newton more gives 1/inertia of strain acceleration."""
     for load in (MassSpring(stops=WIDE), Arm(stops=WIDE)):
         force = load.holding_force(0.1, LENGTH) + 1.0
-        rate = load.kick((0.1, 0.0), 1e-6, force, LENGTH)[1]
+        rate, _ = kick(load.record, LoadState(0.1), 1e-6, force, LENGTH)
         assert rate / 1e-6 == pytest.approx(1.0 / load.inertia(0.1, LENGTH), rel=1e-3)
 
 
 def test_dynamometer_goes_to_its_target_at_the_speed_asked_for():
     """The strain moves at the imposed rate, arrives exactly and rests there."""
     load = Dynamometer(strain=0.02)
-    motion = load.impose(load.start(LENGTH), 0.12, -0.5)
-    motion = move(load, motion, lambda e: 1e4, 0.1, dt=1e-3)
-    assert motion[0] == pytest.approx(0.07)
-    assert motion[1] == pytest.approx(0.5)
-    motion = move(load, motion, lambda e: 1e4, 0.2, dt=1e-3)
-    assert motion[:2] == (0.12, 0.0)
+    motion = load.start(LENGTH)
+    load.impose(motion, 0.12, -0.5)
+    impose(load, motion, 0.1)
+    assert motion.strain == pytest.approx(0.07)
+    assert motion.strain_rate == pytest.approx(0.5)
+    impose(load, motion, 0.2)
+    assert (motion.strain, motion.strain_rate) == (0.12, 0.0)
 
 
 def test_dynamometer_arrives_exactly_at_any_target():
@@ -120,17 +138,59 @@ def test_dynamometer_arrives_exactly_at_any_target():
     load = Dynamometer()
     motion = load.start(LENGTH)
     for target in np.random.default_rng(0).uniform(-0.1, 0.4, 300).tolist():
-        motion = load.impose(motion, target, 3.7)
-        motion = move(load, motion, lambda e: 0.0, 0.15, dt=1e-3)
-        assert motion[:2] == (target, 0.0)
+        load.impose(motion, target, 3.7)
+        impose(load, motion, 0.15)
+        assert (motion.strain, motion.strain_rate) == (target, 0.0)
+
+
+@pytest.mark.parametrize('damping', [0.0, 30.0])
+def test_mass_behind_a_spring_follows_its_differential_equation(damping):
+    """Fitting and mass, lifted through a damped spring, agree with an accurate integration."""
+    load = SeriesSpringMass(mass=3.0, stiffness_series=4e3, stiffness_against=200.0,
+                            fitting_mass=0.5, damping=damping, spring_damping=20.0, stops=WIDE)
+
+    def rates(t, y):
+        x, u, z, w = y
+        pull = max(4e3 * (x - z) + 20.0 * (u - w), 0.0) if x > z else 0.0
+        return [u, (90.0 - 300.0 * x / LENGTH - pull - damping * u) / 0.5,
+                w, (pull - 3.0 * GRAVITY - 200.0 * z - damping * w) / 3.0]
+
+    start = (0.01, 0.0, 0.0, 0.0)
+    exact = solve_ivp(rates, (0.0, 0.2), start, rtol=1e-10, atol=1e-12, max_step=1e-3).y[:, -1]
+    error = []
+    for dt in (2e-3, 1e-3):
+        motion = move(load, LoadState(start[0] / LENGTH), lambda e: 90.0 - 300.0 * e, 0.2, dt)
+        found = (motion.strain * LENGTH, motion.strain_rate * LENGTH, motion.place,
+                 motion.place_rate)
+        error.append(np.abs(np.array(found) - exact))
+    assert np.all(error[1] < 1e-3 * np.abs(exact))
+    assert np.all(error[1] < 0.35 * error[0])
+
+
+@pytest.mark.parametrize('arrives', [0.3, 0.5, 0.8])
+def test_arrival_at_a_stop_is_of_second_order(arrives):
+    """A mass that falls on its stop while it is pulled up leaves it as the exact one does."""
+    load = MassSpring(mass=2.0, damping=0.0, gravity=0.0, stops=(0.0, 0.5))
+    pull, speed, dt = 30.0, 2.0, 1e-3
+    acceleration = pull / (2.0 * LENGTH)
+    arrival = (3.0 + arrives) * dt
+    begin = speed * arrival - 0.5 * acceleration * arrival ** 2
+    motion = move(load, LoadState(begin, -speed, acceleration=acceleration), lambda e: pull,
+                  0.02, dt)
+    flight = 0.02 - arrival
+    # First order would be up to half a step too long or too short.
+    assert motion.strain_rate == pytest.approx(acceleration * flight,
+                                               abs=0.02 * acceleration * dt)
+    assert motion.strain == pytest.approx(0.5 * acceleration * flight ** 2,
+                                          abs=0.02 * acceleration * flight * dt)
 
 
 def test_tendon_does_not_push():
     """A mass in the air behind a slack series spring does not feel the bundle lengthen."""
     load = SeriesSpringMass(stops=WIDE, gravity=0.0)
-    motion = move(load, (0.0, 0.0, 0.02, 0.0), lambda e: -20.0, 0.05)
-    assert motion[0] < -0.01
-    assert motion[2:] == (0.02, 0.0)
+    motion = move(load, LoadState(0.0, place=0.02), lambda e: -20.0, 0.05)
+    assert motion.strain < -0.01
+    assert (motion.place, motion.place_rate) == (0.02, 0.0)
 
 
 @pytest.mark.parametrize(('make', 'word'), [
@@ -139,8 +199,8 @@ def test_tendon_does_not_push():
     (lambda: SeriesSpringMass(stiffness_series=-1.0), 'stiffness_series'),
     (lambda: Arm(moment_arm=math.nan), 'moment_arm'),
     (lambda: Dynamometer(strain=0.7), 'strain'),
-    (lambda: Dynamometer().impose((0.0, 0.0, 0.0, 1.0), 0.9), 'imposed strain'),
-    (lambda: Dynamometer().impose((0.0, 0.0, 0.0, 1.0), 0.1, np.inf), 'imposed strain rate'),
+    (lambda: Dynamometer().impose(LoadState(0.0), 0.9), 'imposed strain'),
+    (lambda: Dynamometer().impose(LoadState(0.0), 0.1, np.inf), 'imposed strain rate'),
 ])
 def test_impossible_load_fails(make, word):
     """A load that cannot be is refused with the name of what is wrong."""

@@ -9,22 +9,40 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import Readings, SensorConfig
-from fam_bundle_ros.plant.sensors import SensorFaults, Sensors
+from fam_bundle_ros.plant.sensors import (
+    Draws,
+    lost_channels,
+    read_sensors,
+    SensorFaults,
+    SensorRecord,
+    SensorState,
+)
 
 LENGTH = 0.127
 DT = 5e-3
 
 
-def truth(k=0, strain=0.1):
-    """Return a constant truth at the k-th sample, with another strain if wanted."""
-    return Readings(k * DT, 80.0, strain, strain * LENGTH, 0.0, np.array([2e5, 1e5]), 5e5)
+class Instruments:
+    """Instruments of a rig of two motor units at 80 N, 2 and 1 bar."""
+
+    def __init__(self, config, seed=1):
+        self.record = SensorRecord.of(config, [1.0] * 5, [0.0] * 5)
+        self.state = SensorState.fresh(5)
+        self.draws = Draws(seed, 5)
+
+    def read(self, k, strain, faults):
+        """Return the k-th sample."""
+        read_sensors(self.record, self.state, [80.0, strain, 5e5, 2e5, 1e5], k * DT,
+                     lost_channels(faults, 2), faults.noise_factor, *self.draws.row())
+        force, shown, supply, *pressure = self.state.shown
+        return Readings(k * DT, force, shown, shown * LENGTH, self.state.strain_rate,
+                        np.array(pressure), supply)
 
 
 def read(config, count=1, seed=1, faults=None, strain=lambda k: 0.1):
     """Return a list of readings."""
-    sensors = Sensors(config, 2, seed)
-    return [sensors.read(truth(k, strain(k)), LENGTH, faults or SensorFaults())
-            for k in range(count)]
+    instruments = Instruments(config, seed)
+    return [instruments.read(k, strain(k), faults or SensorFaults()) for k in range(count)]
 
 
 def column(readings, name):
@@ -109,10 +127,10 @@ def test_rate_follows_a_ramp_with_the_time_constant_of_its_filter():
 
 def test_rate_starts_afresh_after_a_lost_strain():
     """A lost strain gives no rate, and the first reading after it no jump."""
-    sensors = Sensors(SensorConfig.ideal(), 2, 0)
+    instruments = Instruments(SensorConfig.ideal())
     out = SensorFaults(dropout={'strain'})
-    rates = [sensors.read(truth(k, 0.1 if k < 5 else 0.3), LENGTH,
-                          out if k == 5 else SensorFaults()).strain_rate for k in range(8)]
+    rates = [instruments.read(k, 0.1 if k < 5 else 0.3, out if k == 5 else SensorFaults())
+             .strain_rate for k in range(8)]
     assert math.isnan(rates[5])
     assert [r for r in rates if not math.isnan(r)] == [0.0] * 7
 

@@ -1,0 +1,81 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The model that a controller inverts, as its kernels take it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fam_bundle_ros.model import Bundle
+
+
+class Belief(NamedTuple):
+    """
+    A model behind the recruitment controller: see `fam_bundle_ros.model.seam.Model`.
+
+    Attributes
+    ----------
+    force, shape, parameters, tables, memory, after
+        As there; ``after`` is room for candidates here.
+    next : (n, M)
+        Memory after this tick.
+    pressure : (n,), Pa (gauge)
+        Room for candidates.
+    rows : callable or None
+        Forces (m, n) of the whole table at a `Moment` with a memory, by one call on arrays; not
+        compiled.
+    """
+
+    force: Any
+    shape: Any
+    parameters: Any
+    tables: Any
+    memory: Any
+    after: Any
+    next: Any
+    pressure: Any
+    rows: Any
+
+
+def without_push_back(bundle: Bundle) -> Bundle:
+    """Return a bundle without the laws that let compressed muscles push back."""
+    for effect in bundle.effects:
+        if effect.law.pushes_back:
+            bundle = bundle.without_effect(effect.name)
+    return bundle
+
+
+def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
+              at_rest: bool = False) -> Belief:
+    """
+    Return a bundle as kernels take it, with fresh memory.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    grid : list (n, m), Pa (gauge)
+        Pressures of the table.
+    compiled : bool
+        See `Bundle.model`.
+    at_rest : bool
+        Forces at equilibrium, without memory; not compiled.
+    """
+    model, pressures = bundle.model(compiled), np.transpose(grid).copy()
+    if compiled:
+        return Belief(model.force, *model[3:], np.zeros_like(model.memory), np.zeros(bundle.n),
+                      None)
+
+    def rows(now, memory):
+        state = {'memory': memory, 'time': now.time - now.dt, 'begun': not now.start}
+        return bundle.step(state, now.dt, now.strain, pressures, now.strain_rate)[0]
+
+    def rows_at_rest(now, memory):
+        return bundle.unit_forces(now.strain, pressures, now.strain_rate)
+
+    def force_at_rest(unit, strain, strain_rate, pressure, *_):
+        return float(bundle.unit_forces(strain, pressure, strain_rate)[unit])
+    # Without memory a first sample is at equilibrium, and faster.
+    at_rest = at_rest and bundle.has_memory
+    return Belief(force_at_rest if at_rest else model.force, *model[3:],
+                  [list(row) for row in model.memory], [0.0] * bundle.n,
+                  rows_at_rest if at_rest else rows)

@@ -1,0 +1,213 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Force over pressure of every motor unit at one instant, as kernels.
+
+At one strain the force of a motor unit over its own pressure first falls (it pushes back more
+and more) and then rises (Kim, Mazzoleni and Bryant 2021, SPIE 11586: free strain gradient
+reversal). `tabulate` and `find_branches` make the curves of one tick; `inverse` answers with
+pressures on their rising branches. `allocation` has the same as objects.
+"""
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.kernels import Alternative
+
+#: A unit that could only pull less than when vented comes back when it could pull more by this
+#: share of its push-back, and by so many N: strain noise must not fill and empty it in turn.
+_WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
+#: A cell of the table is searched in so many parts.
+PARTS = 8
+#: N: forces that differ by less are one bottom: where a slack or threshold makes a curve flat.
+FLAT = 1e-9
+
+
+@dataclass
+class Moment:
+    """
+    What the model is asked about: strain (1), its rate (1/s), time and step (s).
+
+    ``start`` is true where memory begins afresh.
+    """
+
+    strain: float = 0.0
+    strain_rate: float = 0.0
+    time: float = 0.0
+    dt: float = 0.0
+    start: bool = True
+
+
+@dataclass
+class CurveTable:
+    """
+    Curves of n units over m pressures each.
+
+    Attributes
+    ----------
+    order : list (n,) of int
+        Units in the order of recruitment: RSk has the first k of them.
+    pushes_back : bool
+        False for a controller that reckons without resistive forces: none below zero.
+    moment : Moment
+    grid, force : list (n, m), Pa (gauge) and N
+        From 0 to each unit's limit.
+    rest_force : list (n,), N
+        At zero pressure.
+    useful : list (n,) of int
+        1 for units that can pull more than when vented: past the free strain none can, their
+        curves only fall. The others have no branch to be on and stay empty.
+    bottom : list (n,) of int
+        Index of the beginning of the rising branch.
+    bottom_force, bottom_pressure : list (n,), N and Pa
+    top_force : list (n,), N
+        At the limit.
+    dip : list (n,), N
+        How far the force falls while the unit fills.
+    top, floor : list (n + 1,), N
+        Largest and smallest force of RS0..RSn on rising branches.
+    crossing : list (n,), N
+        Largest demands at which RSk -> RSk+1 needs no dip: up to there the units before the next
+        have the room to make up for its push-back.
+    found : list (9,), N
+        Room for forces within one cell.
+    """
+
+    order: list
+    pushes_back: bool
+    moment: Moment
+    grid: list
+    force: list
+    rest_force: list
+    useful: list
+    bottom: list
+    bottom_force: list
+    bottom_pressure: list
+    top_force: list
+    dip: list
+    top: list
+    floor: list
+    crossing: list
+    found: list
+
+
+def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
+    """Return an empty table for pressures ``grid`` (n, m), Pa."""
+    n = len(grid)
+
+    def zeros(count):
+        return [0.0] * count
+    return CurveTable(list(order), pushes_back, Moment(), grid, [
+        zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
+                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), zeros(PARTS + 1))
+
+
+# --- the curves ----------------------------------------------------------------------------------
+
+def unit_force(table: Any, model: Any, unit: int, pressure: float) -> float:
+    """Return the force of one unit at a candidate pressure (Pa), at the table's moment, N."""
+    now = table.moment
+    model.pressure[unit] = pressure
+    force = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt,
+                        now.start, model.shape, model.parameters, model.tables, model.memory,
+                        model.after)
+    return force if table.pushes_back else max(force, 0.0)
+
+
+def _by_unit(table: Any, model: Any) -> None:
+    """Fill the table pressure by pressure, and find the last of the smallest forces."""
+    for unit in range(len(table.order)):
+        grid, curve = table.grid[unit], table.force[unit]
+        least = math.inf
+        for k in range(len(grid)):
+            curve[k] = unit_force(table, model, unit, grid[k])
+            least = min(least, curve[k])
+        for k in range(len(grid)):
+            if curve[k] <= least + FLAT:
+                table.bottom[unit] = k
+
+
+def _by_rows(table: Any, model: Any) -> None:
+    """Do the same by one call on arrays, where the model has one."""
+    if model.rows is None:
+        _by_unit(table, model)
+        return
+    force = model.rows(table.moment, model.memory)
+    if not table.pushes_back:
+        force = np.maximum(force, 0.0)
+    tied = force <= force.min(axis=0) + FLAT
+    table.bottom[:] = (len(force) - 1 - tied[::-1].argmax(axis=0)).tolist()
+    table.force[:] = force.T.tolist()
+
+
+#: Fill the table at its moment, with the lowest point of each curve: (table, model).
+tabulate = Alternative(_by_unit, _by_rows)
+
+
+def find_branches(table: Any, asleep: Any) -> None:
+    """
+    Find the rising branches, and what RS0..RSn can give.
+
+    Parameters
+    ----------
+    table : CurveTable
+    asleep : list (n,) of int
+        1 for units that were of no use in the tick before; brought up to date.
+    """
+    last, total = len(table.grid[0]) - 1, 0.0
+    for unit in range(len(table.order)):
+        curve = table.force[unit]
+        rest, lowest = curve[0], curve[table.bottom[unit]]
+        wake = max(_WAKE_SHARE * (rest - lowest), _WAKE_FORCE) if asleep[unit] > 0 else 0.0
+        useful = curve[last] - rest > wake
+        if not useful:
+            table.bottom[unit] = 0
+        bottom = table.bottom[unit]
+        table.useful[unit], asleep[unit] = (1, 0) if useful else (0, 1)
+        table.rest_force[unit] = rest
+        table.bottom_force[unit], table.bottom_pressure[unit] = curve[bottom], \
+            table.grid[unit][bottom]
+        table.top_force[unit] = curve[last] if useful else rest
+        table.dip[unit] = rest - curve[bottom]
+        total += rest
+    table.top[0] = table.floor[0] = total
+    gain = dips = 0.0
+    for k in range(len(table.order)):
+        unit = table.order[k]
+        gain += table.top_force[unit] - table.rest_force[unit]
+        dips += table.dip[unit]
+        table.top[k + 1], table.floor[k + 1] = total + gain, total - dips
+        table.crossing[k] = table.top[k] - table.dip[unit]
+
+
+def points_up_to(grid: Any, pressure: float) -> int:
+    """Return how many pressures of a rising grid are at most this one, by bisection."""
+    low, high = 0, len(grid)
+    while low < high:
+        middle = (low + high) // 2
+        if grid[middle] <= pressure:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+def force_at(table: Any, unit: int, pressure: float) -> float:
+    """Return the force of one unit at a pressure (Pa), N, from the table."""
+    grid, curve = table.grid[unit], table.force[unit]
+    k = points_up_to(grid, pressure)
+    if k == 0 or k == len(grid):
+        return curve[max(k - 1, 0)]
+    slope = (curve[k] - curve[k - 1]) / (grid[k] - grid[k - 1])
+    return slope * (pressure - grid[k - 1]) + curve[k - 1]
+
+
+def slope_at(table: Any, unit: int, pressure: float) -> float:
+    """Return dF/dP of one unit at a pressure (Pa), N/Pa, from the table."""
+    grid, curve = table.grid[unit], table.force[unit]
+    k = min(max(points_up_to(grid, pressure), 1), len(grid) - 1)
+    step = grid[k] - grid[k - 1]
+    return (curve[k] - curve[k - 1]) / step if step > 0.0 else 0.0

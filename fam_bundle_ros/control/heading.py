@@ -1,0 +1,69 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Where signals are heading: rate, acceleration and jerk by a third-order filter."""
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+
+@dataclass
+class HeadingState:
+    """
+    Of some signals, a list each: the last value and slope, and what the filter says.
+
+    ``first``, ``second`` and ``third`` (lags): on a ramp each is behind the one before by the
+    same; this is how far they are off from that, as a slope.
+    """
+
+    value: list
+    slope: list
+    first: list
+    second: list
+    third: list
+    rate: list
+    acceleration: list
+    jerk: list
+
+
+def heading_of(count: int) -> HeadingState:
+    """Return the record of so many signals, at zero and at rest."""
+    return HeadingState(*([0.0] * count for _ in range(8)))
+
+
+def rest_at(heading: Any, k: int, value: float) -> None:
+    """Let signal k begin at rest."""
+    heading.value[k], heading.slope[k] = value, 0.0
+    heading.first[k] = heading.second[k] = heading.third[k] = 0.0
+    heading.rate[k] = heading.acceleration[k] = heading.jerk[k] = 0.0
+
+
+def follow_heading(heading: Any, k: int, value: float, dt: float, bandwidth: float) -> None:
+    """
+    Advance signal k by one sample; ``bandwidth`` in rad/s.
+
+    Three first-order lags in a row, x' = w (u - x), solved exactly for a signal that is straight
+    between two samples (first-order hold: Franklin, Powell and Workman 1998, ch. 6): neither long
+    nor uneven sample times disturb it, and a ramp shows its rate alone.
+    """
+    w, x = bandwidth, bandwidth * dt
+    slope = (value - heading.value[k]) / dt
+    bend = (slope - heading.slope[k]) / w
+    first, second = heading.first[k] + bend, heading.second[k] + 2.0 * bend
+    third, fade = heading.third[k] + 3.0 * bend, math.exp(-x)
+    third = fade * (third + x * (second + 0.5 * x * first))
+    second = fade * (second + x * first)
+    first *= fade
+    heading.first[k], heading.second[k], heading.third[k] = first, second, third
+    heading.value[k], heading.slope[k] = value, slope
+    heading.rate[k] = slope + w * (second - third)
+    heading.acceleration[k] = w * w * (first - 2.0 * second + third)
+    heading.jerk[k] = w * w * w * (3.0 * second - 3.0 * first - third)
+
+
+def heading_now(heading: Any, k: int, bandwidth: float) -> tuple[float, float, float]:
+    """Return rate, acceleration and jerk with the filter's own delay, 3/w, made up for."""
+    lag = 3.0 / bandwidth
+    acceleration, jerk = heading.acceleration[k], heading.jerk[k]
+    return (heading.rate[k] + lag * (acceleration + 0.5 * lag * jerk), acceleration + lag * jerk,
+            jerk)

@@ -1,0 +1,217 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Pressures for a force demand, on the rising branches of `curves`, as kernels."""
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from fam_bundle_ros.control.curves import FLAT, force_at, PARTS, unit_force
+
+#: A cell of the table is divided into `PARTS`, and the one found so again: a muscle that leaves
+#: its free strain has a kink there of up to 20 N/kPa.
+_ROUNDS = 2
+
+
+@dataclass
+class Shares:
+    """Pressures (Pa, gauge) and forces (N) of n units, and demand minus force (N)."""
+
+    pressure: list
+    force: list
+    missing: float = 0.0
+
+
+def common_force(table: Any, model: Any, units: Any, first: int, last: int, pressure: float
+                 ) -> float:
+    """Return the force of units[first:last] at one pressure, each at most at its limit, N."""
+    total = 0.0
+    for k in range(first, last):
+        total += unit_force(table, model, units[k], min(pressure, table.grid[units[k]][-1]))
+    return total
+
+
+def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: float,
+           low: float, high: float, low_force: float, high_force: float, turns: bool) -> float:
+    """
+    Return the common pressure of units[first:last] at which they give a force, Pa.
+
+    The cell of the table is cut in eight parts, and the part found again, by bisection; a cell
+    that may hold the bottom of the branch (``turns``) is searched part by part. Linear within.
+
+    Parameters
+    ----------
+    wanted : float, N
+    low, high, low_force, high_force : float, Pa and N
+        The cell and the forces at its ends.
+    turns : bool
+    """
+    for _ in range(_ROUNDS):
+        step, i, bottom = (high - low) / PARTS, PARTS, 0
+        found = table.found
+        found[0], found[PARTS] = low_force, high_force
+        if turns:
+            for k in range(1, PARTS):
+                found[k] = common_force(table, model, units, first, last, low + k * step)
+                if found[k] < found[bottom]:
+                    bottom = k
+            if high_force < found[bottom]:
+                return high
+            i = bottom + 1
+            while i < PARTS and found[i] < wanted:
+                i += 1
+        else:
+            below = 0
+            while i - below > 1:
+                middle = (below + i) // 2
+                found[middle] = common_force(table, model, units, first, last,
+                                             low + middle * step)
+                if found[middle] < wanted:
+                    below = middle
+                else:
+                    i = middle
+        turns = turns and i == bottom + 1
+        low_force, high_force = found[i - 1], found[i]
+        if i < PARTS:
+            high = low + i * step
+        low += (i - 1) * step
+    if wanted <= low_force:
+        return low
+    if wanted >= high_force:
+        return high
+    return low + (high - low) * (wanted - low_force) / (high_force - low_force)
+
+
+def begin(table: Any, model: Any, fixed: Any, shares: Any) -> None:
+    """Set the pressures that are given (not nan in ``fixed``), and all others at rest."""
+    for unit in range(len(table.order)):
+        if math.isnan(fixed[unit]):
+            shares.pressure[unit], shares.force[unit] = 0.0, table.rest_force[unit]
+        else:
+            shares.pressure[unit] = fixed[unit]
+            shares.force[unit] = unit_force(table, model, unit, fixed[unit])
+
+
+def total_of(values: Any) -> float:
+    """Return the sum of a vector."""
+    total = 0.0
+    for k in range(len(values)):
+        total += values[k]
+    return total
+
+
+def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: Any, shares: Any
+         ) -> None:
+    """
+    Fill units in turn: each to its limit before the next leaves the bottom of its branch.
+
+    Orderly recruitment, after the size principle (Henneman 1957; Jenkins, Chapman and Bryant
+    2016, Smart Mater. Struct. 25, 125016).
+
+    Parameters
+    ----------
+    table, model : CurveTable, Belief
+    demand : float, N
+        Of the whole bundle.
+    units : list of int
+        The first ``count`` of them are active, first to be filled first.
+    fixed : list (n,), Pa
+        Pressures of further units, say one that is just being filled; nan for the others.
+    shares : Shares
+        The answer.
+    """
+    begin(table, model, fixed, shares)
+    pressure, force = shares.pressure, shares.force
+    for k in range(count):
+        unit = units[k]
+        pressure[unit], force[unit] = table.bottom_pressure[unit], table.bottom_force[unit]
+    missing = demand - total_of(force)
+    for k in range(count):
+        unit = units[k]
+        if missing <= 0.0:
+            break
+        room = table.top_force[unit] - table.bottom_force[unit]
+        grid, curve = table.grid[unit], table.force[unit]
+        if missing >= room:
+            if room > 0.0:
+                pressure[unit], force[unit] = grid[-1], table.top_force[unit]
+                missing -= room
+            continue
+        wanted = table.bottom_force[unit] + missing
+        bottom = table.bottom[unit]
+        i, below = len(grid) - 1, bottom
+        while i - below > 1:
+            middle = (below + i) // 2
+            if curve[middle] < wanted:
+                below = middle
+            else:
+                i = middle
+        pressure[unit] = invert(table, model, units, k, k + 1, wanted, grid[i - 1], grid[i],
+                                curve[i - 1], curve[i], i == bottom + 1)
+        force[unit], missing = wanted, 0.0
+    shares.missing = missing
+
+
+def share(table: Any, model: Any, demand: float, units: Any, count: int, fixed: Any, shares: Any
+          ) -> None:
+    """
+    Give the units of use one common pressure (at most their limit); else as `fill`.
+
+    Batch recruitment (Jenkins, Chapman and Bryant 2016). ``units`` is put in another order.
+    """
+    begin(table, model, fixed, shares)
+    used = 0
+    for k in range(count):
+        if table.useful[units[k]] > 0:
+            units[used], units[k] = units[k], units[used]
+            used += 1
+    shares.missing = demand - total_of(shares.force)
+    if used == 0:
+        return
+    wanted = shares.missing
+    for k in range(used):
+        wanted += shares.force[units[k]]
+    last = len(table.grid[0]) - 1
+    bottom, least = 0, common_entry(table, units, used, 0)
+    for j in range(1, last + 1):
+        entry = common_entry(table, units, used, j)
+        if entry <= least + FLAT:
+            bottom = j
+        least = min(least, entry)
+    i = min(bottom + 1, last)
+    below, above = common_entry(table, units, used, bottom), common_entry(table, units, used, i)
+    lowest = below
+    while i < last and above < wanted:
+        i += 1
+        below, above = above, common_entry(table, units, used, i)
+    highest = max(above, wanted) if i < last else above
+    low, chosen = common_pressure(table, units, used, max(i - 1, bottom)), 0.0
+    high = common_pressure(table, units, used, i)
+    if wanted <= lowest:
+        chosen = common_pressure(table, units, used, bottom)
+    elif wanted >= highest:
+        chosen = high
+    else:
+        chosen = invert(table, model, units, 0, used, wanted, low, high, below, above,
+                        i == bottom + 1)
+    for k in range(used):
+        unit = units[k]
+        shares.pressure[unit] = min(chosen, table.grid[unit][-1])
+        shares.force[unit] = force_at(table, unit, shares.pressure[unit])
+    shares.missing = wanted - min(max(wanted, lowest), highest)
+
+
+def common_pressure(table: Any, units: Any, used: int, j: int) -> float:
+    """Return the common pressure of units[:used] at point j of the table, Pa."""
+    pressure = 0.0
+    for k in range(used):
+        pressure = max(pressure, table.grid[units[k]][j])
+    return pressure
+
+
+def common_entry(table: Any, units: Any, used: int, j: int) -> float:
+    """Return the force of units[:used] at point j of the table, N."""
+    total = 0.0
+    for k in range(used):
+        total += table.force[units[k]][j]
+    return total

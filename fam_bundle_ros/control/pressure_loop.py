@@ -1,0 +1,269 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The pressure loop of one motor unit as step functions on records.
+
+Blocks: follow the setpoint -> error beyond noise -> PID and feed-forward -> inverse of chamber and
+valve -> anti-windup. Kernels (`fam_bundle_ros.kernels`): plain Python or compiled. `pid` has the
+settings with their meaning, and the loop as an object.
+"""
+
+from dataclasses import dataclass, field
+import math
+from typing import Any
+
+from fam_bundle_ros.model.pneumatics import (
+    flow_for,
+    pressure_rate,
+    valve_command,
+    valve_flow,
+    valve_opening,
+    ValveFlow,
+)
+
+#: Named as control_toolbox names them.
+ANTI_WINDUP = ('none', 'back_calculation', 'conditional_integration')
+_NONE, _BACK_CALCULATION = 0, 1
+#: Time in which a command that was taken over on switching on fades, s.
+_CARRY_TIME = 0.01
+#: Pa: on the way to a setpoint of 0, a followed setpoint below it has arrived.
+_EMPTY = 1e3
+#: Share of the valve's rate that leaks and slow errors may take. Feedback that asks for more and
+#: is not answered has met a fault, which the integral must not learn.
+_SLOW_SHARE = 0.05
+
+
+@dataclass
+class PidDiagnostics:
+    """
+    What the loop did in the last update: Pa, Pa/s, -1..1.
+
+    ``expected_rate`` is what the pressure does by the models of valve and chamber.
+    """
+
+    error: float = 0.0
+    followed_setpoint: float = 0.0
+    wanted_rate: float = 0.0
+    expected_rate: float = 0.0
+    integral: float = 0.0
+    command: float = 0.0
+    saturated: bool = False
+    at_rest: bool = True
+
+
+@dataclass
+class PidSettings:
+    """Gains and settings of a pressure loop as its kernels take them: see `PidConfig`."""
+
+    p: float
+    i: float
+    d: float
+    valve: ValveFlow
+    anti_windup: int
+    tracking_time: float
+    volume: float
+    supply: float
+    ambient: float
+    setpoint_rate: float
+    setpoint_bandwidth: float
+    flow_lag: float
+    quiet_error: float
+    filter_time: float
+    feed_forward: bool
+    dead_band_compensation: bool
+
+
+@dataclass
+class PidState:
+    """
+    Memory of a pressure loop.
+
+    Attributes
+    ----------
+    command : float
+        To the valve, the last one.
+    integral, carried : float, Pa/s
+        ``carried`` is the pressure rate of a command that was taken over; it fades.
+    followed, delayed : float, Pa
+        The setpoint within what the valve can do, and the same after the lag of the flow.
+    filtered, quiet : float, Pa
+        Reading, and error of the delayed setpoint, filtered.
+    measured_rate : float, Pa/s
+    started : bool
+        False before the first reading.
+    shown : PidDiagnostics
+    """
+
+    command: float = 0.0
+    integral: float = 0.0
+    carried: float = 0.0
+    followed: float = 0.0
+    delayed: float = 0.0
+    filtered: float = 0.0
+    quiet: float = 0.0
+    measured_rate: float = 0.0
+    started: bool = False
+    shown: PidDiagnostics = field(default_factory=PidDiagnostics)
+
+
+def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, dt: float,
+                  supply: float, volume: float, volume_rate: float) -> float:
+    """
+    Return the valve command, -1 exhaust .. 0 closed .. 1 fill; see `PressurePid.update`.
+
+    The wanted pressure rate is that of the followed setpoint plus PID on what is left of the
+    error; inverting chamber and valve makes it a command (feedback linearisation: Slotine and Li,
+    Applied Nonlinear Control, 1991, ch. 6).
+
+    Parameters
+    ----------
+    settings, state : PidSettings, PidState
+    setpoint, pressure, supply : float, Pa (gauge)
+    dt : float, s
+    volume, volume_rate : float, m^3 and m^3/s
+    """
+    # A sum is finite only when every term is.
+    if not (math.isfinite(setpoint + pressure + supply + volume + volume_rate) and volume > 0.0):
+        forget(state, 0.0)
+        show(state, 0.0, 0.0, 0.0, False, True)
+        return 0.0
+    if not dt > 0.0:
+        return state.command
+    absolute, source = pressure + settings.ambient, supply + settings.ambient
+    filling = valve_flow(settings.valve, 1.0, absolute, source, settings.ambient)
+    venting = valve_flow(settings.valve, -1.0, absolute, source, settings.ambient)
+    fastest = pressure_rate(absolute, volume, volume_rate, filling)
+    slowest = pressure_rate(absolute, volume, volume_rate, venting)
+    if not state.started:
+        start(settings, state, pressure, source, volume, volume_rate)
+    rate = follow(settings, state, setpoint, pressure, dt, fastest, slowest)
+    error = error_beyond_noise(settings, state, pressure, dt)
+    if setpoint <= 0.0 and state.followed <= _EMPTY:
+        # Open to exhaust for good: a reading that is wrong must not shut the air in.
+        state.integral = state.carried = 0.0
+        state.command = -1.0
+        show(state, setpoint - pressure, slowest, slowest, False, False)
+        return -1.0
+    wanted = (settings.p * error - settings.d * state.measured_rate + state.integral
+              + state.carried)
+    if settings.feed_forward:
+        wanted += settings.d * rate
+        wanted += rate
+    state.carried *= math.exp(-dt / _CARRY_TIME)
+    # What the muscle's motion does to the pressure with the valve shut.
+    drift = pressure_rate(absolute, volume, volume_rate, 0.0)
+    at_rest = (error == 0.0 and abs(rate - drift) + abs(state.carried)
+               < 0.2 * settings.p * settings.quiet_error)
+    opening, possible = 0.0, 0.0
+    if not at_rest:
+        flow = flow_for(absolute, volume, volume_rate if settings.feed_forward else 0.0, wanted)
+        limit = filling if flow >= 0.0 else -venting
+        opening = min(max(flow / max(limit, 1e-12), -1.0), 1.0)
+        possible = min(max(wanted, slowest), fastest)
+    integrate(settings, state, error, rate, possible - wanted, dt, at_rest,
+              _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
+    state.command = (valve_command(settings.valve, opening) if settings.dead_band_compensation
+                     else opening)
+    show(state, setpoint - pressure, wanted, possible,
+         not at_rest and abs(wanted - possible) > 1e-6 * abs(wanted), at_rest)
+    return state.command
+
+
+def forget(state: Any, command: float) -> None:
+    """Forget the past and go on from a valve command."""
+    state.command = min(max(command, -1.0), 1.0)
+    state.integral = state.carried = 0.0
+    state.followed = state.delayed = state.filtered = state.quiet = 0.0
+    state.measured_rate = 0.0
+    state.started = False
+
+
+def start(settings: Any, state: Any, pressure: float, source: float, volume: float,
+          volume_rate: float) -> None:
+    """Begin at the pressure as it is, with the rate that continues the last command."""
+    state.started = True
+    state.followed = state.delayed = state.filtered = pressure
+    opening = valve_opening(settings.valve, state.command)
+    if opening != 0.0:
+        absolute = pressure + settings.ambient
+        flow = valve_flow(settings.valve, opening, absolute, source, settings.ambient)
+        state.carried = pressure_rate(absolute, volume, volume_rate, flow)
+
+
+def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: float, fastest: float,
+           slowest: float) -> float:
+    """
+    Move the followed setpoint within valve and rate limits; return its rate, Pa/s.
+
+    First-order, x' = w (setpoint - x), limited: a reference governor for the feed-forward.
+    """
+    # At most half of the distance per sample: the filter must not ring at low rates.
+    bandwidth = min(settings.setpoint_bandwidth, 0.7 / dt)
+    upper = min(0.97 * max(fastest, 0.0), settings.setpoint_rate)
+    lower = max(0.97 * min(slowest, 0.0), -settings.setpoint_rate)
+    # Above both setpoint and reading there is no air that the valve would have to let out.
+    lower = min(lower, (max(setpoint, pressure) - state.followed) * bandwidth)
+    rate = min(max((setpoint - state.followed) * bandwidth, lower), upper)
+    state.followed += rate * dt
+    lag = settings.flow_lag + 0.5 * dt
+    state.delayed += (state.followed - state.delayed) * (1.0 - math.exp(-dt / lag))
+    return rate
+
+
+def error_beyond_noise(settings: Any, state: Any, pressure: float, dt: float) -> float:
+    """Filter the reading and the error; return the error beyond the quiet band, Pa."""
+    share = 1.0
+    if settings.filter_time > 0.0:
+        share = 1.0 - math.exp(-dt / settings.filter_time)
+    change = (pressure - state.filtered) * share
+    state.filtered += change
+    state.measured_rate = change / dt
+    error = state.delayed - pressure
+    state.quiet += (error - state.quiet) * share
+    # Large errors unfiltered (no lag in the loop), small ones filtered (no noise).
+    if max(abs(error), abs(state.quiet)) < 4.0 * settings.quiet_error:
+        error = state.quiet
+    return math.copysign(max(abs(error) - settings.quiet_error, 0.0), error)
+
+
+def integrate(settings: Any, state: Any, error: float, rate: float, excess: float, dt: float,
+              at_rest: bool, low: float, high: float) -> None:
+    """
+    Advance the integral with the anti-windup that was chosen (Astrom and Hagglund 1995, 3.5).
+
+    Parameters
+    ----------
+    error, rate, excess : float, Pa and Pa/s
+        Beyond the quiet band; of the followed setpoint; possible minus wanted rate.
+    low, high : float, Pa/s
+        What leaks and slow errors may take.
+    """
+    if at_rest:
+        # Nothing to correct: what was learnt on the move must not creep at rest.
+        state.integral *= math.exp(-dt / 0.1)
+        return
+    if abs(rate) > 4.0 * settings.p * settings.quiet_error:
+        # The integral learns leaks and slow errors, not what the flow model misses in a step.
+        return
+    step = settings.i * error * dt
+    if settings.anti_windup == _NONE:
+        state.integral += step
+        return
+    feedback = settings.p * error + state.integral
+    if feedback * error > 0.0 and not low <= feedback <= high:
+        step = 0.0
+    if settings.anti_windup == _BACK_CALCULATION:
+        step += excess * dt / settings.tracking_time
+    elif excess * error < 0.0:
+        step = 0.0
+    state.integral = min(max(state.integral + step, low), high)
+
+
+def show(state: Any, error: float, wanted: float, possible: float, saturated: bool,
+         at_rest: bool) -> None:
+    """Write down what the loop did."""
+    shown = state.shown
+    shown.error, shown.followed_setpoint = error, state.followed
+    shown.wanted_rate, shown.expected_rate = wanted, possible
+    shown.integral, shown.command = state.integral, state.command
+    shown.saturated, shown.at_rest = saturated, at_rest

@@ -1,0 +1,365 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The recruitment controller as one step function on records.
+
+Blocks of a tick: quiet rate -> force that the model believes -> outer loop -> curves at this
+strain -> heading of the demand -> state machine -> crossings and allocation -> command. Readings
+that are lost hold the command, then vent. Kernels (`fam_bundle_ros.kernels`): plain Python or
+compiled; `controller` has the settings with their meaning, and the loop as an object.
+"""
+
+from dataclasses import dataclass, field
+import math
+from typing import Any
+
+from fam_bundle_ros.control.crossing import (
+    begin_crossing,
+    crossing_pace,
+    Crossings,
+    no_crossings,
+)
+from fam_bundle_ros.control.curves import curve_table, CurveTable, find_branches, tabulate
+from fam_bundle_ros.control.heading import (
+    follow_heading,
+    heading_now,
+    heading_of,
+    HeadingState,
+    rest_at,
+)
+from fam_bundle_ros.control.inverse import Shares, total_of
+from fam_bundle_ros.control.outer_loop import (
+    forget_outer,
+    FREE,
+    GAP,
+    HIGH,
+    LOW,
+    outer_step,
+    OuterSettings,
+    OuterState,
+    STRAIN,
+    uncertainty,
+)
+from fam_bundle_ros.control.rate import forget_rate, quiet_rate, RateState
+from fam_bundle_ros.control.reasons import LOST, NONE
+from fam_bundle_ros.control.spread import ALL_ON, spread, TOLERANCE
+from fam_bundle_ros.control.switching import (
+    Demand,
+    MachineState,
+    REVERSAL_AWARE,
+    start_machine,
+    switch_step,
+    SwitchingSettings,
+)
+
+#: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
+_STEP = 2.0
+#: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
+_BRISK, _SLOW = 80.0, 12.0
+#: s: after a crossing the pressures take so long to be those of the model again.
+_SETTLING = 0.05
+
+
+@dataclass
+class RecruitmentSettings:
+    """`ControllerConfig` as kernels take it."""
+
+    scheme: int
+    still: float
+    hold_time: float
+    max_pressure: list
+    switching: SwitchingSettings
+    outer: OuterSettings
+
+
+@dataclass
+class RecruitmentState:
+    """
+    Memory of the controller, and its room to work in.
+
+    Attributes
+    ----------
+    table : CurveTable
+        Of the tick before; its constants are the grid and the order of recruitment.
+    asleep : list (n,) of int
+        1 for units that were of no use in the tick before.
+    wanted, limits : HeadingState
+        Of the demand, and of what RS0..RSn can give.
+    heading_kind : int
+        Of the reference before, -1 for none.
+    clock : float, s
+        Of the model; ``begun`` is false before the first tick.
+    lost : float, s
+        Without a usable reading for so long.
+    since_crossing : float, s
+    units, fixed : list (n,)
+        Units to be filled in turn; pressures that are given, nan elsewhere.
+    final, shares : Shares
+        Allocation once all have arrived, and now.
+    """
+
+    table: CurveTable
+    asleep: list
+    wanted: HeadingState
+    limits: HeadingState
+    machine: MachineState
+    crossings: Crossings
+    units: list
+    fixed: list
+    final: Shares
+    shares: Shares
+    rate: RateState = field(default_factory=RateState)
+    outer: OuterState = field(default_factory=OuterState)
+    demand: Demand = field(default_factory=Demand)
+    heading_kind: int = -1
+    clock: float = 0.0
+    begun: bool = False
+    lost: float = 0.0
+    since_crossing: float = math.inf
+
+
+def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentState:
+    """Return a fresh state; ``grid`` (n, m) holds the pressures of the table, Pa."""
+    n = len(grid)
+
+    def shares():
+        return Shares([0.0] * n, [0.0] * n)
+    return RecruitmentState(
+        curve_table(order, grid, pushes_back), [0] * n, heading_of(1), heading_of(n + 1),
+        MachineState([0.0] * n, [1] * n), no_crossings(n), [0] * n, [math.nan] * n, shares(),
+        shares())
+
+
+def start_recruitment(settings: Any, state: Any, command: Any) -> None:
+    """Start afresh: RS0 (or all on), nothing learnt, vented."""
+    n = len(command.pressure)
+    start_machine(state.machine, n if settings.scheme == ALL_ON else 0)
+    forget_outer(state.outer)
+    forget_rate(state.rate)
+    for unit in range(n):
+        state.asleep[unit] = 0
+    state.crossings.count, state.since_crossing = 0, math.inf
+    state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
+    vent(command)
+
+
+def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command: Any) -> None:
+    """
+    Start from the pressures as they are (bumpless transfer): see `RecruitmentController.enable`.
+
+    The arguments are those of `recruitment_step`.
+    """
+    start_recruitment(settings, state, command)
+    table = state.table
+    if settings.scheme != ALL_ON:
+        ask(table, measurement.strain, 0.0, 0.0, 0.0, True)
+        tabulate(table, model)
+        find_branches(table, state.asleep)
+        # A unit on its falling branch is not on: it will be vented or crossed anew.
+        on = 0
+        for k in range(len(table.order)):
+            unit = table.order[k]
+            if measurement.pressure[unit] > max(0.9 * table.bottom_pressure[unit], 2e3):
+                on = k + 1
+        start_machine(state.machine, on)
+    for unit in range(len(table.order)):
+        state.asleep[unit] = 0
+        pressure = measurement.pressure[unit]
+        # Until the first tick, and in it, these are what was commanded.
+        command.pressure[unit] = 0.0 if math.isnan(pressure) else min(
+            max(pressure, 0.0), settings.max_pressure[unit])
+    show_state(state, command)
+    state.outer.taking_over, state.outer.taken = True, measurement.force
+
+
+def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, kind: int,
+                     value: float, rate: float, dt: float, command: Any) -> None:
+    """
+    Advance the controller by one tick.
+
+    Parameters
+    ----------
+    settings, state : RecruitmentSettings, RecruitmentState
+    model : Belief
+        Its memory goes on with each tick.
+    measurement : MeasurementRecord, or any record with its fields
+    kind, value, rate : int, float, float
+        Reference: `outer_loop.FORCE` (N, N/s) or `STRAIN` (1, 1/s).
+    dt : float, s
+        Since the tick before; not positive (a clock that jumped) changes nothing.
+    command : CommandRecord
+        The answer; it must be that of the tick before.
+    """
+    if not dt > 0.0:
+        return
+    command.reason.why = NONE
+    if not math.isfinite(measurement.force + measurement.strain + measurement.strain_rate
+                         + total_of(measurement.pressure) + value + rate):
+        hold(settings, state, dt, command)
+        return
+    state.lost = 0.0
+    table, outer, machine = state.table, state.outer, state.machine
+    # The strain loop damps with the rate as measured; the model has no use for its noise.
+    strain_rate = quiet_rate(state.rate, measurement.strain_rate, dt)
+    state.clock = state.clock + dt if state.begun else 0.0
+    start = not state.begun
+    state.begun = True
+    ask(table, measurement.strain, strain_rate, state.clock, dt, start)
+    believed = believed_force(table, model, measurement.pressure)
+    settled = state.crossings.count == 0 and state.since_crossing > _SETTLING
+    outer_step(settings.outer, outer, measurement, believed, kind, value, rate, settled,
+               command.saturated, dt)
+    # A force reference says nothing of the strain: there it is the measured rate that counts.
+    if kind == STRAIN and settings.outer.feed_forward:
+        strain_rate = outer.target.strain_rate
+    ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
+    tabulate(table, model)
+    find_branches(table, state.asleep)
+    if settings.scheme != ALL_ON:
+        see_demand(settings, state, kind, rate, dt)
+        switch_step(settings.switching, machine, table, state.demand, dt, command.reason)
+        if command.reason.why != NONE and settings.switching.policy == REVERSAL_AWARE:
+            send_unit(settings, state, command)
+    spread(settings, model, state, outer.target.force, dt)
+    write_command(settings, state, outer.target.force, command)
+    keep_memory(model)
+
+
+def ask(table: Any, strain: float, strain_rate: float, time: float, dt: float, start: bool
+        ) -> None:
+    """Say for what the model is asked."""
+    now = table.moment
+    now.strain, now.strain_rate, now.time, now.dt, now.start = strain, strain_rate, time, dt, start
+
+
+def believed_force(table: Any, model: Any, pressure: Any) -> float:
+    """Return the force that the model gives at the measured pressures, N; note its memory."""
+    now, total = table.moment, 0.0
+    for unit in range(len(table.order)):
+        model.pressure[unit] = pressure[unit]
+    for unit in range(len(table.order)):
+        force = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt,
+                            now.start, model.shape, model.parameters, model.tables, model.memory,
+                            model.next)
+        total += force if table.pushes_back else max(force, 0.0)
+    return total
+
+
+def keep_memory(model: Any) -> None:
+    """Let the model's memory go on to what it is after this tick."""
+    for unit in range(len(model.memory)):
+        for k in range(len(model.memory[unit])):
+            model.memory[unit][k] = model.next[unit][k]
+
+
+def see_demand(settings: Any, state: Any, kind: int, rate: float, dt: float) -> None:
+    """Work out what the state machine sees: demand, and how it moves against the limits."""
+    wanted, limits, top = state.wanted, state.limits, state.table.top
+    target = state.outer.target
+    # A strain that is measured is noisy, one that is asked for is not.
+    clean = kind == STRAIN and settings.outer.feed_forward
+    jump = abs(target.feed_forward - wanted.value[0])
+    if clean:
+        for k in range(len(top)):
+            jump = max(jump, abs(top[k] - limits.value[k]))
+    if kind != state.heading_kind or (rate == 0.0 and jump > _STEP):
+        state.heading_kind = kind
+        rest_at(wanted, 0, target.feed_forward)
+        for k in range(len(top)):
+            rest_at(limits, k, top[k])
+    else:
+        follow_heading(wanted, 0, target.feed_forward, dt, _BRISK)
+        for k in range(len(top)):
+            follow_heading(limits, k, top[k], dt, _BRISK if clean else _SLOW)
+    k = min(state.machine.state, len(top) - 2)
+    demand = state.demand
+    speed, acceleration, jerk = heading_now(wanted, 0, _BRISK)
+    if clean:
+        limit_speed, limit_acceleration, limit_jerk = heading_now(limits, k, _BRISK)
+    else:
+        limit_speed, limit_acceleration, limit_jerk = limits.rate[k], limits.acceleration[k], 0.0
+    demand.force, demand.rate = target.force, speed - limit_speed
+    demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
+    demand.uncertainty = uncertainty(settings.outer, state.outer)
+
+
+def send_unit(settings: Any, state: Any, command: Any) -> None:
+    """Send the unit that was switched on its way through its falling branch."""
+    now, up = state.machine.state, state.machine.direction > 0
+    # No other unit is active, so the crossing is not compensated.
+    if now == (1 if up else 0):
+        return
+    unit = state.table.order[now - 1 if up else now]
+    pace = crossing_pace(state.table, unit, abs(state.demand.rate),
+                         settings.switching.crossing_rate)
+    begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)
+
+
+# --- output --------------------------------------------------------------------------------------
+
+def write_command(settings: Any, state: Any, demand: float, command: Any) -> None:
+    """Write pressures, with changes inside the quiet band left out (a play), and shares."""
+    shares, still, total = state.shares, settings.still, 0.0
+    for unit in range(len(command.pressure)):
+        total += abs(shares.force[unit])
+    for unit in range(len(command.pressure)):
+        pressure = shares.pressure[unit]
+        # Empty is empty and full is full: a play would stop short of both.
+        if 0.0 < pressure < settings.max_pressure[unit]:
+            pressure = max(min(max(command.pressure[unit], pressure - still), pressure + still),
+                           0.0)
+        command.pressure[unit] = pressure
+        size = abs(shares.force[unit])
+        command.share[unit] = size / total if total > 0.0 else size
+    show_state(state, command)
+    command.saturated = saturation(state.table, shares.missing, demand)
+    command.demand = demand
+    shown, margins = command.margins, state.machine.margins
+    shown.recruit, shown.release, shown.limit = margins.recruit, margins.release, margins.limit
+    shown.width, shown.uncertainty = margins.width, margins.uncertainty
+
+
+def show_state(state: Any, command: Any) -> None:
+    """Write the recruitment state, and which units are on."""
+    command.state = state.machine.state
+    for k in range(len(command.active)):
+        command.active[state.table.order[k]] = 1 if k < command.state else 0
+
+
+def saturation(table: Any, missing: float, demand: float) -> int:
+    """Say whether the demand is out of reach of every state, or of this one only."""
+    highest, lowest = table.top[0], table.floor[0]
+    for k in range(len(table.top)):
+        highest, lowest = max(highest, table.top[k]), min(lowest, table.floor[k])
+    if missing > TOLERANCE:
+        return HIGH if demand > highest - TOLERANCE else GAP
+    if missing < -TOLERANCE:
+        return LOW if demand < lowest + TOLERANCE else GAP
+    return FREE
+
+
+def hold(settings: Any, state: Any, dt: float, command: Any) -> None:
+    """Keep the last pressures for a while without usable readings, then vent."""
+    state.lost += dt
+    if state.lost <= settings.hold_time:
+        return
+    lost, pressed = state.lost, command.state > 0
+    for unit in range(len(command.pressure)):
+        pressed = pressed or command.pressure[unit] != 0.0
+    if pressed:
+        start_recruitment(settings, state, command)
+        state.lost = lost
+        command.reason.why, command.reason.time = LOST, lost
+    else:
+        vent(command)
+
+
+def vent(command: Any) -> None:
+    """Ask for no pressure."""
+    command.state, command.saturated, command.demand = 0, FREE, 0.0
+    for unit in range(len(command.pressure)):
+        command.pressure[unit] = command.share[unit] = 0.0
+        command.active[unit] = 0
+    margins = command.margins
+    margins.recruit = margins.release = margins.limit = margins.width = math.nan
+    margins.uncertainty, command.reason.why = 0.0, NONE

@@ -1,0 +1,79 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A demand spread over the active units, while those that are being crossed go their way."""
+
+import math
+from typing import Any
+
+from fam_bundle_ros.control.crossing import advance, end_crossing, is_crossing
+from fam_bundle_ros.control.curves import slope_at
+from fam_bundle_ros.control.inverse import fill, share
+
+#: Schemes: a unit to its limit before the next; active units at one pressure; all always on.
+SCHEMES = ('orderly', 'batch', 'all_on')
+ORDERLY, BATCH, ALL_ON = 0, 1, 2
+#: N: demands missed by less than this count as met.
+TOLERANCE = 0.1
+
+
+def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> None:
+    """Work out pressures for the demand in the present state, crossings moved on."""
+    crossings = state.crossings
+    if crossings.count == 0:
+        state.since_crossing += dt
+        solve(settings, model, state, demand, False, state.shares)
+        return
+    state.since_crossing = 0.0
+    solve(settings, model, state, demand, False, state.final)
+    k = 0
+    while k < crossings.count:
+        unit = crossings.unit[k]
+        count = solve(settings, model, state, demand, True, state.shares)
+        ratio = ratio_of(settings, state, unit, count)
+        short = crossings.up[unit] > 0 and state.shares.missing > TOLERANCE
+        if advance(crossings, unit, dt, state.final.pressure[unit], ratio, short):
+            end_crossing(crossings, k)
+        else:
+            k += 1
+    solve(settings, model, state, demand, True, state.shares)
+
+
+def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, shares: Any
+          ) -> int:
+    """
+    Allocate a demand (N) over the active units by the scheme; return how many shared in it.
+
+    With ``crossing`` those on their way are where they are, else nobody is.
+    """
+    count = 0
+    for unit in range(len(state.fixed)):
+        on_its_way = crossing and is_crossing(state.crossings, unit)
+        state.fixed[unit] = state.crossings.pressure[unit] if on_its_way else math.nan
+    for k in range(state.machine.state):
+        unit = state.table.order[k]
+        if math.isnan(state.fixed[unit]):
+            state.units[count] = unit
+            count += 1
+    if settings.scheme == ORDERLY:
+        fill(state.table, model, demand, state.units, count, state.fixed, shares)
+    else:
+        share(state.table, model, demand, state.units, count, state.fixed, shares)
+    return count
+
+
+def ratio_of(settings: Any, state: Any, unit: int, count: int) -> float:
+    """Return the pressure change that the others need per change of the crossing unit."""
+    table, helping, chosen = state.table, 0.0, 0
+    for k in range(count):
+        other = state.units[k]
+        if state.shares.pressure[other] < table.grid[other][-1] - 1.0:
+            if chosen == 0 or settings.scheme != ORDERLY:
+                helping += slope_at(table, other, state.shares.pressure[other])
+            chosen += 1
+    if chosen == 0:
+        for k in range(state.machine.state):
+            other = table.order[k]
+            if not is_crossing(state.crossings, other):
+                helping = slope_at(table, other, state.shares.pressure[other])
+    steep = abs(slope_at(table, unit, state.crossings.pressure[unit]))
+    return steep / helping if helping > 0.0 else 1.0

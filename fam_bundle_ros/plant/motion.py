@@ -1,0 +1,354 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The rig in motion: circuit, bundle and load advanced together, and the trip that guards them.
+
+Half drift, kick, half drift (Strang splitting; position Verlet where there is no air): over half
+a step the load moves at its present speed while the air moves with it (`drift_with_air`), then
+the force acts for the whole step (`kick_step`), then the second half. The scheme is symmetric,
+hence of second order; without dissipation it neither gains nor loses energy. Kernels
+(`fam_bundle_ros.kernels`); a `model` is a `fam_bundle_ros.model.seam.Model`, so that any plant
+that gives force and volume runs here.
+"""
+
+from dataclasses import dataclass, field
+import math
+from typing import Any
+
+from fam_bundle_ros.plant.circuit import Air, AirConfig, circuit_step
+from fam_bundle_ros.plant.loads import damping_rate, drift, DYNAMOMETER, kick, LoadState
+from fam_bundle_ros.plant.sensors import FORCE, PRESSURE, STRAIN, SUPPLY
+
+#: Why a rig is stopped.
+RUNNING, OVER_PRESSURE, E_STOP = range(3)
+#: 1/s: how exactly the strain rate is solved for where the force depends on it.
+_RATE_TOLERANCE = 1e-9
+_MOST_TRIALS = 40
+#: Relative error of the gas content where a volume depends on the pressure.
+_CONTENT_TOLERANCE = 1e-13
+#: Pa, over which the compliance of a volume is found.
+_SMALL_PRESSURE = 100.0
+
+
+@dataclass(frozen=True)
+class RigRecord:
+    """Constants of a rig as kernels read them."""
+
+    air: AirConfig
+    #: s, longest internal step.
+    step: float
+    #: m, rest length of the bundle.
+    length: float
+    #: m^3, between valve and muscles of one motor unit.
+    tube_volume: float
+    #: Pa (gauge).
+    trip_pressure: float
+    #: Whether the force depends on the strain rate, the volume on the pressure.
+    rate_matters: bool
+    swells: bool
+
+
+@dataclass
+class FaultRecord:
+    """What is broken, one value a motor unit."""
+
+    #: 1/s, rate at which gauge pressure leaks away, with the leak of the plant's own model.
+    leak: list[float]
+    #: Position of a valve that no longer moves, infinity for where it is when the fault begins;
+    #: nan for a valve that moves.
+    stuck: list[float]
+    #: 1 for a channel of the instruments without a reading, else 0.
+    lost: list[int]
+    #: Factor on the noise of every channel.
+    noise_factor: float
+
+
+@dataclass
+class RigState:
+    """Everything about a rig that changes."""
+
+    air: Air
+    motion: LoadState
+    #: s since the start; of the last force that the memory of the effects has taken in.
+    time: float
+    memory_time: float
+    #: N, of the bundle; J, done on the load.
+    force: float
+    work: float
+    #: RUNNING, OVER_PRESSURE or E_STOP; the motor unit that tripped and its pressure, Pa (gauge).
+    reason: int
+    tripped_unit: int
+    tripped_pressure: float
+    #: Slope of the gap that `solve_rate` closes, and whether backward Euler was needed last.
+    gap_slope: float
+    steep: bool
+    #: Scratch: gauge pressures that the muscles feel, commands that valves get, volumes.
+    gauge: list[float] = field(repr=False)
+    commands: list[float] = field(repr=False)
+    volume: list[float] = field(repr=False)
+
+    @classmethod
+    def at_rest(cls, air: Air, motion: LoadState) -> 'RigState':
+        """Return the state of a rig that has not moved yet."""
+        n = len(air.pressure)
+        return cls(air, motion, 0.0, 0.0, 0.0, 0.0, RUNNING, 0, 0.0, -1.0, False,
+                   [0.0] * n, [0.0] * n, [0.0] * n)
+
+
+def begin(rig: Any, load: Any, model: Any, state: Any) -> None:
+    """Fill gas volumes and force of a rig at rest; the memory of the effects begins here."""
+    feel(rig, state)
+    gas_volumes(rig, model, state, state.air.volume)
+    state.force = bundle_force(model, state, state.motion.strain_rate, True)
+    remember(model, state)
+
+
+def rig_step(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults: Any,
+             duration: float) -> None:
+    """
+    Advance a rig by ``duration`` in equal steps of at most ``rig.step``, commands held.
+
+    Parameters
+    ----------
+    rig : RigRecord
+    load : LoadRecord
+    model : Model
+        Its memory is advanced in place.
+    state : RigState
+    commands : vector (n,), -1..1
+        Of the valves; a rig that is stopped exhausts instead.
+    faults : FaultRecord
+    duration : float, s
+    """
+    count = max(1, math.ceil(duration / rig.step - 1e-9))
+    if load.kind == DYNAMOMETER:
+        imposed_steps(rig, load, model, state, commands, faults, duration, count)
+    else:
+        moving_steps(rig, load, model, state, commands, faults, duration, count)
+
+
+def set_valves(state: Any, commands: Any, faults: Any) -> None:
+    """Give the valves their commands: exhaust while stopped; what is stuck does not move."""
+    for i in range(len(commands)):
+        command = min(max(commands[i], -1.0), 1.0)
+        if state.reason != RUNNING:
+            command = -1.0
+        if math.isinf(faults.stuck[i]):
+            faults.stuck[i] = state.air.spool[i]
+        if not math.isnan(faults.stuck[i]):
+            command = faults.stuck[i]
+        state.commands[i] = command
+
+
+def imposed_steps(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults: Any,
+                  duration: float, count: int) -> None:
+    """Advance while a test machine imposes the strain; work by the trapezium rule."""
+    dt, start = duration / count, state.time
+    for k in range(count):
+        strain, force = state.motion.strain, state.force
+        state.time = start + (k + 1) * dt
+        drift_with_air(rig, load, model, state, commands, faults, dt, 0.0)
+        state.force = bundle_force(model, state, state.motion.strain_rate, False)
+        remember(model, state)
+        state.work += 0.5 * (force + state.force) * (state.motion.strain - strain) * rig.length
+
+
+def moving_steps(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults: Any,
+                 duration: float, count: int) -> None:
+    """
+    Advance by steps of half drift, kick, half drift; the halves between two kicks are one drift.
+
+    A kick's force times the distance of its two halves is the work: with the midpoint rule in
+    the kick it equals what the load gains, to rounding.
+    """
+    dt, start, force = duration / count, state.time, 0.0
+    for k in range(count + 1):
+        past = 0.5 * dt if k > 0 else 0.0
+        part = past + (0.5 * dt if k < count else 0.0)
+        strain = state.motion.strain
+        state.time = start + min((k + 0.5) * dt, duration)
+        drift_with_air(rig, load, model, state, commands, faults, part, past)
+        way = (state.motion.strain - strain) * rig.length
+        state.work += force * way * past / part
+        if k < count:
+            force = kick_step(rig, load, model, state, dt)
+            state.work += force * way * (1.0 - past / part)
+    # The last kick was half a step ago: the force now, and the memory as it is.
+    state.force = bundle_force(model, state, state.motion.strain_rate, False)
+
+
+def drift_with_air(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults: Any,
+                   dt: float, past: float) -> None:
+    """Move the load by ``dt`` at its speed, and the air while the gas volumes follow."""
+    set_valves(state, commands, faults)
+    drift(load, state.motion, dt, past)
+    if rig.swells:
+        gas_compliances(model, state)
+    gas_volumes(rig, model, state, state.volume)
+    circuit_step(rig.air, state.air, state.commands, state.volume, faults.leak, dt)
+    feel(rig, state)
+    if rig.swells:
+        settle_volumes(rig, model, state)
+    guard(rig, state)
+
+
+def feel(rig: Any, state: Any) -> None:
+    """Fill the gauge pressures as the muscles feel them: none is sucked below ambient."""
+    for i in range(len(state.gauge)):
+        state.gauge[i] = max(state.air.pressure[i] - rig.air.ambient, 0.0)
+
+
+def guard(rig: Any, state: Any) -> None:
+    """Stop the rig when a chamber is above the trip pressure: vent all, dump the supply."""
+    if state.reason == RUNNING:
+        for i in range(len(state.gauge)):
+            if state.gauge[i] > rig.trip_pressure and (
+                    state.reason == RUNNING or state.gauge[i] > state.tripped_pressure):
+                state.reason, state.air.dumping = OVER_PRESSURE, True
+                state.tripped_unit, state.tripped_pressure = i, state.gauge[i]
+
+
+# --- gas volumes -------------------------------------------------------------------------------
+
+def gas_volume(tube_volume: float, model: Any, state: Any, unit: int) -> float:
+    """Return the gas volume of a motor unit with tubing at the present strain, m^3."""
+    # A slice: numba passes an array that lies in a record to no function pointer.
+    return tube_volume + max(0.0, model.volume(
+        unit, state.motion.strain, state.gauge[:], state.time, model.shape, model.parameters,
+        model.tables))
+
+
+def gas_volumes(rig: Any, model: Any, state: Any, out: Any) -> None:
+    """Put the gas volumes at the present strain and pressures into ``out``, m^3."""
+    for i in range(len(out)):
+        out[i] = gas_volume(rig.tube_volume, model, state, i)
+
+
+def gas_compliances(model: Any, state: Any) -> None:
+    """Fill dV/dp of each gas volume at the present strain, m^3/Pa."""
+    for i in range(len(state.gauge)):
+        pressure = state.gauge[i]
+        here = gas_volume(0.0, model, state, i)
+        state.gauge[i] = pressure + _SMALL_PRESSURE
+        state.air.compliance[i] = (gas_volume(0.0, model, state, i) - here) / _SMALL_PRESSURE
+        state.gauge[i] = pressure
+
+
+def settle_volumes(rig: Any, model: Any, state: Any) -> None:
+    """
+    Let volumes that swell with pressure agree with it, at constant p V^g.
+
+    The circuit took them as linear in the pressure. Newton's method in ln p.
+    """
+    air, exponent = state.air, rig.air.chamber.volume_exponent
+    for i in range(len(state.gauge)):
+        pressure, volume = air.pressure[i], air.volume[i]
+        for _ in range(10):
+            air.volume[i] = gas_volume(rig.tube_volume, model, state, i)
+            excess = (math.log(air.pressure[i] / pressure)
+                      + exponent * math.log(air.volume[i] / volume))
+            if abs(excess) < _CONTENT_TOLERANCE:
+                break
+            stiffness = 1.0 + exponent * air.compliance[i] * air.pressure[i] / air.volume[i]
+            air.pressure[i] *= math.exp(-excess / stiffness)
+            state.gauge[i] = max(air.pressure[i] - rig.air.ambient, 0.0)
+
+
+# --- forces ------------------------------------------------------------------------------------
+
+def bundle_force(model: Any, state: Any, strain_rate: float, start: bool) -> float:
+    """Return the tension of all motor units now, N, if the load moved at ``strain_rate``."""
+    total, pressure = 0.0, state.gauge[:]
+    for i in range(len(pressure)):
+        total += model.force(i, state.motion.strain, strain_rate, pressure, state.time,
+                             state.time - state.memory_time, start, model.shape,
+                             model.parameters, model.tables, model.memory, model.after)
+    return total
+
+
+def remember(model: Any, state: Any) -> None:
+    """Keep the memory of the last `bundle_force`."""
+    state.memory_time = state.time
+    for i in range(len(model.memory)):
+        for j in range(len(model.memory[i])):
+            model.memory[i][j] = model.after[i][j]
+
+
+def kick_step(rig: Any, load: Any, model: Any, state: Any, dt: float) -> float:
+    """
+    Let bundle and load accelerate the load for ``dt``; return the bundle's force, N.
+
+    Implicit midpoint rule in the speeds. Backward Euler where that would overshoot: where the
+    force falls so steeply with the rate that dt times the decay rate is above 2 (dry friction
+    that sticks), and where the rate changes sign, which is where friction is steepest.
+    """
+    motion = state.motion
+    share, rate, place_rate, force = 0.5, 0.0, 0.0, 0.0
+    for trial in range(3):
+        share = 1.0 if state.steep else 0.5
+        own = share * dt * damping_rate(load, rig.length)
+        force, slope = solve_rate(rig, load, model, state, share * dt)
+        rate, place_rate = kick(load, motion, share * dt, force, rig.length)
+        rate = motion.strain_rate + (rate - motion.strain_rate) / share
+        # The gap of `solve_rate` has the slope -1 - (decay of the bundle's force)/(1 + own).
+        steep = (own - (slope + 1.0) * (1.0 + own) > 2.0 * share
+                 or (rig.rate_matters and rate * motion.strain_rate < 0.0))
+        if steep == state.steep or (state.steep and trial > 0):
+            break
+        state.steep = steep
+    motion.acceleration = (rate - motion.strain_rate) / dt
+    motion.place_acceleration = (place_rate - motion.place_rate) / (share * dt)
+    motion.strain_rate = rate
+    motion.place_rate += dt * motion.place_acceleration
+    remember(model, state)
+    return force
+
+
+def solve_rate(rig: Any, load: Any, model: Any, state: Any, dt: float) -> tuple[float, float]:
+    """
+    Return the bundle's force with rate = kick(force(rate)) over ``dt``, and the gap's slope.
+
+    One evaluation where the force knows no rate; else secants on the gap between the two sides,
+    which falls with the rate for any force that dissipates, between a change of sign those of
+    the Illinois rule. The slope of the step before gives the first one.
+    """
+    motion, length = state.motion, rig.length
+    begun = low = motion.strain_rate
+    force = bundle_force(model, state, low, False)
+    if not rig.rate_matters:
+        return force, -1.0
+    rate, _ = kick(load, motion, dt, force, length)
+    gap_low = gap_begun = rate - low
+    if abs(gap_low) <= _RATE_TOLERANCE:
+        return force, state.gap_slope
+    high = low - gap_low / state.gap_slope
+    force = bundle_force(model, state, high, False)
+    rate, _ = kick(load, motion, dt, force, length)
+    gap_high = rate - high
+    for _ in range(_MOST_TRIALS):
+        if abs(gap_high) <= _RATE_TOLERANCE:
+            break
+        slope = min((gap_high - gap_low) / (high - low), -1.0)
+        trial = high - gap_high / slope
+        force = bundle_force(model, state, trial, False)
+        rate, _ = kick(load, motion, dt, force, length)
+        gap = rate - trial
+        if gap * gap_high < 0.0:
+            low, gap_low = high, gap_high
+        elif gap_low * gap_high < 0.0:
+            gap_low *= 0.5
+        else:
+            low, gap_low = high, gap_high
+        high, gap_high = trial, gap
+    state.gap_slope = min((gap_high - gap_begun) / (high - begun), -1.0)
+    return force, state.gap_slope
+
+
+# --- channels ----------------------------------------------------------------------------------
+
+def true_channels(rig: Any, state: Any, out: Any) -> None:
+    """Put the true value of every sensor channel into ``out``; pressures gauge."""
+    out[FORCE], out[STRAIN] = state.force, state.motion.strain
+    out[SUPPLY] = state.air.manifold - rig.air.ambient
+    for i in range(len(state.gauge)):
+        out[PRESSURE + i] = state.air.pressure[i] - rig.air.ambient

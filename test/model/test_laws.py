@@ -1,0 +1,227 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What every law owes the composition, built in or a user's; what single laws say."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, catalogue, loads_model, Motion, Place
+from fam_bundle_ros.model.laws.bladder import bladder_elasticity
+from fam_bundle_ros.model.laws.mesh import mesh
+
+from .conftest import PAPER, units
+
+USERS = loads_model("""
+format: fam-bundle-model/1
+motor_units:
+  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
+effects:
+  - my_drag: {expression: "-k * strain_rate * pressure", place: loss,
+              parameters: {k: 0.02 N*s/kPa}}
+""").effects[0]
+TABLE_FREE = [name for name in catalogue.names() if name != 'measured_surface']
+
+
+def example(name):
+    """Return an effect with values at which it certainly does something."""
+    if name == 'my_drag':
+        return USERS
+    kind = catalogue.get(name)
+    values = {}
+    for p in kind.parameters:
+        middle = p.default if p.default not in (p.lower, 0.0) else p.lower + 0.3 * (
+            p.upper - p.lower)
+        values[p.name] = middle * p.scale
+    return kind(**values)
+
+
+@pytest.fixture(params=[*TABLE_FREE, 'my_drag'])
+def effect(request):
+    """Return each effect of the catalogue in turn, and a user's formula."""
+    return example(request.param)
+
+
+def bundle_with(*effects):
+    """Return two units with mesh, bladder and these effects."""
+    own = {e.name for e in effects}
+    base = [e for e in (mesh(), bladder_elasticity()) if e.name not in own]
+    return Bundle('test', units(2), [*base, *effects])
+
+
+def record(seed=1, samples=157, trials=3):
+    """Return a motion with pauses, reversals, uneven sampling and several trials."""
+    rng = np.random.default_rng(seed)
+    start = np.zeros(samples, bool)
+    start[np.linspace(0, samples, trials, endpoint=False).astype(int)] = True
+    time = np.cumsum(rng.uniform(0.002, 0.05, samples))
+    jumps = 0.07 * np.cumsum(start)  # a trial begins where the last one did not end
+    strain = np.clip(np.cumsum(rng.normal(0, 0.01, samples)) + jumps, 0.0, 0.27)
+    pressure = np.clip(np.cumsum(rng.normal(0, 2e4, (samples, 2)), axis=0) + 2e5, 0.0, 4e5)
+    return Motion(strain, pressure, np.gradient(strain, time), time, start)
+
+
+def test_stepwise_equals_vectorised(effect):
+    """One code: sample by sample in the simulator, as a whole record in a comparison."""
+    bundle, motion = bundle_with(effect), record()
+    forces, state = [], {}
+    for k in range(len(motion.time)):
+        if motion.start[k]:
+            state = bundle.start_state()
+        if effect.across_trials and motion.start[k] and k:
+            break  # it goes by the whole log, which a fresh state would begin anew
+        dt = motion.time[k] - motion.time[k - 1] if k else 0.0
+        force, state = bundle.step(state, dt, motion.strain[k], motion.pressure[k],
+                                   motion.strain_rate[k])
+        forces.append(force)
+    assert_allclose(forces, bundle.simulate(motion)[:len(forces)], rtol=1e-9, atol=1e-9)
+
+
+def test_a_record_can_be_cut_in_two_with_the_memory_handed_over(effect):
+    """Candidates at one tick see the same memory, and asking leaves it untouched."""
+    bundle, motion = bundle_with(effect), record(trials=1)
+    state = bundle.start_state()
+    for k in range(20):
+        _, state = bundle.step(state, 0.01, motion.strain[k], motion.pressure[k],
+                               motion.strain_rate[k])
+    tick = (0.01, motion.strain[20], motion.strain_rate[20])
+    candidates = np.array([[0.0, 0.0], motion.pressure[20], [3e5, 1e5]])
+    asked, _ = bundle.step(state, tick[0], tick[1], candidates, tick[2])
+    taken, _ = bundle.step(state, tick[0], tick[1], motion.pressure[20], tick[2])
+    assert_allclose(asked[1], taken, rtol=1e-12)
+
+
+def test_without_its_coefficients_an_effect_does_nothing(effect):
+    """Zero coefficient means no effect, wherever it acts."""
+    if not effect.off:
+        assert effect.name in ('mesh', 'tendon_slack', 'my_drag')
+        return
+    off = effect.replace(**{key: value * effect.parameter(key).scale
+                            for key, value in effect.off.items()})
+    motion = record()
+    base = bundle_with(off).without_effect(effect.name)
+    assert_allclose(bundle_with(off).predict(motion), base.predict(motion), atol=1e-9)
+
+
+def test_an_effect_does_something(effect):
+    """At its example values each effect changes the prediction, except those of the supply."""
+    if effect.place is Place.PNEUMATICS or effect.name == 'mesh':
+        return
+    motion = record()
+    with_it = bundle_with(effect)
+    changed = np.abs(with_it.predict(motion) - with_it.without_effect(effect.name).predict(motion))
+    assert changed.max() > 1e-3
+
+
+def test_order_within_a_place_does_not_matter(effect):
+    """Two effects of one place compose to the same force in either order."""
+    motion = record()
+    for name in TABLE_FREE:
+        other = example(name)
+        if other.place is effect.place and name != effect.name:
+            one = bundle_with(effect, other).predict(motion)
+            assert_allclose(one, bundle_with(other, effect).predict(motion), rtol=1e-12,
+                            atol=1e-12)
+
+
+def test_finite_over_the_whole_operating_box(effect):
+    """No NaN or infinity from -2 to 45 % strain, 0 to 1 MPa, up to 5 1/s."""
+    strain, pressure, rate = np.meshgrid(np.linspace(-0.02, 0.45, 24), np.linspace(0, 1e6, 11),
+                                         [-5.0, 0.0, 5.0])
+    pressures = np.stack([pressure, pressure[::-1]], axis=-1)
+    assert np.all(np.isfinite(bundle_with(effect).unit_forces(strain, pressures, rate)))
+
+
+def test_every_effect_says_what_it_is(effect):
+    """Source, signature, units and bounds are there and the default lies within the bounds."""
+    assert all((effect.summary, effect.source, effect.signature, effect.family))
+    for p in effect.parameters:
+        assert p.description
+        assert p.lower <= p.default <= p.upper
+        assert p.scale > 0.0
+
+
+def test_an_unknown_parameter_is_refused():
+    """The message names what the effect has."""
+    with pytest.raises(InputError, match="coulomb_friction has no parameter 'size'; it has force"):
+        catalogue.get('coulomb_friction')(size=3.0)
+
+
+def test_a_value_out_of_bounds_is_refused():
+    """In the unit in which the parameter is given."""
+    with pytest.raises(InputError, match=r'force is -3 N; expected between 0 and 100 N'):
+        catalogue.get('coulomb_friction')(force=-3.0)
+
+
+def test_coulomb_loop_has_the_same_width_at_any_speed():
+    """Shortening and lengthening differ by twice the friction force, slow or fast."""
+    bundle = bundle_with(catalogue.get('coulomb_friction')(force=4.0))
+    for speed in (0.02, 0.5):
+        there, back = bundle.force(0.1, [2e5, 0.0], [speed, -speed])
+        assert_allclose(back - there, 2 * 2 * 4.0, rtol=1e-6)  # two muscles
+
+
+def test_presliding_rounds_the_corner_over_a_fixed_strain():
+    """After a reversal half of the loop is crossed within the width, whatever the time taken."""
+    bundle = Bundle('one', units(1), [mesh()]).with_effect(
+        'presliding_hysteresis', force=4.0, width=0.01)
+    strain = np.concatenate([np.linspace(0, 0.1, 201), np.linspace(0.1, 0.05, 101)])
+    pressure = np.zeros((302, 1))
+    for dt in (1e-3, 1.0):
+        motion = Motion(strain, pressure, np.zeros(302), dt * np.arange(302), np.arange(302) == 0)
+        force = bundle.simulate(motion)[:, 0]
+        assert_allclose(force[200], -4.0)
+        assert_allclose(force[-1], 4.0)
+        assert -2.0 < force[221] < 2.0  # 1 % strain after the reversal
+
+
+def test_relaxation_is_that_of_a_standard_linear_solid():
+    """A step of force decays by 1 - 1/e of its excess within one time constant."""
+    bundle = Bundle('one', units(1), [mesh()]).with_effect(
+        'viscoelastic_relaxation', share=0.1, time_constant=2.0)
+    time = np.linspace(0.0, 10.0, 5001)
+    pressure = np.where(time < 1.0, 1e5, 2e5)[:, None]
+    motion = Motion(np.zeros(5001), pressure, np.zeros(5001), time, np.arange(5001) == 0)
+    force = bundle.simulate(motion)[:, 0]
+    step = bundle.force(0.0, [2e5]) - bundle.force(0.0, [1e5])
+    excess = force - bundle.force(0.0, [2e5])
+    assert_allclose(excess[time > 1.0][0], 0.1 * step, rtol=2e-3)
+    assert_allclose(excess[np.searchsorted(time, 3.0)], 0.1 * step / np.e, rtol=2e-3)
+
+
+def test_stretching_braid_loses_force_with_the_square_of_pressure():
+    """At zero strain the loss is 2 c pi r0^2 P^2/sin^2 a0 to first order (hoop balance)."""
+    plain = Bundle('one', units(1), [mesh()])
+    soft = plain.with_effect('braid_elasticity', compliance=1e-8)
+    pressure = np.array([[1e5], [2e5], [4e5]])
+    loss = plain.force(0.0, pressure) - soft.force(0.0, pressure)
+    assert_allclose(loss, 2e-8 * PAPER.area * pressure[:, 0] ** 2 / PAPER.sin2, rtol=5e-3)
+
+
+def test_softening_recovers_between_trials_or_not():
+    """The same trial twice gives the same force, unless softening lasts for a lifetime."""
+    strain = np.tile(np.linspace(0.0, 0.2, 50), 2)
+    motion = Motion(strain, np.zeros((100, 1)), np.zeros(100), 0.1 * np.arange(100.0),
+                    np.arange(100) % 50 == 0)
+    tube = Bundle('tube', units(1), [bladder_elasticity()])
+    first, second = tube.with_effect('softening').simulate(motion).reshape(2, 50)
+    assert_allclose(first, second, atol=1e-9)
+    first, second = tube.with_effect('softening_lifetime').simulate(motion).reshape(2, 50)
+    assert np.all(second[1:] > first[1:])
+
+
+def test_the_larger_of_two_limits_holds():
+    """A slack tendon hides buckling: no push-back is left, in either order."""
+    bundle = bundle_with(example('tendon_slack'), example('resistive_buckling'))
+    assert np.all(bundle.unit_forces(np.linspace(0, 0.3, 20), np.full((20, 2), 5e4)) >= 0.0)
+
+
+def test_gauges_and_muscle_agree_after_correction():
+    """Reading a simulated rig through its own sensor errors gives back its force."""
+    sensors = [example(n) for n in TABLE_FREE if example(n).place is Place.SENSOR]
+    bundle, motion = bundle_with(*sensors), record()
+    true = bundle.simulate(motion).sum(axis=-1)
+    force, strain, pressure = bundle.readings(true, motion.strain, motion.pressure)
+    shown = Motion(strain, pressure, motion.strain_rate, motion.time, motion.start)
+    assert_allclose(bundle.predict(shown), force, rtol=1e-9)
