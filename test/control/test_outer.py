@@ -105,8 +105,8 @@ def test_strain_feedback_is_a_pid_behind_a_play(paper_bundle):
                 strain_integral=2000.0, strain_damping=5.0, still=0.2)
     first = loop.run(0.11, kind=STRAIN, believed=0.0, speed=0.1).force
     expected = 400.0 * 0.01 + 2000.0 * 0.01 * DT - 5.0 * 0.1
-    # The first jump counts as noise up to three times the band.
-    assert first == pytest.approx(expected - 0.6, abs=1e-9)
+    # The band is as wide as the noise that is found, up to three times ``still``.
+    assert expected - 0.6 <= first <= expected - 0.2
     loop.run(0.1, kind=STRAIN, duration=8.0)
     calm = loop.run(0.1, kind=STRAIN).force
     assert loop.run(0.1 + 0.1 / 400.0, kind=STRAIN).force == calm
