@@ -10,7 +10,7 @@ import pytest
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, catalogue, law, Motion, Parameter
+from fam_bundle_ros.model import Bundle, catalogue, law, loads_model, Motion, Parameter, Place
 from fam_bundle_ros.model.compose import composition
 from fam_bundle_ros.model.laws.mesh import mesh
 
@@ -35,6 +35,7 @@ def test_a_law_may_have_parts_at_several_places():
     bundle = Bundle('b', units(1), [mesh(), two_parts(size=2.0), catalogue.get('tendon_slack')()])
     motion = Motion(np.array([0.1, 0.3]), np.zeros((2, 1)), np.zeros(2), np.arange(2.0))
     assert_allclose(bundle.simulate(motion)[:, 0], [0.2, 0.6 - 0.4])
+    assert two_parts.place is Place.FORCE  # that of the first part
     assert_allclose(bundle.with_parameters({'two_parts.size': 1.0}).simulate(motion)[:, 0],
                     [0.1, 0.1])
 
@@ -141,3 +142,93 @@ def test_what_other_rooms_need_to_know_stands_in_the_law():
     assert bundle.pneumatics.supply_resistance == pytest.approx(4e7)
     assert {law.name for law in laws if not law.candidate} == {
         'mesh', 'measured_surface', 'leak', 'supply_droop'}
+
+
+def test_a_first_sample_begins_afresh_whatever_is_in_the_memory():
+    """Also where the memory holds what is not a number, as after a broken reading."""
+    effects = [mesh(), *(catalogue.get(name)() for name in catalogue.names()
+                         if catalogue.get(name).memory)]
+    m = Bundle('b', units(1), effects).model()
+    fresh = m.force(0, 0.1, 0.0, [2e5], 0.0, 0.0, True, *m[3:])
+    m.memory[0][:] = [float('nan')] * len(m.memory[0])
+    assert m.force(0, 0.1, 0.0, [2e5], 0.0, 0.0, True, *m[3:]) == fresh
+    assert np.isfinite(m.after[0]).all()
+
+
+def test_a_reading_that_is_not_a_number_gives_none():
+    """Not a maximum of it and something else, on arrays and plain numbers alike."""
+    bundle = Bundle('b', units(1), [mesh(), catalogue.get('threshold_pressure')(),
+                                    catalogue.get('tendon_slack')()])
+    for strain, pressure in ((np.nan, 1e5), (0.1, np.nan)):
+        assert np.isnan(bundle.force(strain, [pressure]))
+        assert np.isnan(bundle.step(bundle.start_state(), 0.0, strain, [pressure])[0])
+
+
+def test_memory_advances_where_a_value_is_infinite():
+    """A formula that overflows in one tick does not hold the memory of other laws back."""
+    bundle = loads_model("""
+format: fam-bundle-model/1
+motor_units:
+  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
+effects:
+  - mesh
+  - wall: {expression: "k * exp(1e4 * max(strain - 0.2, 0))", place: pressure,
+           parameters: {k: 1 kPa}}
+  - pressure_line_lag
+""")
+    m = bundle.model()
+    assert np.isinf(m.force(0, 0.3, 0.0, [2e5], 0.0, 0.0, True, *m[3:]))
+    assert m.after[0] == [2e5, 2e5]
+
+
+def test_a_parameter_may_have_the_name_of_what_a_law_knows():
+    """`place` is where the law acts, the parameter of that name is among the values."""
+    effect = loads_model("""
+format: fam-bundle-model/1
+motor_units:
+  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
+effects:
+  - own: {expression: "place * strain", parameters: {place: 3 N}}
+""").effects[0]
+    assert effect.place is Place.FORCE
+    assert effect.values['place'] == 3.0
+
+
+def test_unequal_units_have_a_parameter_for_each_but_the_first():
+    """Three units: mu2 and mu3, each the cross-section of its own unit."""
+    law_of = catalogue.get('motor_unit_mismatch')
+    assert [p.name for p in law_of.active(3)] == ['mu2', 'mu3']
+    equal = Bundle('b', units(7), [mesh()]).unit_forces(0.1, np.full(7, 1e5))
+    values = {f'mu{i}': 0.01 * i for i in range(2, 7)}
+    unequal = Bundle('b', units(7), [mesh(), law_of(**values)]).unit_forces(0.1, np.full(7, 1e5))
+    assert_allclose(unequal / equal, [1.0, 1.02, 1.03, 1.04, 1.05, 1.06, 1.0])
+
+
+def test_an_entry_point_adds_a_law_and_replaces_none(monkeypatch):
+    """A package's law is listed last; one with the name of ours is not taken."""
+    from importlib import metadata
+
+    class Point:
+        name = 'point'
+
+        def __init__(self, law):
+            self.load = lambda: law
+
+    @law('force', **FACTS)
+    def mesh(strain):
+        return 0.0 * strain
+
+    def listed(*laws):
+        monkeypatch.setattr(metadata, 'entry_points', lambda group: [Point(x) for x in laws])
+        catalogue.available.cache_clear()
+        return catalogue.available()
+
+    try:
+        laws = listed(two_parts, mesh)
+        assert list(laws)[-1] == 'two_parts'
+        assert laws['mesh'].source.startswith('Chou')
+        with pytest.raises(InputError, match='entry point point: .* is not a law'):
+            listed(object())
+    finally:
+        monkeypatch.undo()
+        catalogue.available.cache_clear()

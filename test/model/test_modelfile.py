@@ -138,8 +138,8 @@ class Glue(Effect):
 """
 
 
-@pytest.mark.parametrize('text', [CLASS, CLASS.replace('model import', 'model.effects.base import'),
-                                  'x = 1'])
+@pytest.mark.parametrize('text', [
+    CLASS, CLASS.replace('model import', 'model.effects.base import'), 'x = 1'])
 def test_an_effect_written_as_a_class_is_told_how_to_become_a_function(tmp_path, text):
     """One sentence that names the file, the decorator and the page."""
     (tmp_path / 'mine.py').write_text(text)
