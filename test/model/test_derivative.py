@@ -20,7 +20,8 @@ from fam_bundle_ros.model.vocabulary import bound
 COMPLEX = types.SimpleNamespace(
     maximum=np.maximum, minimum=np.minimum, where=np.where, sqrt=np.sqrt, exp=np.exp, log=np.log,
     expm1=np.expm1, tanh=np.tanh, sin=np.sin, cos=np.cos, pi=np.pi,
-    abs=lambda a: np.where(np.real(a) < 0.0, -a, a), inf=np.inf, sign=lambda a: np.sign(np.real(a)))
+    abs=lambda a: np.where(np.real(a) < 0.0, -a, a),
+    inf=np.inf, sign=lambda a: np.sign(np.real(a)))
 
 
 def complex_step(function, values, name, output=0):
