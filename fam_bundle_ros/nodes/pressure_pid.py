@@ -128,7 +128,8 @@ class PressurePidNode(BundleNode):
         self._command = -1.0
         self._answered = -1
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
-        self._valve = self.publisher(interface.valve_topic(self.unit), JointState)
+        self._send = self.sender(interface.valve_topic(self.unit), JointState,
+                                 interface.valve_writer(self.unit))
         self._gate = Gate(('pressure', 'setpoint', 'strain', 'supply'))
         self._gate_since = time.monotonic()
         self.subscribe(interface.pressure_topic(self.unit), FluidPressure, self._on_pressure)
@@ -337,7 +338,7 @@ class PressurePidNode(BundleNode):
 
     def _publish(self, stamp: int, command: float | None) -> None:
         if command is not None:
-            self._valve.publish(interface.valve_message(stamp, self.unit, command))
+            self._send(stamp, command)
 
     def stop(self) -> None:
         """Vent."""
