@@ -5,7 +5,8 @@ What recruitment and monitor hear of a rig: force, strain and pressures, brought
 
 In lock-step a sample is complete when every channel carries its stamp. In wall time it is
 complete when every channel has sent anew; the owner's timer takes what there is when a channel
-is slower or silent.
+is slower or silent. The work on it waits until the process has dealt with all messages that are
+there already: pressure loops in the same process answer first.
 """
 
 from collections.abc import Callable, Sequence
@@ -182,7 +183,15 @@ class Sensing:
             return
         self._latest[channel] = (stamp, value)
         self._fresh.add(channel)
-        if len(self._fresh) == len(self.meters):
+        if self._all_fresh:
+            self._node.executor.create_task(self._complete_fresh)
+
+    @property
+    def _all_fresh(self) -> bool:
+        return len(self._fresh) == len(self.meters)
+
+    def _complete_fresh(self) -> None:
+        if self._all_fresh:
             self._complete()
 
     def _complete_gate(self) -> None:
