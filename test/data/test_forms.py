@@ -398,6 +398,7 @@ def same(data, log):
     assert np.allclose(np.diff(data.time), 0.05, atol=1e-6)
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('form', TEXTS)
 def test_a_log_written_as_labs_write_text_reads_the_same(form, log, tmp_path):
     """Separators, commas, preambles, units, encodings, clocks: the same numbers."""
@@ -410,6 +411,7 @@ def test_a_log_written_as_labs_write_text_reads_the_same(form, log, tmp_path):
     same(data, log)
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('library', LIBRARIES)
 def test_a_log_written_by_a_formats_own_library_reads_the_same(library, log, tmp_path):
     """What pandas, openpyxl, npTDMS, scipy, h5py, pyarrow, NumPy and rosbags write is read."""

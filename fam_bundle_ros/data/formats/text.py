@@ -125,11 +125,10 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     if all(part.dtype.kind in 'biuf' for part in parts):
         return np.concatenate([part.to_numpy(float) for part in parts]), unit
     text = np.concatenate([part.to_numpy(object) for part in parts])
-    ends = {found[1] if (found := layout.with_unit(cell, decimal)) else '?' for cell in text
-            if isinstance(cell, str)}
-    if len(ends) == 1 and '?' not in ends:  # each cell carries its unit: '12.5 mm'
-        unit = ends.pop()
-        text = np.array([cell.strip()[:-len(unit)].strip() if isinstance(cell, str) else cell
+    first = layout.with_unit(next((cell for cell in text if isinstance(cell, str)), ''), decimal)
+    if first and all(cell.rstrip().endswith(first[1]) for cell in text if isinstance(cell, str)):
+        unit = first[1]  # each cell carries it: '12.5 mm'
+        text = np.array([cell.rstrip()[:-len(unit)].strip() if isinstance(cell, str) else cell
                          for cell in text], object)
     if decimal == ',':  # cells that pandas left as text keep their comma
         text = np.array([cell.replace(',', '.') if isinstance(cell, str)
