@@ -4,6 +4,7 @@
 
 import csv
 from datetime import datetime, timedelta
+import hashlib
 import json
 
 import numpy as np
@@ -460,6 +461,13 @@ def test_what_is_no_log_fails_in_one_line(kind, tmp_path, capfd):
     assert '\n' not in str(caught.value)
     assert len(str(caught.value)) < 250
     assert capfd.readouterr() == ('', '')
+
+
+def test_a_measurement_knows_the_digest_of_its_file(log, tmp_path):
+    """What a report says was read can be checked."""
+    (tmp_path / 'a.csv').write_text(text([HEAD], cells(log)))
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    assert data.sha256 == hashlib.sha256((tmp_path / 'a.csv').read_bytes()).hexdigest()
 
 
 def test_json_that_nests_without_end_fails(tmp_path):
