@@ -207,6 +207,8 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     quoted = any('"' in line for _, line in plain)
     best: tuple[float, int, int, Dialect | None] = (0.0, 0, 0, None)
     for separator in _SEPARATORS:
+        if separator == _BLANK and best[0] >= 3.0:
+            break  # blanks part the words of a note too
         grid = [split(line, separator) for _, line in plain]
         for decimal in '.,':
             if decimal == separator and not quoted:
@@ -216,9 +218,8 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                 continue
             rows = grid[first:]
             readings = sum(layout.is_reading(cell, decimal) for row in rows for cell in row)
-            others = sum(not layout.is_blank(cell) for row in rows for cell in row) - readings
-            # words count against a reading of the file; points before commas, plain before blanks
-            score = (readings - 2.0 * others) / max(len(rows), 1) + 0.5 * _decimals(rows, decimal)
+            # of equals the one whose sign before decimals is met
+            score = readings / len(rows) + 0.5 * _decimals(rows, decimal)
             if score > best[0]:
                 found = layout.Layout([], {}, first, width)
                 best = (score, plain[first][0], first, Dialect(separator, decimal, found))
