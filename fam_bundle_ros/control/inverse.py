@@ -70,7 +70,7 @@ def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: fl
                     below = middle
                 else:
                     i = middle
-        turns = turns and i == bottom + 1
+        turns = False
         low_force, high_force = found[i - 1], found[i]
         if i < PARTS:
             high = low + i * step
