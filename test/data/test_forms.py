@@ -340,6 +340,24 @@ def by_h5py(log, path):
         stream.write(b'MATLAB 7.3 MAT-file, Platform: GLNXA64'.ljust(116))
 
 
+def by_h5py_with_units(log, path):
+    """Write HDF5 whose datasets carry their unit; the pressure alone could be bar or psi."""
+    import h5py
+    with h5py.File(path, 'w') as file:
+        for name, values, unit in (('time', log['time'], 's'), ('force', log['force'], 'N'),
+                                   ('length', 1e3 * REST * (1 - log['strain']), 'mm'),
+                                   ('pressure', log['pressure'] / 6894.757, 'psi')):
+            file[name] = values
+            file[name].attrs['units'] = unit
+
+
+def by_h5py_records(log, path):
+    """Write HDF5 of one table of records."""
+    import h5py
+    with h5py.File(path, 'w') as file:
+        file['log'] = np.rec.fromarrays(frame(log).to_numpy().T, names='t_s,L_mm,p_bar,F_N')
+
+
 def by_pyarrow(log, path):
     """Write parquet with units in the fields' metadata."""
     import pyarrow
@@ -387,6 +405,8 @@ LIBRARIES = {
         log, path)),
     'scipy.io.savemat of a matrix': ('a.mat', by_savemat_matrix),
     'h5py': ('a.mat', by_h5py),
+    'h5py with units': ('a.h5', by_h5py_with_units),
+    'h5py records': ('a.h5', by_h5py_records),
     'pandas.to_parquet': ('a.parquet', lambda log, path: frame(log).to_parquet(path)),
     'pyarrow with units': ('a.parquet', by_pyarrow),
     'pandas.to_feather': ('a.feather', lambda log, path: frame(log).to_feather(path)),
@@ -518,7 +538,8 @@ def test_sheets_are_chosen_by_name_or_by_what_they_hold(log, tmp_path):
     pytest.importorskip('openpyxl')
     path = tmp_path / 'runs.xlsx'
     with pandas.ExcelWriter(path) as writer:
-        pandas.DataFrame({'notes': ['x', 'y']}).to_excel(writer, sheet_name='Info')
+        pandas.DataFrame({'gain': range(30), 'channel': range(30)}).to_excel(
+            writer, sheet_name='Info')
         frame(log).to_excel(writer, sheet_name='Run 1')
         frame(log)[::2].to_excel(writer, sheet_name='Run 2')
     data = read_measurement(path, rest_length=REST)
