@@ -362,7 +362,8 @@ def by_pyarrow(log, path):
     """Write parquet with units in the fields' metadata."""
     import pyarrow
     import pyarrow.parquet
-    data = frame(log)
+    data = frame(log).rename(columns={'pressure [bar]': 'pressure [psi]'})
+    data['pressure [psi]'] = log['pressure'] / 6894.757
     fields = [pyarrow.field(name.partition(' ')[0], pyarrow.float64(),
                             metadata={'unit': name.partition('[')[2].rstrip(']')})
               for name in data]
@@ -570,6 +571,13 @@ def test_groups_of_a_tdms_file_are_trials(log, tmp_path):
     data = read_measurement(tmp_path / 'a.tdms', rest_length=REST)
     assert data.trial_names == ('Run 1', 'Run 2')
     assert np.array_equal(np.bincount(data.trial), [200, 160])
+
+
+def test_an_index_of_times_is_the_time_of_a_frame(log):
+    """A pandas frame by its DatetimeIndex reads like one with a column."""
+    data = frame(log).drop(columns='time [s]')
+    data.index = pandas.Timestamp(BEGIN) + pandas.to_timedelta(log['time'], unit='s')
+    same(read_measurement(data, rest_length=REST), log)
 
 
 def test_a_slower_channel_is_brought_to_the_time_of_the_fastest(log, tmp_path):
