@@ -340,11 +340,30 @@ def by_h5py(log, path):
         stream.write(b'MATLAB 7.3 MAT-file, Platform: GLNXA64'.ljust(116))
 
 
+def by_h5py_with_units(log, path):
+    """Write HDF5 whose datasets carry their unit; the pressure alone could be bar or psi."""
+    import h5py
+    with h5py.File(path, 'w') as file:
+        for name, values, unit in (('time', log['time'], 's'), ('force', log['force'], 'N'),
+                                   ('length', 1e3 * REST * (1 - log['strain']), 'mm'),
+                                   ('pressure', log['pressure'] / 6894.757, 'psi')):
+            file[name] = values
+            file[name].attrs['units'] = unit
+
+
+def by_h5py_records(log, path):
+    """Write HDF5 of one table of records."""
+    import h5py
+    with h5py.File(path, 'w') as file:
+        file['log'] = np.rec.fromarrays(frame(log).to_numpy().T, names='t_s,L_mm,p_bar,F_N')
+
+
 def by_pyarrow(log, path):
     """Write parquet with units in the fields' metadata."""
     import pyarrow
     import pyarrow.parquet
-    data = frame(log)
+    data = frame(log).rename(columns={'pressure [bar]': 'pressure [psi]'})
+    data['pressure [psi]'] = log['pressure'] / 6894.757
     fields = [pyarrow.field(name.partition(' ')[0], pyarrow.float64(),
                             metadata={'unit': name.partition('[')[2].rstrip(']')})
               for name in data]
@@ -387,6 +406,8 @@ LIBRARIES = {
         log, path)),
     'scipy.io.savemat of a matrix': ('a.mat', by_savemat_matrix),
     'h5py': ('a.mat', by_h5py),
+    'h5py with units': ('a.h5', by_h5py_with_units),
+    'h5py records': ('a.h5', by_h5py_records),
     'pandas.to_parquet': ('a.parquet', lambda log, path: frame(log).to_parquet(path)),
     'pyarrow with units': ('a.parquet', by_pyarrow),
     'pandas.to_feather': ('a.feather', lambda log, path: frame(log).to_feather(path)),
@@ -518,7 +539,8 @@ def test_sheets_are_chosen_by_name_or_by_what_they_hold(log, tmp_path):
     pytest.importorskip('openpyxl')
     path = tmp_path / 'runs.xlsx'
     with pandas.ExcelWriter(path) as writer:
-        pandas.DataFrame({'notes': ['x', 'y']}).to_excel(writer, sheet_name='Info')
+        pandas.DataFrame({'gain': range(30), 'channel': range(30)}).to_excel(
+            writer, sheet_name='Info')
         frame(log).to_excel(writer, sheet_name='Run 1')
         frame(log)[::2].to_excel(writer, sheet_name='Run 2')
     data = read_measurement(path, rest_length=REST)
@@ -549,6 +571,13 @@ def test_groups_of_a_tdms_file_are_trials(log, tmp_path):
     data = read_measurement(tmp_path / 'a.tdms', rest_length=REST)
     assert data.trial_names == ('Run 1', 'Run 2')
     assert np.array_equal(np.bincount(data.trial), [200, 160])
+
+
+def test_an_index_of_times_is_the_time_of_a_frame(log):
+    """A pandas frame by its DatetimeIndex reads like one with a column."""
+    data = frame(log).drop(columns='time [s]')
+    data.index = pandas.Timestamp(BEGIN) + pandas.to_timedelta(log['time'], unit='s')
+    same(read_measurement(data, rest_length=REST), log)
 
 
 def test_a_slower_channel_is_brought_to_the_time_of_the_fastest(log, tmp_path):
