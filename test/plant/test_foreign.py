@@ -129,10 +129,11 @@ def _sample(model, strain, pressure):
 
 def test_function_that_cannot_be_compiled_says_so():
     """Python that numba does not know runs plain; the compiled model is refused."""
-    measured = {'k': 40.0}
+    class Spring:
+        k = 40.0
 
     def force(strain):
-        return measured['k'] * getattr(math, 'cos')(strain)
+        return Spring.k * math.cos(strain)
 
     plant = ForeignPlant(force, bellows_volume, LENGTH, [3e5])
     assert Rig(plant, RigConfig(load=Dynamometer(0.1))).truth.force == pytest.approx(
