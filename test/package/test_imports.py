@@ -17,7 +17,7 @@ ALLOWED = {
     'plotting': {'palette'},
     'plant': {'model'},
     'control': {'model'},
-    'closed_loop': {'plant', 'control'},
+    'closed_loop': {'model', 'plant', 'control'},
     'simulation': {'model', 'plant', 'control', 'closed_loop'},
     'discovery': {'model', 'data', *DRAWS},
     'nodes': {'model', 'plant', 'control', 'simulation'},
