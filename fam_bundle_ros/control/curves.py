@@ -114,11 +114,19 @@ def unit_force(table: Any, model: Any, unit: int, pressure: float) -> float:
 
 def _by_unit(table: Any, model: Any) -> None:
     """Fill the table pressure by pressure, and find the last of the smallest forces."""
+    now = table.moment
+    # Outside of the loop: compiled, an array that is taken from the model costs as much as the
+    # force itself.
+    pressure, shape, parameters, tables, memory, after = (
+        model.pressure, model.shape, model.parameters, model.tables, model.memory, model.after)
     for unit in range(len(table.order)):
         grid, curve = table.grid[unit], table.force[unit]
         least = math.inf
         for k in range(len(grid)):
-            curve[k] = unit_force(table, model, unit, grid[k])
+            pressure[unit] = grid[k]
+            force = model.force(unit, now.strain, now.strain_rate, pressure, now.time, now.dt,
+                                now.start, shape, parameters, tables, memory, after)
+            curve[k] = force if table.pushes_back else max(force, 0.0)
             least = min(least, curve[k])
         for k in range(len(grid)):
             if curve[k] <= least + FLAT:

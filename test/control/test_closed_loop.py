@@ -63,7 +63,7 @@ CASES = {
                       ('leak', 'supply_droop'), {}),
     'lost readings': (path([0.0, 1.5], [0.05, 0.1], 'strain', Arm(), faults=(
         (0.2, Faults(dropout={'mu1/pressure'})), (0.5, Faults(noise_factor=3.0)),
-        (0.8, Faults(dropout={'force'})))), ('force_sensor_bias', 'strain_sensor_bias'),
+        (0.8, Faults(dropout={'force'})))), ('force_sensor_bias', 'strain_sensor_offset'),
         {'rig': RigConfig(sensors=SensorConfig(dropout=0.02))}),
     'held readings': (STEADY, (), {'rig': RigConfig(sensors=SensorConfig(
         dropout=0.2, on_dropout='hold')), 'noise_factor': 2.0}),
@@ -174,7 +174,7 @@ def test_noise_of_the_loop_is_that_of_the_rig(paper_bundle):
 @pytest.mark.parametrize(('trajectory', 'word'), [
     (path([0.0, 0.2], [20.0, 20.0], events=((0.1, {'mass': 3.0}),)), 'cannot change mass'),
     (path([0.0, 0.2], [20.0, 20.0], faults=((0.1, Faults(leak={5: 1.0})),)), 'motor unit 5'),
-    (path([0.0, 0.2], [20.0, 20.0], imposed=lambda t: 0.1 + 3.0 * t), 'strain is 0.6'),
+    (path([0.0, 0.2], [20.0, 20.0], imposed=lambda t: 0.1 + 3.0 * t), 'strain is 0.508'),
 ])
 def test_trajectory_that_cannot_be_run_fails(paper_bundle, trajectory, word):
     """What the rig cannot do is refused before the run begins."""

@@ -81,7 +81,7 @@ def record(seed):
     """Return a short motion at uneven times, with reversals."""
     rng = np.random.default_rng(seed)
     time = np.cumsum(rng.uniform(0.002, 0.3, 9))
-    strain = np.clip(0.1 + np.cumsum(rng.normal(0, 0.03, 9)), -0.02, 0.4)
+    strain = np.clip(0.1 + np.cumsum(rng.normal(0, 0.03, 9)), -0.02, 0.2)
     return Motion(strain, rng.uniform(-1e4, 6e5, (9, 2)), rng.uniform(-2, 2, 9), time)
 
 
