@@ -80,10 +80,10 @@ def test_coupled_air_and_load_follow_their_differential_equations_to_second_orde
 
     def found(step):
         rig = make(load, drag_force, valve=QUICK, supply=STIFF, step=step)
-        rig._state.motion.strain = 0.05
-        rig._state.air.pressure = [200e3 + AMBIENT]
-        rig._state.air.volume = [curved_volume(0.05) + TUBE]
-        rig._state.air.spool = [opening]
+        rig.state.motion.strain = 0.05
+        rig.state.air.pressure = [200e3 + AMBIENT]
+        rig.state.air.volume = [curved_volume(0.05) + TUBE]
+        rig.state.air.spool = [opening]
         rig.step([opening], seconds)
         truth = rig.truth
         return np.array([truth.strain, truth.strain_rate, truth.pressure[0] + AMBIENT])
@@ -124,13 +124,13 @@ def test_swelling_chambers_keep_their_air():
     """Isothermal p V of chambers that swell with pressure is the air that went in, no less."""
     rig = make(MassSpring(mass=2.0, damping=20.0), volume=swelling_volume, units=2,
                chamber=ChamberConfig(TUBE, 1.0, 1.0, 1.0))
-    assert rig.parts.rig.swells
+    assert rig.record.swells
 
     def content():
         gauge = rig.truth.pressure
         volume = [swelling_volume(rig.truth.strain, np.maximum(gauge, 0.0), i) + TUBE
                   for i in range(2)]
-        assert rig._state.air.volume == pytest.approx(volume, rel=1e-12)
+        assert rig.state.air.volume == pytest.approx(volume, rel=1e-12)
         return float(np.sum((gauge + AMBIENT) * volume)) / RT
 
     start = content()
@@ -162,7 +162,7 @@ def test_swelling_makes_a_chamber_softer():
 def test_stiff_drag_of_a_load_does_not_swing_its_rate():
     """A damping that stops the mass within a tenth of a step brings the rate down at once."""
     rig = make(MassSpring(mass=1.0, damping=1e4, stops=(-0.15, 0.5)))
-    rig._state.motion.strain_rate = 0.5
+    rig.state.motion.strain_rate = 0.5
     rates = []
     for _ in range(5):
         rig.step([0.0], 1e-3)
@@ -199,25 +199,26 @@ def test_compiled_rig_is_the_plain_one_in_every_state(load):
     """Faults, trip, relief, emergency stop and memory: 1e-9 in every number of the state."""
     plant = ForeignPlant(steep_force, swelling_volume, LENGTH, [400e3] * 2, memory=1,
                          leak_rate=0.05, supply_resistance=1e6)
-    parts = Rig(plant, RigConfig(load=load, supply=SupplyConfig(pressure=700e3))).parts
+    plain = Rig(plant, RigConfig(load=load, supply=SupplyConfig(pressure=700e3)))
     broken = [Faults(), Faults(stuck_valve={0: None}, leak={1: 0.3}),
               Faults(stuck_valve={1: 0.8})]
     records = [fault_record(each, 0.05, 2) for each in broken]
-    rig, moved, state = (kernels.pack(each) for each in (parts.rig, parts.load, parts.state))
+    rig, moved, state = (kernels.pack(each) for each in (plain.record, load.record, plain.state))
     packed, model = kernels.pack_all(records), plant.model(True)
-    model.memory[:] = parts.model.memory
+    model.memory[:] = plain.model.memory
     step, reasons = kernels.compiled(rig_step), set()
     for k in range(360):
         if k == 330:
-            parts.state.reason, parts.state.air.dumping = E_STOP, True
+            plain.state.reason, plain.state.air.dumping = E_STOP, True
             state['reason'], state['air']['dumping'] = E_STOP, True
         commands = [0.3 * math.sin(k / 9.0), 0.25 * math.sin(k / 14.0)]
         fault = k // 100 % 3
-        rig_step(parts.rig, parts.load, parts.model, parts.state, commands, records[fault], 2e-3)
+        rig_step(plain.record, load.record, plain.model, plain.state, commands, records[fault],
+                 2e-3)
         step(rig, moved, model, state, np.array(commands), packed[fault], 2e-3)
-        reasons.add(parts.state.reason)
-    written = copy.deepcopy(parts.state)
+        reasons.add(plain.state.reason)
+    written = copy.deepcopy(plain.state)
     kernels.unpack(state, written)
-    assert numbers(written) == pytest.approx(numbers(parts.state), rel=1e-9, abs=1e-9)
-    assert model.memory == pytest.approx(np.array(parts.model.memory), rel=1e-9)
+    assert numbers(written) == pytest.approx(numbers(plain.state), rel=1e-9, abs=1e-9)
+    assert model.memory == pytest.approx(np.array(plain.model.memory), rel=1e-9)
     assert {OVER_PRESSURE, E_STOP} <= reasons
