@@ -193,21 +193,20 @@ def move_spools(config: Any, air: Any, commands: Any, dt: float) -> None:
     command u.
     """
     a, b, c, d = spool_step(config.spool_frequency, config.spool_damping, 0.5 * dt)
-    valve, opening = config.valve, air.scratch.opening
     for i in range(len(commands)):
         target = commands[i]
         error, rate = air.spool[i] - target, air.spool_rate[i]
-        if error == 0.0 and rate == 0.0:
-            opening[i] = valve_opening(valve, target)
-        else:
+        opening = valve_opening(config.valve, target)
+        if error != 0.0 or rate != 0.0:
             middle, middle_rate = a * error + b * rate, c * error + d * rate
             after = a * middle + b * middle_rate
             # Simpson's rule: the opening bends where the dead band ends.
-            opening[i] = (valve_opening(valve, target + error)
-                          + 4.0 * valve_opening(valve, target + middle)
-                          + valve_opening(valve, target + after)) / 6.0
+            opening = (valve_opening(config.valve, target + error)
+                       + 4.0 * valve_opening(config.valve, target + middle)
+                       + valve_opening(config.valve, target + after)) / 6.0
             air.spool[i] = target + after
             air.spool_rate[i] = c * middle + d * middle_rate
+        air.scratch.opening[i] = opening
 
 
 def spool_step(frequency: float, damping: float, dt: float) -> tuple[float, float, float, float]:
@@ -227,25 +226,25 @@ def spool_step(frequency: float, damping: float, dt: float) -> tuple[float, floa
 
 def runge_kutta(config: Any, air: Any, leaks: Any, dt: float) -> None:
     """Advance chambers, manifold and balance by ``dt``, the classical four stages."""
-    start, pressure = air.manifold, air.pressure
-    stage, rates, changes = air.scratch.stage, air.scratch.rate, air.scratch.change
-    units = range(len(pressure))
-    for i in units:
-        stage[i], changes[i] = pressure[i], 0.0
+    work, start = air.scratch, air.manifold
+    n = len(air.pressure)
+    for i in range(n):
+        work.stage[i] = air.pressure[i]
+        work.change[i] = 0.0
     manifold, change, at = start, 0.0, 0.0
-    for k in range(4):
-        weight = dt / 6.0 if k == 0 or k == 3 else dt / 3.0
+    for stage in range(4):
+        weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
         rate = chamber_flows(config, air, leaks, manifold, at, weight)
-        at = dt if k == 2 else 0.5 * dt
+        at = dt if stage == 2 else 0.5 * dt
         manifold = start + at * rate
         change += weight * rate
-        for i in units:
-            changes[i] += weight * rates[i]
-            stage[i] = pressure[i] + at * rates[i]
+        for i in range(n):
+            work.change[i] += weight * work.rate[i]
+            work.stage[i] = air.pressure[i] + at * work.rate[i]
     air.manifold = start + change
-    for i in units:
-        pressure[i] += changes[i]
-        air.volume[i] += dt * air.scratch.slope[i] + air.compliance[i] * changes[i]
+    for i in range(n):
+        air.pressure[i] += work.change[i]
+        air.volume[i] += dt * work.slope[i] + air.compliance[i] * work.change[i]
 
 
 def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: float,
@@ -264,12 +263,13 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
     """
     valve, chamber, work, balance = config.valve, config.chamber, air.scratch, air.balance
     c, b, ambient = valve.conductance, valve.critical_ratio, config.ambient
-    relief, g_out = ambient + chamber.relief_pressure, chamber.outflow_exponent
+    relief = ambient + chamber.relief_pressure
     delivered = exhausted = leaked = 0.0
     for i in range(len(air.pressure)):
-        p, opening, slope = work.stage[i], work.opening[i], work.slope[i]
+        p, opening = work.stage[i], work.opening[i]
         compliance = air.compliance[i]
-        volume = air.volume[i] + time * slope + compliance * (p - air.pressure[i])
+        volume = (air.volume[i] + time * work.slope[i]
+                  + compliance * (p - air.pressure[i]))
         flow = out = 0.0
         if opening > 0.0:
             flow = opening * mass_flow(c, b, manifold, p)
@@ -283,13 +283,13 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
             exhausted += out
         if leaks[i] > 0.0:
             # Written as the flow that makes the gauge pressure decay exponentially.
-            leak = leaks[i] * (p - ambient) * volume / (g_out * RT)
+            leak = leaks[i] * (p - ambient) * volume / (chamber.outflow_exponent * RT)
             leaked += leak
             out += leak
-        exponent = chamber.inflow_exponent if flow > 0.0 else g_out
+        exponent = chamber.inflow_exponent if flow > 0.0 else chamber.outflow_exponent
         squeeze = chamber.volume_exponent * p
-        work.rate[i] = ((RT * (exponent * flow - g_out * out) - squeeze * slope)
-                        / (volume + squeeze * compliance))
+        work.rate[i] = ((RT * (exponent * flow - chamber.outflow_exponent * out)
+                         - squeeze * work.slope[i]) / (volume + squeeze * compliance))
     balance.delivered += weight * delivered
     balance.exhausted += weight * exhausted
     balance.leaked += weight * leaked
