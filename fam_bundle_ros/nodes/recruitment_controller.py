@@ -259,9 +259,8 @@ class RecruitmentNode(BundleNode):
     def _trusted(self, sample: Sample) -> Measurement:
         """Return the readings with nan for those that cannot be trusted."""
         now = self._now()
-        meters = list(self._sensing.meters.values())
         values = [sample.force, sample.strain, *sample.pressure]
-        for watch, meter, value in zip(self._watches, meters, values):
+        for watch, meter, value in zip(self._watches, self._sensing.meters.values(), values):
             last = meter.last
             if self.lock_step:
                 watch.see(now, value, self._must_move(watch.name, value, sample.pressure))
