@@ -115,6 +115,10 @@ class Sensing:
         self._rate = StrainRate()
         self._last_sample = time.monotonic()
         self._stamp = -1
+        #: Fires once after it is reset, behind all that waits: what else could be put there,
+        #: `Executor.create_task`, crashes Python when an exception leaves it.
+        self._due = node.every(1e-9, self._complete_fresh)
+        self._due.cancel()
         self._listen('force', interface.FORCE, WrenchStamped, interface.read_force)
         self._listen('strain', interface.STRAIN, JointState, self._read_strain)
         for i in range(units):
@@ -181,13 +185,14 @@ class Sensing:
         self._latest[channel] = (stamp, value)
         self._fresh.add(channel)
         if self._all_fresh:
-            self._node.executor.create_task(self._complete_fresh)
+            self._due.reset()
 
     @property
     def _all_fresh(self) -> bool:
         return len(self._fresh) == len(self.meters)
 
     def _complete_fresh(self) -> None:
+        self._due.cancel()
         if self._all_fresh:
             self._complete()
 
