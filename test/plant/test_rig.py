@@ -260,6 +260,7 @@ def test_overpressure_trips_the_rig(bundle):
     assert rig.e_stopped.startswith('mu2 at 4')
     assert highest < 500e3
     assert rig.truth.pressure[1] < 5e3
+    assert rig.truth.supply < 5e3
 
 
 def test_reset_of_the_stop_is_refused_above_the_trip_pressure(bundle):
