@@ -129,7 +129,14 @@ class RecruitmentController:
         self._command = self._told()
 
     def belief(self, compiled: bool = False) -> Belief:
-        """Return the inverted model for `recruitment_step`, with fresh memory."""
+        """
+        Return the inverted model for `recruitment_step`, with fresh memory.
+
+        Raises
+        ------
+        fam_bundle_ros.kernels.NotCompiled
+            Where numba is not there, or cannot compile a user's effect.
+        """
         return belief_of(self._allocator.inverted, self._allocator.grid, compiled)
 
     @property
@@ -182,17 +189,6 @@ class RecruitmentController:
                              self._record)
             self._command = self._told()
         return self._command
-
-    def compiled_model(self) -> Belief:
-        """
-        Return the model that is inverted as compiled kernels take it, with fresh memory.
-
-        Raises
-        ------
-        fam_bundle_ros.kernels.NotCompiled
-            Where numba is not there, or cannot compile a user's effect.
-        """
-        return belief_of(self._allocator.inverted, self._allocator.grid, compiled=True)
 
     def _read(self, measurement):
         pressure = np.asarray(measurement.pressure, float)

@@ -20,8 +20,6 @@ from fam_bundle_ros.kernels import Alternative
 #: A unit that could only pull less than when vented comes back when it could pull more by this
 #: share of its push-back, and by so many N: strain noise must not fill and empty it in turn.
 _WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
-#: A cell of the table is searched in so many parts.
-PARTS = 8
 #: N: forces that differ by less are one bottom: where a slack or threshold makes a curve flat.
 FLAT = 1e-9
 
@@ -72,8 +70,6 @@ class CurveTable:
     crossing : list (n,), N
         Largest demands at which RSk -> RSk+1 needs no dip: up to there the units before the next
         have the room to make up for its push-back.
-    found : list (9,), N
-        Room for forces within one cell.
     """
 
     order: list
@@ -91,7 +87,6 @@ class CurveTable:
     top: list
     floor: list
     crossing: list
-    found: list
 
 
 def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
@@ -102,7 +97,7 @@ def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
         return [0.0] * count
     return CurveTable(list(order), pushes_back, Moment(), grid, [
         zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
-                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), zeros(PARTS + 1))
+                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n))
 
 
 # --- the curves ----------------------------------------------------------------------------------

@@ -11,14 +11,14 @@ Discovery: which physical effect is a model missing, judged on measured data.
     print(ladder(data, [model, better.model]))
 """
 
+from fam_bundle_ros.data.bagfile import write_bag
+from fam_bundle_ros.data.measurement import Measurement, write_csv
+from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery.add import add_effect, Added, Ladder, ladder, orders
-from fam_bundle_ros.discovery.bagfile import write_bag
 from fam_bundle_ros.discovery.compare import compare, Comparison
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
-from fam_bundle_ros.discovery.measurement import Measurement, write_csv
-from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
-from fam_bundle_ros.discovery.reading import read_measurement
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 
 __all__ = ['add_effect', 'Added', 'Candidate', 'compare', 'Comparison', 'diagnose', 'Diagnosis',

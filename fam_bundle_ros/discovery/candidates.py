@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.discovery.fit import effect_terms
-from fam_bundle_ros.discovery.measurement import Measurement
 from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
 
 

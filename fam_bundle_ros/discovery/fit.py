@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fam_bundle_ros.discovery.grouping import blocks, reversals, rms
-from fam_bundle_ros.discovery.measurement import Measurement, RESOLUTION
-from fam_bundle_ros.discovery.noise import autocorrelation_time, second_differences
+from fam_bundle_ros.data.grouping import blocks, reversals, rms
+from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
+from fam_bundle_ros.data.noise import autocorrelation_time, second_differences
 from fam_bundle_ros.discovery.predict import motion, predict
 from fam_bundle_ros.model import Bundle, Effect
 from fam_bundle_ros.model.geometry import BRAID_ANGLE_TOLERANCE, RADIUS_TOLERANCE

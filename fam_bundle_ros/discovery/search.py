@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.discovery import candidates as cand
-from fam_bundle_ros.discovery.fit import Fit, Problem
-from fam_bundle_ros.discovery.grouping import (
+from fam_bundle_ros.data.grouping import (
     blocks,
     pressure_levels,
     strain_bins,
     varying_unit,
 )
+from fam_bundle_ros.discovery import candidates as cand
+from fam_bundle_ros.discovery.fit import Fit, Problem
 from fam_bundle_ros.discovery.sets import Scale, Sets
 
 #: A set must beat the smaller one by this much in score (1 % false alarms on simulated noise).

@@ -4,8 +4,8 @@
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import blocks
 from fam_bundle_ros.discovery.fit import Fit, Problem
-from fam_bundle_ros.discovery.grouping import blocks
 
 
 def surface_share(problem: Problem, fit: Fit) -> float:
