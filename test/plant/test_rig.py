@@ -229,7 +229,8 @@ def test_gauges_err_as_the_model_file_says(bundle):
 def test_rig_solves_only_for_what_its_plant_depends_on(bundle):
     """Rate and swelling are solved for where a force knows the rate, a volume the pressure."""
     record = make(bundle).record
-    assert not record.rate_matters and not record.swells
+    assert not record.rate_matters
+    assert not record.swells
     assert make(bundle.with_effect('viscous_damping')).record.rate_matters
 
 
