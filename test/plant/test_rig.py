@@ -307,6 +307,7 @@ def test_stuck_valve_ignores_its_command(bundle):
     rig.step([-1.0, -1.0], 0.02)
     assert rig.truth.pressure[0] > before[0]
     assert rig.truth.pressure[1] < before[1]
+    assert rig.faults.stuck_valve == pytest.approx({0: 0.1}, abs=1e-3)
     rig.faults.clear()
     rig.step([-1.0, -1.0], 0.2)
     assert np.all(rig.truth.pressure < 1e3)
