@@ -151,8 +151,8 @@ def _diagnose_seconds(length: int) -> float:
     """Return the time that `diagnose` takes on a simulated log of loops at seven isobars."""
     import numpy as np
 
+    from fam_bundle_ros.data.measurement import build
     from fam_bundle_ros.discovery import diagnose
-    from fam_bundle_ros.discovery.measurement import build
     from fam_bundle_ros.model import Bundle, Motion
     paper = open_model('spie2021')
     model = Bundle('one_muscle', paper.motor_units[:1], paper.effects)

@@ -1,1 +1,1 @@
-from fam_bundle_ros.discovery.reading import read_measurement
+from fam_bundle_ros.data.reading import read_measurement

@@ -16,13 +16,13 @@ from itertools import permutations
 import json
 from typing import Any
 
+from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.diagnose import SEARCH_ROWS, with_intervals
 from fam_bundle_ros.discovery.fit import base_terms, confirm, held_out_of_whole, Problem
-from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.discovery.predict import matched, predict
-from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.result import finite
 from fam_bundle_ros.discovery.search import Scale, Search
 from fam_bundle_ros.discovery.uncertainty import Estimate, estimates

@@ -19,13 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import RESOLUTION
+from fam_bundle_ros.data.noise import noise_floor
+from fam_bundle_ros.data.reading import as_measurement
+from fam_bundle_ros.data.trials import trial_offsets
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.fit import confirm, ErrorOf, Fit, held_out_of_whole, Problem
-from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.measurement import RESOLUTION
-from fam_bundle_ros.discovery.noise import noise_floor
-from fam_bundle_ros.discovery.reading import as_measurement
 from fam_bundle_ros.discovery.reshapes import (
     find_reshapes,
     find_rival,
@@ -35,7 +36,6 @@ from fam_bundle_ros.discovery.reshapes import (
 )
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import NEAR, Progress, Scale, Search, TIE
-from fam_bundle_ros.discovery.trials import trial_offsets
 from fam_bundle_ros.discovery.uncertainty import confounding, estimates
 from fam_bundle_ros.discovery.verdict import hold_against_noise, judge, moved
 from fam_bundle_ros.discovery.words import Finding, next_experiment, notes_on, summarise

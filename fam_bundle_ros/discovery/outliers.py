@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.data.measurement import Measurement
 
 
 def spikes(data: Measurement, residual: np.ndarray, noise: float, half: int = 3,

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.discovery.compare import Comparison
 from fam_bundle_ros.discovery.locate import Region
-from fam_bundle_ros.discovery.measurement import Measurement
-from fam_bundle_ros.discovery.noise import NoiseFloor
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.uncertainty import Estimate
 from fam_bundle_ros.model import Bundle

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import pressure_levels
+from fam_bundle_ros.data.measurement import pressure_labels
+from fam_bundle_ros.data.noise import autocorrelation_time, what_does_not_repeat
 from fam_bundle_ros.discovery.fit import base_terms, Fit, Problem
-from fam_bundle_ros.discovery.grouping import pressure_levels
-from fam_bundle_ros.discovery.measurement import pressure_labels
-from fam_bundle_ros.discovery.noise import autocorrelation_time, what_does_not_repeat
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect, Parameter
 from fam_bundle_ros.model.effects.expression import expression_class

@@ -13,15 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import RESOLUTION
+from fam_bundle_ros.data.noise import noise_floor, NoiseFloor, what_does_not_repeat
+from fam_bundle_ros.data.trials import Offsets, trial_offsets
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.fit import Fit, Problem
-from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.measurement import RESOLUTION
-from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, what_does_not_repeat
 from fam_bundle_ros.discovery.search import Scale, Search
 from fam_bundle_ros.discovery.structure import surface_share
 from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
-from fam_bundle_ros.discovery.trials import Offsets, trial_offsets
 from fam_bundle_ros.discovery.words import Finding
 
 #: A model that leaves so much of the force's standard deviation tells hardly more than a constant.

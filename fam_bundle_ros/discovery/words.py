@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.experiment import best_experiment, without_force
 from fam_bundle_ros.discovery.fit import Fit, Problem
-from fam_bundle_ros.discovery.measurement import Measurement
-from fam_bundle_ros.discovery.noise import NoiseFloor
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.templates import Described
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.discovery import compare, Comparison, Measurement, Region
 from fam_bundle_ros.discovery.fit import Problem
-from fam_bundle_ros.discovery.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.errors import InputError

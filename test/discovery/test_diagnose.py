@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import (
     add_effect,
     compare,
@@ -15,7 +16,6 @@ from fam_bundle_ros.discovery import (
     orders,
     read_measurement,
 )
-from fam_bundle_ros.discovery.measurement import build
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import catalogue, dumps_model, load_model, loads_model
 

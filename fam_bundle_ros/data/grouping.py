@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.data.measurement import Measurement
 
 
 def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.ndarray]:

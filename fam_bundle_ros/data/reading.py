@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.discovery.bagfile import read_bag
-from fam_bundle_ros.discovery.columns import from_columns
-from fam_bundle_ros.discovery.csvfile import read_csv
-from fam_bundle_ros.discovery.measurement import file_digest, Measurement
+from fam_bundle_ros.data.bagfile import read_bag
+from fam_bundle_ros.data.columns import from_columns
+from fam_bundle_ros.data.csvfile import read_csv
+from fam_bundle_ros.data.measurement import file_digest, Measurement
 from fam_bundle_ros.errors import InputError
 
 

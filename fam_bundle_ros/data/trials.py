@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.discovery.grouping import pressure_levels
-from fam_bundle_ros.discovery.measurement import Measurement, RESOLUTION
+from fam_bundle_ros.data.grouping import pressure_levels
+from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
 
 #: Chance of an alarm where trials differ by nothing but noise.
 _ALARM = 1e-3
@@ -41,7 +41,7 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     """
     from scipy import stats
 
-    from fam_bundle_ros.discovery.noise import autocorrelation_time, visit_cells
+    from fam_bundle_ros.data.noise import autocorrelation_time, visit_cells
     if measurement.is_static:
         cell = _cells_of_a_map(measurement)
         trial = measurement.trial if len(measurement.trial_names) > 1 else _repeats(cell)

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from fam_bundle_ros.discovery.measurement import build, Measurement
+from fam_bundle_ros.data.measurement import build, Measurement
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.units import si_factor
 

@@ -9,8 +9,8 @@ import resource
 import numpy as np
 import pytest
 
+from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
-from fam_bundle_ros.discovery.measurement import build
 from fam_bundle_ros.errors import InputError
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.bagwriter import BagWriter
-from fam_bundle_ros.discovery.measurement import build, MAX_ROWS, Measurement
+from fam_bundle_ros.data.measurement import build, MAX_ROWS, Measurement
 from fam_bundle_ros.errors import InputError
 
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.

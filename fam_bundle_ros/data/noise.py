@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.discovery.measurement import Measurement
-from fam_bundle_ros.discovery.trials import trial_offsets
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.trials import trial_offsets
 
 #: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
 _LOOPS = 0.2

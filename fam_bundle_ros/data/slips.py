@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slips of unit or sign that pass every range: found by how much better the model then fits."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from fam_bundle_ros.discovery.grouping import rms
-from fam_bundle_ros.discovery.measurement import Measurement
-from fam_bundle_ros.discovery.predict import predict
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import Measurement
 
 #: Force as it may have been meant: (factor, words).
 _FORCES = (
@@ -27,14 +26,15 @@ _NEVER_VENTED = 85e3
 _BETTER, _GOOD = 0.4, 0.25
 
 
-def slips(model: Bundle, data: Measurement, residual: np.ndarray, *,
-          ambient_pressure: float = 101325.0) -> tuple[str, ...]:
+def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
+          residual: np.ndarray, *, ambient_pressure: float = 101325.0) -> tuple[str, ...]:
     """
     Return what the data were probably meant to be, in words; empty where they fit as they are.
 
     Parameters
     ----------
-    model : Bundle
+    predict : callable
+        Predicted force, (T,) N, of a measurement: a model knows how, this module does not.
     data : Measurement
     residual : ndarray, shape (T,), N
         Measured minus modelled force.
@@ -45,12 +45,12 @@ def slips(model: Bundle, data: Measurement, residual: np.ndarray, *,
              for factor, words in _FORCES]
     if data.pressure.min() > _NEVER_VENTED:
         vented = replace(data, pressure=data.pressure - ambient_pressure)
-        tries.append((rms(data.force - predict(model, vented)), rms(data.force),
+        tries.append((rms(data.force - predict(vented)), rms(data.force),
                       'with pressures that are absolute, not gauge'))
     now = rms(residual)
     if now > _GOOD * rms(data.force):  # a pressure several times as large is no small error
         for factor, words in _PRESSURES:
-            meant = predict(model, replace(data, pressure=factor * data.pressure))
+            meant = predict(replace(data, pressure=factor * data.pressure))
             tries.append((rms(data.force - meant), rms(data.force), words))
     error, force, words = min(tries)
     if error > _BETTER * now or error > _GOOD * force:

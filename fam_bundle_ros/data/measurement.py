@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.discovery import rates
+from fam_bundle_ros.data import rates
 from fam_bundle_ros.errors import InputError
 
 #: Fewer rows than this cannot carry a comparison.

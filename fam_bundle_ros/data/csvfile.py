@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 
-from fam_bundle_ros.discovery.measurement import MAX_ROWS
+from fam_bundle_ros.data.measurement import MAX_ROWS
 from fam_bundle_ros.errors import InputError
 
 #: Larger files are refused unread.
