@@ -69,6 +69,7 @@ class Covariance:
         if cells.time is not None:
             gap = np.abs(cells.time[:, None] - cells.time)
             self._slow = np.where(cells.trial[:, None] == cells.trial, gap, np.inf)
+        self._decay: dict[int, np.ndarray] = {}
         self._matern: dict[tuple[int, int], np.ndarray] = {}
         self._factors: OrderedDict[Hyper, tuple[np.ndarray, float]] = OrderedDict()
         self._most = max(int(_KEEP / (8 * len(cells) ** 2)), 8)
@@ -113,11 +114,14 @@ class Covariance:
         k = np.zeros((len(self.cells), len(self.cells)))
         if h.even or h.odd:
             matern = self._kernel(h)
-            k += self._variance[h.even] * matern
             if h.odd:
-                k += self._variance[h.odd] * (self._both * matern)
+                k += self._variance[h.odd] * self._both
+            k += self._variance[h.even]
+            k *= matern
         if h.slow and self._slow is not None:
-            k += self._variance[h.slow] * np.exp(-self._slow / settings.TIME_LENGTHS[h.tau])
+            if h.tau not in self._decay:
+                self._decay[h.tau] = np.exp(-self._slow / settings.TIME_LENGTHS[h.tau])
+            k += self._variance[h.slow] * self._decay[h.tau]
         return k
 
     def across(self, h: Hyper, strain: np.ndarray, pressure: np.ndarray,

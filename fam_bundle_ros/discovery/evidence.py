@@ -11,7 +11,7 @@ from a white misfit down: otherwise the discrepancy takes what physics could exp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -31,6 +31,13 @@ _FIRST = Hyper(even=7, odd=6, white=6, slow=6)
 _STEP = 0.01
 #: Longest step of a fit, in widths of the priors.
 _LONGEST = 2.0
+#: A fit of the search stops when a step gains less (in chi2); evidence is told to about this.
+_ROUGH = 0.2
+#: From an amplitude of zero, which the next place on the grid hardly differs from.
+_LEAP = 4
+
+#: Coordinates u (p,), residual (n,) and slopes (n, p) there.
+Point = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -55,6 +62,8 @@ class Fit:
         Log evidence with the discrepancy, and the best one with a white misfit instead.
     log_prior : float
         Of the set.
+    covariance : ndarray, shape (p, p)
+        Of u, by Laplace's approximation.
     """
 
     names: tuple[str, ...]
@@ -67,6 +76,7 @@ class Fit:
     evidence: float
     white_evidence: float = -np.inf
     log_prior: float = 0.0
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
     @property
     def posterior(self) -> float:
@@ -160,49 +170,64 @@ class Fitter:
         value += np.log(2.0) * sum(p.kind == 'half' for p, f in zip(priors, free) if f)
         return float(value + self.covariance.log_prior(h) - 0.5 * np.sum(u[~free] ** 2))
 
-    def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray, h: Hyper,
-                      iterations: int, tolerance: float = 0.05,
-                      ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
+                      whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
+                      tolerance: float = 0.05, at: Point | None = None) -> Point:
         """
         Return the most probable u under a covariance, with residual and slopes there.
 
-        Levenberg and Marquardt's least squares with bounds. The library's needs several times as
-        long for so few parameters, and this is called some thousand times.
+        Least squares after Levenberg and Marquardt, with bounds; Broyden's update stands for the
+        slopes until a step fails with it. The library's solver takes several times as long for
+        so few parameters, and this one is called some thousand times.
+
+        Parameters
+        ----------
+        whiten : callable
+            Makes what the residuals (n,) or slopes (n, p) are under white noise of 1.
+        at : Point, optional
+            Residual and slopes at u where they are known.
         """
         low = np.array([prior.limits[0] for prior in priors])
         high = np.array([prior.limits[1] for prior in priors])
-        residual, slopes = self.linearised(model, priors, u)
-        white = self.covariance.whiten(h, np.concatenate([residual[:, None], slopes], axis=1))
-        cost, damping = float(white[:, 0] @ white[:, 0] + u @ u), 1e-3
+        residual, slopes = at[1:] if at is not None else self.linearised(model, priors, u)
+        white, exact = whiten(np.concatenate([residual[:, None], slopes], axis=1)), True
+        a, b = white[:, 0], white[:, 1:]
+        cost, damping = float(a @ a + u @ u), 1e-3
         for _ in range(iterations):
-            b = white[:, 1:]
-            gradient = b.T @ white[:, 0] - u
+            gradient = b.T @ a - u
             hessian = b.T @ b + np.eye(len(u))
             free = ~(((u <= low) & (gradient < 0)) | ((u >= high) & (gradient > 0)))
-            if not free.any():
-                break
             gained = 0.0
-            for _ in range(7):
+            for _ in range(7 if free.any() else 0):
                 part = hessian[np.ix_(free, free)]
                 step = np.zeros(len(u))
                 step[free] = np.linalg.solve(part + damping * np.diag(np.diag(part)),
                                              gradient[free])
                 tried = np.clip(u + np.clip(step, -_LONGEST, _LONGEST), low, high)
                 there = self.residual(model, priors, tried)
-                bent = self.covariance.whiten(h, there)
+                bent = whiten(there)
                 now = float(bent @ bent + tried @ tried)
                 if now < cost:
-                    gained, cost, u = cost - now, now, tried
+                    move = tried - u
+                    b = b + np.outer(a - bent - b @ move, move) / max(move @ move, 1e-30)
+                    gained, cost, u, a, exact = cost - now, now, tried, bent, False
                     damping = max(damping / 6.0, 1e-8)
                     break
                 damping *= 8.0
-            if gained:
-                residual, slopes = self.linearised(model, priors, u)
-                white = self.covariance.whiten(h, np.concatenate([residual[:, None], slopes],
-                                                                 axis=1))
             if gained < tolerance:
-                break
+                if exact:
+                    break
+                residual, slopes = self.linearised(model, priors, u)
+                b, exact, damping = whiten(slopes), True, 1e-3
+                if gained > 0.0:
+                    break
+        if not exact:
+            residual, slopes = self.linearised(model, priors, u)
         return u, residual, slopes
+
+    def whitener(self, h: Hyper) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the function that whitens under these hyperparameters."""
+        return lambda values: self.covariance.whiten(h, values)
 
     def best_hyper(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
                    priors: Sequence[Prior], reach: int = 99) -> tuple[Hyper, float, float]:
@@ -227,7 +252,7 @@ class Fitter:
                     continue
                 if axis == 'tau' and not h.slow:
                     continue
-                for step in (-1, 1, -3, 3):
+                for step in (-1, 1, *((_LEAP,) if not getattr(h, axis) else ())):
                     while True:
                         place = getattr(h, axis) + step
                         if not 0 <= place < getattr(GRID, axis) or (
@@ -259,30 +284,62 @@ class Fitter:
         """
         given = start or {}
         u = np.array([np.clip(given.get(p.key, p.start), *p.limits) for p in priors])
-        white, cooled = -np.inf, u
-        residual = slopes = np.zeros(0)
+        first = (u, *self.linearised(model, priors, u))
+        white, point = -np.inf, first
         for place in COOLING:
             h = Hyper(white=place)
-            cooled, residual, slopes = self.most_probable(model, priors, cooled, h, 12)
-            white = max(white, self.log_evidence(h, residual, slopes, cooled, priors))
-        tries = [self._climb(model, priors, cooled, self.first_hyper(), 2)]
+            point = self.most_probable(model, priors, point[0], self.whitener(h), 12, _ROUGH,
+                                       point)
+            white = max(white, self.log_evidence(h, point[1], point[2], point[0], priors))
+        tries = [self._climb(model, priors, point, self.first_hyper(), 2)]
         if hyper is not None:
-            tries.append(self._climb(model, priors, u, hyper, 99))
-        evidence, u, residual, slopes, h = max(tries, key=lambda found: found[0])
-        return Fit(names, _moved(model, priors, u), tuple(priors), u, h, residual, slopes,
-                   evidence, white, log_prior)
+            tries.append(self._climb(model, priors, first, hyper, 99))
+        evidence, point, h = max(tries, key=lambda found: found[0])
+        return self._made(names, model, priors, point[0], h, point[1], point[2], evidence, white,
+                          log_prior)
 
-    def _climb(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray, h: Hyper, reach: int,
-               ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, Hyper]:
+    def without_discrepancy(self, fit: Fit) -> Fit:
+        """
+        Return a set fitted with a white misfit of the best size.
+
+        A discrepancy beside the physics biases its parameters (Brynjarsdottir and O'Hagan 2014).
+        """
+        best: Fit | None = None
+        point: Point = (fit.u, fit.residual, fit.slopes)
+        for place in range(COOLING[0], 1, -2):
+            h = Hyper(white=place)
+            point = self.most_probable(fit.model, fit.priors, point[0], self.whitener(h), 25,
+                                       at=point)
+            u, residual, slopes = point
+            value = self.log_evidence(h, residual, slopes, u, fit.priors)
+            if best is not None and value <= best.evidence:
+                break
+            best = self._made(fit.names, fit.model, fit.priors, u, h, residual, slopes, value,
+                              value, fit.log_prior)
+        assert best is not None
+        return best
+
+    def _made(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
+              u: np.ndarray, h: Hyper, residual: np.ndarray, slopes: np.ndarray, evidence: float,
+              white: float, log_prior: float) -> Fit:
+        bent = self.covariance.whiten(h, slopes)
+        spread = np.linalg.inv(np.eye(len(u)) + bent.T @ bent)
+        return Fit(names, _moved(model, priors, u), tuple(priors), u, h, residual, slopes,
+                   evidence, white, log_prior, spread)
+
+    def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
+               ) -> tuple[float, Point, Hyper]:
         """Return the best of rounds of parameters, then hyperparameters."""
-        best: tuple | None = None
+        best: tuple[float, Point, Hyper] | None = None
         for k in range(8):
-            u, residual, slopes = self.most_probable(model, priors, u, h, 6 if k else 12)
+            point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
+                                       _ROUGH, point)
+            u, residual, slopes = point
             better, high, now = self.best_hyper(h, residual, slopes, u, priors, reach)
             if best is None or now > best[0]:
-                best = (now, u, residual, slopes, h)
+                best = (now, point, h)
             if high > best[0]:
-                best = (high, u, residual, slopes, better)
+                best = (high, point, better)
             if high - now < 0.3:
                 break
             h = better
