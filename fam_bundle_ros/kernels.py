@@ -17,6 +17,7 @@ from functools import cache
 import hashlib
 import os
 from pathlib import Path
+import shutil
 import types
 from typing import Any
 
@@ -118,9 +119,62 @@ def compiled(function: Callable) -> Callable:
 
 
 @cache
-def _inner(function):
+def compiled_inside(function: Callable) -> Callable:
     """Return a kernel for use inside another one: compiled with it, no file of its own."""
     return numba().njit(error_model='numpy')(_rebound(function))
+
+
+def pointer(function: Callable, signature: str) -> Any:
+    """
+    Return a kernel as a C function that compiled kernels can be given as an argument.
+
+    Kernels that take it are compiled once for all functions of that signature.
+
+    Parameters
+    ----------
+    function : callable
+    signature : str
+        As numba writes it, such as ``'float64(int64, float64[::1])'``.
+
+    Raises
+    ------
+    NotCompiled
+        When numba is not there, or cannot compile the function.
+    """
+    engine = numba()
+    if engine is None:
+        raise NotCompiled('numba is not installed')
+    kernel = _rebound(function)
+    key = fingerprint(function)
+    for _ in range(2):
+        with _cache_folder(key) as keep:
+            on_file = keep and os.path.exists(function.__code__.co_filename)
+            try:
+                return _pointer_type()(engine.cfunc(signature, cache=on_file,
+                                                    error_model='numpy')(kernel))
+            except Exception as error:  # numba raises many kinds, also its own bugs
+                told = error
+        shutil.rmtree(cache_root() / key, ignore_errors=True)  # it may have been damaged
+    raise NotCompiled(f'{function.__name__}: {told}') from told
+
+
+class NotCompiled(RuntimeError):
+    """A kernel cannot be compiled here; run it as it is."""
+
+
+@cache
+def _pointer_type():
+    """Return the class of first-class functions; made late, because it needs numba."""
+    class Pointer(numba().types.WrapperAddressProtocol):
+        def __init__(self, made):
+            self._made = made
+
+        def __wrapper_address__(self):
+            return self._made.address
+
+        def signature(self):
+            return self._made._sig
+    return Pointer
 
 
 def _rebound(function):
@@ -128,7 +182,7 @@ def _rebound(function):
     names = dict(_globals(function))
     for name, value in names.items():
         if isinstance(value, types.FunctionType):
-            names[name] = _inner(value)
+            names[name] = compiled_inside(value)
         elif hasattr(value, 'compiled_names'):
             names[name] = value.compiled_names()
     names['__name__'] = function.__module__
@@ -153,6 +207,10 @@ def fingerprint(function: Callable) -> str:
             for _, value in _globals(kernel):
                 if isinstance(value, types.FunctionType):
                     walk(value)
+                elif hasattr(value, 'compiled_names'):
+                    for word in vars(value.compiled_names()).values():
+                        if hasattr(word, 'py_func'):
+                            walk(word.py_func)
     walk(function)
     digest = hashlib.sha256(numba().__version__.encode())
     for kernel in seen:

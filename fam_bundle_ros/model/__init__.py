@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a muscle and a bundle do. NumPy only, SI units, gauge pressures."""
 
+from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
-from fam_bundle_ros.model.effects import catalogue
-from fam_bundle_ros.model.effects.base import Effect, Parameter, Place
+from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.geometry import Geometry
+from fam_bundle_ros.model.laws.base import law, Law, Parameter, Place
 from fam_bundle_ros.model.modelfile import dumps_model, load_model, loads_model, save_model
 from fam_bundle_ros.model.parts import Motion, MotorUnit, Overlap
 
-__all__ = ['Bundle', 'Effect', 'Geometry', 'Motion', 'MotorUnit', 'Overlap', 'Parameter', 'Place',
-           'catalogue', 'dumps_model', 'load_model', 'loads_model', 'save_model']
+__all__ = ['Bundle', 'catalogue', 'dumps_model', 'Effect', 'Geometry', 'law', 'Law', 'load_model',
+           'loads_model', 'Motion', 'MotorUnit', 'Overlap', 'Parameter', 'Place', 'save_model']

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import geometry as geo
-from fam_bundle_ros.model.effects import catalogue
-from fam_bundle_ros.model.effects.base import Effect, Place, Sample, SensorError
+from fam_bundle_ros.model import catalogue, reach
+from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.geometry import Geometry
-from fam_bundle_ros.model.muscle import Muscle
-from fam_bundle_ros.model.parts import Motion, MotorUnit, Overlap
+from fam_bundle_ros.model.laws.base import Place
+from fam_bundle_ros.model.muscles import Muscles
+from fam_bundle_ros.model.parts import Motion, MotorUnit, Overlap, Pneumatics, SensorError
+from fam_bundle_ros.model.seam import Model
 
 #: Rest lengths within 2 % are equal but for how they were measured.
 _EQUAL_LENGTHS = 1.02
@@ -68,11 +69,12 @@ class Bundle:
                 f'{name}: rest lengths from {1e3 * min(lengths):.1f} to '
                 f'{1e3 * max(lengths):.1f} mm; muscles in parallel contract by the same way, and '
                 'the model has one strain for all of them: expected one length')
-        self._muscle = Muscle(self.effects)
-        self.geometry = Geometry.stack([unit.geometry for unit in self.motor_units])
-        self._count = np.array([float(unit.muscles) for unit in self.motor_units])
+        self._muscles = Muscles(self.motor_units, self.effects)
         #: Highest gauge pressure of each motor unit, Pa, shape (n,).
         self.max_pressure = np.array([unit.max_pressure for unit in self.motor_units])
+
+    def __reduce__(self):
+        return Bundle, (self.name, self.motor_units, self.effects, self.error, self.notes)
 
     def __repr__(self):
         units = ', '.join(f'{u.name}: {u.muscles}' for u in self.motor_units)
@@ -82,6 +84,11 @@ class Bundle:
     def n(self) -> int:
         """Number of motor units."""
         return len(self.motor_units)
+
+    @property
+    def geometry(self) -> Geometry:
+        """Geometry of the motor units, with fields of shape (n,)."""
+        return self._muscles.geometry
 
     @property
     def unusual_order(self) -> str:
@@ -97,17 +104,37 @@ class Bundle:
     @property
     def has_memory(self) -> bool:
         """Whether the force depends on what was before."""
-        return self._muscle.memory
-
-    @property
-    def pneumatics(self) -> tuple[Effect, ...]:
-        """Effects of the air supply, which a plant integrates."""
-        return self._muscle.at(Place.PNEUMATICS)
+        return self._muscles.laws.has_memory
 
     @property
     def sensors(self) -> tuple[Effect, ...]:
         """Effects of the gauges, which belong to the comparison with data."""
-        return self._muscle.at(Place.SENSOR)
+        return tuple(effect for effect in self.effects if effect.place is Place.SENSOR)
+
+    @cached_property
+    def pneumatics(self) -> Pneumatics:
+        """What the plant must know about the air: leaks and the resistance of the supply."""
+        total = {'leak_rate': 0.0, 'supply_resistance': 0.0}
+        for _, law, part in self._muscles.laws.at(Place.PNEUMATICS):
+            total[part.changes] += part.function(**self._arguments(law))
+        return Pneumatics(**total)
+
+    def _arguments(self, law):
+        """Return the parameter values of a law by the names of its function's arguments."""
+        values = self.effect(law.name).values
+        return {argument: values[name] for argument, name in law.names.items()}
+
+    def model(self, compiled: bool = False) -> Model:
+        """
+        Return this model as a control loop takes it, with fresh memory.
+
+        Raises
+        ------
+        fam_bundle_ros.kernels.NotCompiled
+            When ``compiled`` is asked for where numba is not there or cannot compile a user's
+            effect; it still runs plain.
+        """
+        return self._muscles.model(compiled)
 
     # --- force ---------------------------------------------------------------------------------
 
@@ -127,8 +154,8 @@ class Bundle:
         -------
         array (..., n)
         """
-        force, _ = self._muscle.force(self._sample(strain, pressure, strain_rate))
-        return self._count * force
+        self._check_width(pressure)
+        return self._muscles.at_rest(strain, pressure, strain_rate)
 
     def force(self, strain: ArrayLike, pressure: ArrayLike, strain_rate: ArrayLike = 0.0
               ) -> np.ndarray:
@@ -137,12 +164,12 @@ class Bundle:
 
     def start_state(self) -> dict[str, Any]:
         """Return the memory of a bundle at the first sample of a trial."""
-        return {'effects': {}, 'time': 0.0, 'begun': False}
+        return self._muscles.start_state()
 
     def step(self, state: dict[str, Any], dt: float, strain: float, pressure: ArrayLike,
              strain_rate: float = 0.0) -> tuple[np.ndarray, dict[str, Any]]:
         """
-        Advance one tick: the same effects as `simulate`, sample by sample.
+        Advance one tick: the same laws as `simulate`, sample by sample.
 
         Parameters
         ----------
@@ -161,13 +188,7 @@ class Bundle:
         state : dict
         """
         self._check_width(pressure)
-        pressure = np.asarray(pressure, float)[None]
-        time = state['time'] + dt if state['begun'] else 0.0
-        x = Sample(np.array([[strain]]), pressure, np.array([[strain_rate]]), self.geometry,
-                   dt=np.array([[dt]]), start=np.array([[not state['begun']]]), time=time)
-        force, after = self._muscle.force(x, state['effects'])
-        forces = np.broadcast_to(self._count * force, pressure.shape)[0]
-        return forces, {'effects': after, 'time': time, 'begun': True}
+        return self._muscles.step(state, dt, strain, np.asarray(pressure, float), strain_rate)
 
     def simulate(self, motion: Motion) -> np.ndarray:
         """
@@ -175,25 +196,10 @@ class Bundle:
 
         Memory begins afresh where ``motion.start`` says so. Without time the static forces.
         """
+        self._check_width(motion.pressure)
         if motion.time is None:
-            return self.unit_forces(motion.strain, motion.pressure, motion.strain_rate)
-        if not self.has_memory:
-            x = self._sample(motion.strain, motion.pressure, motion.strain_rate)
-        else:
-            start = motion.start if motion.start is not None else np.arange(
-                len(motion.time)) == 0
-            dt = np.diff(motion.time, prepend=motion.time[0])
-            x = self._sample(motion.strain, motion.pressure, motion.strain_rate)
-            x.dt = np.where(start, 0.0, dt)[:, None]
-            x.start = start[:, None]
-        x.time = (motion.time - motion.time[0])[:, None]
-        force, _ = self._muscle.force(x, {})
-        return self._count * np.broadcast_to(force, motion.pressure.shape)
-
-    def _sample(self, strain, pressure, strain_rate):
-        self._check_width(pressure)
-        return Sample(np.asarray(strain, float)[..., None], np.asarray(pressure, float),
-                      np.asarray(strain_rate, float)[..., None], self.geometry)
+            return self._muscles.at_rest(motion.strain, motion.pressure, motion.strain_rate)
+        return self._muscles.record(motion)
 
     def _check_width(self, pressure):
         if np.shape(pressure)[-1:] != (self.n,):
@@ -204,13 +210,23 @@ class Bundle:
 
     @cached_property
     def sensor_error(self) -> SensorError:
-        """How the gauges of this model differ from the truth."""
-        return self._muscle.sensor_error()
+        """How the gauges of this model differ from the truth; their laws are linear."""
+        total: dict[str, float] = {}
+        for _, law, part in self._muscles.laws.at(Place.SENSOR):
+            values = self._arguments(law)
+            bias, at_one = (part.function(**values, **{
+                part.changes: at for _ in range(part.changes in part.arguments)})
+                for at in (0.0, 1.0))
+            for name, value in (('bias', bias), ('gain', at_one - bias)):
+                key = f'{part.changes}_{name}'
+                total[key] = total.get(key, 0.0) + value
+        return SensorError(**total)
 
     def readings(self, force, strain, pressure):
         """Return what the gauges show for a true force, strain and pressure."""
         s = self.sensor_error
-        return (force * (1.0 + s.force_gain) + s.force_bias, strain + s.strain_bias,
+        return (force * (1.0 + s.force_gain) + s.force_bias,
+                strain * (1.0 + s.strain_gain) + s.strain_bias,
                 pressure * (1.0 + s.pressure_gain) + s.pressure_bias)
 
     def predict(self, motion: Motion) -> np.ndarray:
@@ -223,21 +239,37 @@ class Bundle:
         if not self.sensors:
             return self.simulate(motion).sum(axis=-1)
         s = self.sensor_error
-        felt = replace(motion, strain=motion.strain - s.strain_bias,
+        felt = replace(motion, strain=(motion.strain - s.strain_bias) / (1.0 + s.strain_gain),
                        pressure=(motion.pressure - s.pressure_bias) / (1.0 + s.pressure_gain))
         return self.simulate(felt).sum(axis=-1) * (1.0 + s.force_gain) + s.force_bias
 
     # --- gas -----------------------------------------------------------------------------------
 
-    def gas_volume(self, strain: ArrayLike) -> np.ndarray:
-        """Return the gas volume of each motor unit without tubes, m^3, shape (..., n)."""
-        strain = np.asarray(strain, float)[..., None]
-        return self._count * (geo.volume(self.geometry, strain) - self.geometry.bladder_volume)
+    def gas_volume(self, strain: ArrayLike, pressure: ArrayLike | None = None) -> np.ndarray:
+        """
+        Return the gas volume of each motor unit without tubes, m^3, shape (..., n).
 
-    def gas_volume_slope(self, strain: ArrayLike) -> np.ndarray:
-        """Return dV/de of each motor unit, m^3, shape (..., n)."""
-        return self._count * geo.volume_slope(self.geometry,
-                                              np.asarray(strain, float)[..., None])
+        The volume of the cylinder at rest, plus what the mesh has done: P dV is the work of the
+        force pi r0^2 P (3 l^2/tan^2 a0 - B/sin^2 a0) of the felt geometry, at fixed stretch B of
+        the threads.
+
+        Parameters
+        ----------
+        strain : array_like (...)
+        pressure : array_like (..., n), Pa (gauge)
+            Matters where a geometry effect depends on it; by default zero.
+        """
+        return self._gas('volume', strain, pressure)
+
+    def gas_volume_slope(self, strain: ArrayLike, pressure: ArrayLike | None = None
+                         ) -> np.ndarray:
+        """Return dV/de at constant pressure of each motor unit, m^3, shape (..., n)."""
+        return self._gas('volume_slope', strain, pressure)
+
+    def _gas(self, what, strain, pressure):
+        pressure = np.zeros(self.n) if pressure is None else pressure
+        self._check_width(pressure)
+        return self._muscles.gas(what, strain, pressure)
 
     # --- other models --------------------------------------------------------------------------
 
@@ -283,7 +315,7 @@ class Bundle:
         dimensions = changes.pop('geometry', {})
         for owner, new in changes.items():
             for name in new:
-                self.effect(owner).parameter(name)
+                self.effect(owner).law.parameter(name)
         effects = [e.replace(**changes[e.name]) if e.name in changes else e
                    for e in self.effects]
         units = self.motor_units
@@ -316,96 +348,24 @@ class Bundle:
         return self._with(name=name, error=self.error if error is None else error,
                           notes=self.notes if notes is None else notes)
 
-    # --- what the bundle can do ----------------------------------------------------------------
+    # --- what the bundle can do (see `fam_bundle_ros.model.reach`) -----------------------------
 
     def free_strain(self, pressure: ArrayLike, highest: float = 0.45) -> np.ndarray:
-        """
-        Return the strain at which the bundle's force first falls to zero, shape (...).
-
-        ``pressure`` has shape (..., n). NaN where the force is still positive at ``highest``.
-        """
-        pressure = np.asarray(pressure, float)
-        grid = np.linspace(-0.02, highest, 471)
-        force = self.force(grid, pressure[..., None, :])
-        fallen = force <= 1e-9
-        index = np.argmax(fallen, axis=-1)
-        low = grid[np.maximum(index - 1, 0)]
-        high = grid[index]
-        for _ in range(30):
-            middle = 0.5 * (low + high)
-            positive = self.force(middle, pressure) > 1e-9
-            low, high = np.where(positive, middle, low), np.where(positive, high, middle)
-        return np.where(fallen.any(axis=-1), 0.5 * (low + high), np.nan)
+        """Return the strain (...) at which the force first falls to zero; `reach.free_strain`."""
+        return reach.free_strain(self, pressure, highest)
 
     def blocked_force(self, pressure: ArrayLike) -> np.ndarray:
         """Return the force at zero strain, N, shape (...); ``pressure`` has shape (..., n)."""
         return self.force(0.0, pressure)
 
     def state_pressures(self, state: int, last: ArrayLike) -> np.ndarray:
-        """
-        Return pressures (..., n) of recruitment state RSk in orderly recruitment.
-
-        Motor units before the k-th are at their maximum, those after it at zero, the k-th at
-        ``last`` (...), Pa.
-        """
-        last = np.asarray(last, float)
-        pressure = np.zeros(last.shape + (self.n,))
-        pressure[..., :state - 1] = self.max_pressure[:state - 1]
-        pressure[..., state - 1] = last
-        return pressure
+        """Return pressures (..., n) of recruitment state RSk; `reach.state_pressures`."""
+        return reach.state_pressures(self, state, last)
 
     def overlap(self, strain: float, state: int, points: int = 257) -> Overlap:
-        """
-        Return the forces that RSk and RSk+1 can both give at a strain.
-
-        Parameters
-        ----------
-        strain : float
-        state : int
-            k, from 1 to n - 1.
-        points : int
-            Pressures of motor unit k + 1 that are tried before the onset is refined.
-
-        Returns
-        -------
-        Overlap
-        """
-        if not 1 <= state < self.n:
-            raise InputError(f'overlap needs a recruitment state from 1 to {self.n - 1}, '
-                             f'not {state}')
-        last = np.linspace(0.0, self.max_pressure[state], points)
-        force = self.force(strain, self.state_pressures(state + 1, last))
-        full, lowest = float(force[0]), int(np.argmin(force))
-        lower_state = self.force(strain, self.state_pressures(
-            state, np.linspace(0.0, self.max_pressure[state - 1], points)))
-        onset = self.onset_pressure(strain, state + 1)
-        return Overlap(low=max(float(force[lowest]), float(lower_state.min())), high=full,
-                       dip=full - float(force[lowest]), dip_pressure=float(last[lowest]),
-                       onset_pressure=onset)
+        """Return the forces that RSk and RSk+1 can both give at a strain; `reach.overlap`."""
+        return reach.overlap(self, strain, state, points)
 
     def onset_pressure(self, strain: float, unit: int, points: int = 257) -> float:
-        """
-        Return the pressure at which motor unit ``unit`` (from 1) is back at its force for zero.
-
-        Past it the unit helps the bundle; before it the unit pushes back more than when it is
-        off. 0 where it helps at once, NaN where it never does within its maximum pressure.
-        """
-        index = unit - 1
-
-        def gain(pressure):
-            pressures = np.zeros(np.shape(pressure) + (self.n,))
-            pressures[..., index] = pressure
-            forces = self.unit_forces(strain, pressures)[..., index]
-            return forces - self.unit_forces(strain, np.zeros(self.n))[index]
-
-        grid = np.linspace(0.0, self.max_pressure[index], points)
-        below = np.flatnonzero(gain(grid[1:]) <= 1e-9)
-        if len(below) == 0:
-            return 0.0
-        if below[-1] + 2 >= points:
-            return float('nan')
-        low, high = grid[below[-1] + 1], grid[below[-1] + 2]
-        for _ in range(30):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if gain(middle) > 0.0 else (middle, high)
-        return float(0.5 * (low + high))
+        """Return from where on a motor unit helps the bundle, Pa; `reach.onset_pressure`."""
+        return reach.onset_pressure(self, strain, unit, points)

@@ -15,17 +15,19 @@ import numpy as np
 import yaml
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
-from fam_bundle_ros.model.effects import catalogue
-from fam_bundle_ros.model.effects.base import Effect, Parameter
-from fam_bundle_ros.model.effects.expression import Expression, expression_class
-from fam_bundle_ros.model.effects.surface import MeasuredSurface
+from fam_bundle_ros.model.effect import Effect
+from fam_bundle_ros.model.expression import check_division, expression_law
 from fam_bundle_ros.model.geometry import Geometry
+from fam_bundle_ros.model.laws.base import Law, Parameter
 from fam_bundle_ros.model.parts import MotorUnit
 from fam_bundle_ros.units import express, parse, si_factor
 
 FORMAT = 'fam-bundle-model/1'
 _MAX_BYTES = 1_000_000
+#: Strain that no muscle exceeds, for a check of formulas.
+_LONGEST_STRAIN = 0.45
 _DIMENSIONS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
 
 
@@ -121,9 +123,14 @@ class _Reader:
         effects: list[Effect] = []
         for item in tree['effects']:
             effect = self.effect(item, tree.lines['effects'], folder, extra)
+            line = getattr(item, 'line', tree.lines['effects'])
+            for unit in units:
+                try:
+                    check_division(effect, _LONGEST_STRAIN, unit.max_pressure, unit.geometry)
+                except InputError as error:
+                    raise self.error(line, str(error)) from error
             if any(effect.name == other.name for other in effects):
-                raise self.error(getattr(item, 'line', tree.lines['effects']),
-                                 f'effect {effect.name} is named twice')
+                raise self.error(line, f'effect {effect.name} is named twice')
             effects.append(effect)
         error = self.quantity(tree['error'], 'N', 'error', tree.lines['error']) \
             if 'error' in tree else 0.0
@@ -145,8 +152,8 @@ class _Reader:
             raise self.error(tree.lines['effect_files'],
                              'names Python files, which would be run; allow it with '
                              '--allow-python when you trust them')
-        return {effect.name: effect for file in files
-                for effect in catalogue.from_python_file(folder / file)}
+        return {law.name: law for file in files
+                for law in catalogue.from_python_file(folder / file)}
 
     def motor_unit(self, item, number, line):
         what = f'motor unit {number}'
@@ -199,19 +206,19 @@ class _Reader:
             raise self.error(line, f'{name}: parameters must be a mapping')
         try:
             if 'expression' in settings:
-                kind = self.expression(name, settings)
+                law = self.expression(name, settings)
                 settings = settings.get('parameters') or _empty(line)
             else:
-                kind = extra.get(name) or catalogue.get(name)
+                law = extra.get(name) or catalogue.get(name)
         except InputError as error:
             text = str(error)
             raise (error if text.startswith(self.where) else self.error(line, text)) from error
-        if issubclass(kind, MeasuredSurface):
-            self.known(settings, ('table',), name, line)
+        options = {}
+        if law.load is not None:
             if 'table' not in settings:
                 raise self.error(line, f'{name}: needs a table (a CSV file)')
-            return kind(str(settings['table']), folder)
-        return self.values(kind, settings, line)
+            options = {'table': str(settings['table']), 'folder': folder}
+        return self.values(law, settings, line, options)
 
     def expression(self, name, settings):
         self.known(settings, ('expression', 'place', 'parameters'), name)
@@ -222,7 +229,7 @@ class _Reader:
         place = settings.get('place')
         if place is None:
             place = 'loss' if 'strain_rate' in settings['expression'] else 'force'
-        return expression_class(name, str(settings['expression']), str(place), tuple(
+        return expression_law(str(name), str(settings['expression']), str(place), tuple(
             self.user_parameter(name, key, value, listed.lines[key])
             for key, value in listed.items()))
 
@@ -238,19 +245,21 @@ class _Reader:
         bounds = [self.quantity(parts[end], unit, f'{effect}.{key}.{end}', line)
                   if end in parts else default
                   for end, default in (('lower', -wide), ('upper', wide))]
-        return Parameter(key, unit, value / factor, bounds[0] / factor, bounds[1] / factor,
-                         f'parameter of {effect}')
+        return Parameter(value / factor, str(unit), bounds[0] / factor, bounds[1] / factor,
+                         f'parameter of {effect}', name=str(key))
 
-    def values(self, kind, settings, line):
-        described = {p.name: p for p in kind.parameters}
+    def values(self, law: Law, settings, line, options) -> Effect:
+        described = {p.name: p for p in law.parameters}
         values, bounds, intervals = {}, {}, {}
         for key, setting in settings.items():
             at = settings.lines[key]
+            if key in options:
+                continue
             if key not in described:
-                raise self.error(at, f"{kind.name} has no parameter '{key}'; it has "
+                raise self.error(at, f"{law.name} has no parameter '{key}'; it has "
                                  f"{', '.join(described) or 'none'}")
             parameter = described[key]
-            label = f'{kind.name}.{key}'
+            label = f'{law.name}.{key}'
             if isinstance(setting, _Map):
                 self.known(setting, ('value', 'lower', 'upper', 'interval'), label, at)
                 if 'value' in setting:
@@ -283,10 +292,10 @@ class _Reader:
                         f'{key} is {express(value, described[key].unit)}; expected between '
                         f'{express(bounds[key][0], described[key].unit)} and '
                         f'{express(bounds[key][1], described[key].unit)}')
-            effect = kind(**values)
+            effect = law(**options, **values)
         except InputError as error:
             at = max((settings.lines[key] for key in values), default=line)
-            raise self.error(at, f'{kind.name}: {error}') from error
+            raise self.error(at, f'{law.name}: {error}') from error
         effect.bounds, effect.intervals = bounds, intervals
         return effect
 
@@ -361,11 +370,10 @@ def save_model(bundle: Bundle, path: str | Path) -> None:
 
 def _effect_entry(effect: Effect, units: int, folder: str | Path | None) -> Any:
     settings = {}
-    for parameter in effect.active(units):
+    for parameter in effect.law.active(units):
         key = parameter.name
         value = _written(effect.values[key], parameter.unit)
-        if key not in effect.bounds and key not in effect.intervals \
-                and not isinstance(effect, Expression):
+        if key not in effect.bounds and key not in effect.intervals and not effect.law.formula:
             settings[key] = value
             continue
         low, high = (_written(v, parameter.unit) for v in effect.limits(key))
@@ -374,9 +382,9 @@ def _effect_entry(effect: Effect, units: int, folder: str | Path | None) -> Any:
             settings[key]['interval'] = [_written(v, parameter.unit)
                                          for v in effect.intervals[key]]
     options = effect.options()
-    if isinstance(effect, MeasuredSurface):
-        options = {'table': _seen_from(folder, options['table'])}
-    if isinstance(effect, Expression):
+    if 'table' in options:
+        options['table'] = _seen_from(folder, options['table'])
+    if effect.law.formula:
         return {effect.name: {**options, 'parameters': settings}}
     return {effect.name: {**options, **settings}} if options or settings else effect.name
 

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a bundle is made of, what it is put through, and where its recruitment states overlap."""
+"""What a bundle is made of, what it is put through, and what is found out about it."""
 
 from dataclasses import dataclass, field
 
@@ -76,3 +76,36 @@ class Overlap:
     def __post_init__(self):
         """Work out the width of the region."""
         object.__setattr__(self, 'width', self.high - self.low)
+
+
+@dataclass(frozen=True)
+class SensorError:
+    """
+    How readings differ from the truth: shown = true (1 + gain) + bias, for each channel.
+
+    Biases in N, Pa and strain; gains dimensionless.
+    """
+
+    force_bias: float = 0.0
+    force_gain: float = 0.0
+    pressure_bias: float = 0.0
+    pressure_gain: float = 0.0
+    strain_bias: float = 0.0
+    strain_gain: float = 0.0
+
+
+@dataclass(frozen=True)
+class Pneumatics:
+    """
+    What the plant must know about the air of a bundle.
+
+    Parameters
+    ----------
+    leak_rate : float, 1/s
+        Relative loss of gauge pressure of a closed chamber.
+    supply_resistance : float, Pa s/kg
+        Fall of the supply's pressure per mass flow.
+    """
+
+    leak_rate: float = 0.0
+    supply_resistance: float = 0.0

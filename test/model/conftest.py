@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.model import Bundle, Geometry, MotorUnit
-from fam_bundle_ros.model.effects.bladder import BladderElasticity
-from fam_bundle_ros.model.effects.buckling import ResistiveBuckling
-from fam_bundle_ros.model.effects.mesh import Mesh
+from fam_bundle_ros.model.laws.bladder import bladder_elasticity
+from fam_bundle_ros.model.laws.resistive import resistive_buckling
+from fam_bundle_ros.model.laws.mesh import mesh
 
 PAPER = Geometry(6.35e-3, 0.127, np.radians(33.0), 1.59e-3)
 
@@ -21,10 +21,10 @@ def units(count, max_pressure=344.7e3):
 @pytest.fixture
 def muscle():
     """One muscle of the paper: mesh and bladder."""
-    return Bundle('muscle', units(1, 413.7e3), [Mesh(), BladderElasticity()])
+    return Bundle('muscle', units(1, 413.7e3), [mesh(), bladder_elasticity()])
 
 
 @pytest.fixture
 def paper_bundle():
     """Two muscles of the paper, resistive forces included."""
-    return Bundle('paper', units(2), [Mesh(), BladderElasticity(), ResistiveBuckling()])
+    return Bundle('paper', units(2), [mesh(), bladder_elasticity(), resistive_buckling()])

@@ -12,8 +12,8 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, MotorUnit
-from fam_bundle_ros.model.effects.bladder import BladderElasticity
-from fam_bundle_ros.model.effects.mesh import Mesh
+from fam_bundle_ros.model.laws.bladder import bladder_elasticity
+from fam_bundle_ros.model.laws.mesh import mesh
 
 from .conftest import PAPER, units
 
@@ -59,7 +59,7 @@ def test_a_unit_that_never_helps_has_no_onset(paper_bundle):
 @given(st.floats(0.02, 0.22), st.floats(0.0, 1.0))
 def test_both_states_reach_every_force_of_the_overlap(strain, where):
     """One force and strain, two ways to make it: that is what overlap means."""
-    bundle = Bundle('two', units(2), [Mesh(), BladderElasticity()]).with_effect(
+    bundle = Bundle('two', units(2), [mesh(), bladder_elasticity()]).with_effect(
         'resistive_buckling')
     overlap = bundle.overlap(strain, 1)
     demand = overlap.low + where * overlap.width
@@ -72,7 +72,7 @@ def test_both_states_reach_every_force_of_the_overlap(strain, where):
 def test_new_sizes_keep_the_ratio_of_the_units():
     """A refitted radius is that of the first unit; the second one scales with it."""
     big = replace(PAPER, radius=2 * PAPER.radius, wall_thickness=2 * PAPER.wall_thickness)
-    bundle = Bundle('mixed', [MotorUnit('a', 1, PAPER), MotorUnit('b', 1, big)], [Mesh()])
+    bundle = Bundle('mixed', [MotorUnit('a', 1, PAPER), MotorUnit('b', 1, big)], [mesh()])
     other = bundle.with_parameters({'geometry.radius': 6.0e-3})
     assert_allclose(other.geometry.radius, [6.0e-3, 12.0e-3])
     with pytest.raises(InputError, match="geometry has no dimension 'diameter'"):
@@ -98,7 +98,7 @@ def test_a_pressure_for_another_number_of_units_is_refused(paper_bundle):
 def test_names_must_differ(muscle):
     """Two effects of one name would overwrite each other."""
     with pytest.raises(InputError, match='effect mesh is named twice'):
-        Bundle('double', muscle.motor_units, [Mesh(), Mesh()])
+        Bundle('double', muscle.motor_units, [mesh(), mesh()])
 
 
 def test_muscles_in_parallel_have_one_rest_length(muscle):

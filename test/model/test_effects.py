@@ -8,8 +8,8 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, loads_model, Motion, Place
-from fam_bundle_ros.model.effects.bladder import BladderElasticity
-from fam_bundle_ros.model.effects.mesh import Mesh
+from fam_bundle_ros.model.laws.bladder import bladder_elasticity
+from fam_bundle_ros.model.laws.mesh import mesh
 
 from .conftest import PAPER, units
 
@@ -46,7 +46,7 @@ def effect(request):
 def bundle_with(*effects):
     """Return two units with mesh, bladder and these effects."""
     own = {e.name for e in effects}
-    base = [e for e in (Mesh(), BladderElasticity()) if e.name not in own]
+    base = [e for e in (mesh(), bladder_elasticity()) if e.name not in own]
     return Bundle('test', units(2), [*base, *effects])
 
 
@@ -164,7 +164,7 @@ def test_coulomb_loop_has_the_same_width_at_any_speed():
 
 def test_presliding_rounds_the_corner_over_a_fixed_strain():
     """After a reversal half of the loop is crossed within the width, whatever the time taken."""
-    bundle = Bundle('one', units(1), [Mesh()]).with_effect(
+    bundle = Bundle('one', units(1), [mesh()]).with_effect(
         'presliding_hysteresis', force=4.0, width=0.01)
     strain = np.concatenate([np.linspace(0, 0.1, 201), np.linspace(0.1, 0.05, 101)])
     pressure = np.zeros((302, 1))
@@ -178,7 +178,7 @@ def test_presliding_rounds_the_corner_over_a_fixed_strain():
 
 def test_relaxation_is_that_of_a_standard_linear_solid():
     """A step of force decays by 1 - 1/e of its excess within one time constant."""
-    bundle = Bundle('one', units(1), [Mesh()]).with_effect(
+    bundle = Bundle('one', units(1), [mesh()]).with_effect(
         'viscoelastic_relaxation', share=0.1, time_constant=2.0)
     time = np.linspace(0.0, 10.0, 5001)
     pressure = np.where(time < 1.0, 1e5, 2e5)[:, None]
@@ -192,7 +192,7 @@ def test_relaxation_is_that_of_a_standard_linear_solid():
 
 def test_stretching_braid_loses_force_with_the_square_of_pressure():
     """At zero strain the loss is 2 c pi r0^2 P^2/sin^2 a0 to first order (hoop balance)."""
-    plain = Bundle('one', units(1), [Mesh()])
+    plain = Bundle('one', units(1), [mesh()])
     soft = plain.with_effect('braid_elasticity', compliance=1e-8)
     pressure = np.array([[1e5], [2e5], [4e5]])
     loss = plain.force(0.0, pressure) - soft.force(0.0, pressure)
@@ -204,7 +204,7 @@ def test_softening_recovers_between_trials_or_not():
     strain = np.tile(np.linspace(0.0, 0.2, 50), 2)
     motion = Motion(strain, np.zeros((100, 1)), np.zeros(100), 0.1 * np.arange(100.0),
                     np.arange(100) % 50 == 0)
-    tube = Bundle('tube', units(1), [BladderElasticity()])
+    tube = Bundle('tube', units(1), [bladder_elasticity()])
     first, second = tube.with_effect('softening').simulate(motion).reshape(2, 50)
     assert_allclose(first, second, atol=1e-9)
     first, second = tube.with_effect('softening_lifetime').simulate(motion).reshape(2, 50)

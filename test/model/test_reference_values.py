@@ -13,8 +13,8 @@ import pytest
 
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model import geometry as geo
-from fam_bundle_ros.model.effects.bladder import BladderElasticity
-from fam_bundle_ros.model.effects.mesh import Mesh
+from fam_bundle_ros.model.laws.bladder import bladder_elasticity
+from fam_bundle_ros.model.laws.mesh import mesh
 
 from .conftest import PAPER, units
 
@@ -29,7 +29,7 @@ def test_volumes_of_the_papers_muscle():
 
 def test_ideal_free_strain():
     """The ideal muscle shortens by 1 - 1/(sqrt 3 cos a0) at any pressure."""
-    ideal = Bundle('ideal', units(1), [Mesh()])
+    ideal = Bundle('ideal', units(1), [mesh()])
     assert_allclose(geo.ideal_free_strain(PAPER), 0.31159, atol=5e-6)
     assert_allclose(ideal.free_strain(PRESSURES), 0.31159, atol=5e-6)
 
@@ -56,7 +56,7 @@ def test_force_of_mesh_and_bladder(muscle, strain, forces):
 
 def test_bladder_force_alone():
     """The tube pushes back 14.31, 21.35, 30.21 N at 5, 10, 20 % strain."""
-    tube = Bundle('tube', units(1), [BladderElasticity()])
+    tube = Bundle('tube', units(1), [bladder_elasticity()])
     assert_allclose(tube.force(np.array([.05, .10, .20]), [0.0]), [-14.31, -21.35, -30.21],
                     atol=5e-3)
 
@@ -64,7 +64,7 @@ def test_bladder_force_alone():
 def test_rubber_is_at_rest_at_zero_strain():
     """No bladder of the family pushes or pulls at its rest length."""
     for name in ('bladder_elasticity', 'bladder_ogden', 'bladder_polynomial'):
-        tube = Bundle('tube', units(1), [Mesh()]).with_effect(name)
+        tube = Bundle('tube', units(1), [mesh()]).with_effect(name)
         assert_allclose(tube.force(0.0, [0.0]), 0.0, atol=1e-9)
 
 
@@ -81,7 +81,7 @@ def test_bladder_force_is_the_slope_of_its_energy():
 
     h = 1e-6
     slope = (energy(1 - strain + h) - energy(1 - strain - h)) / (2 * h)
-    tube = Bundle('tube', units(1), [BladderElasticity()])
+    tube = Bundle('tube', units(1), [bladder_elasticity()])
     assert_allclose(tube.force(strain, np.zeros((9, 1))),
                     PAPER.bladder_volume / PAPER.length * slope, rtol=1e-6)
 
@@ -89,7 +89,7 @@ def test_bladder_force_is_the_slope_of_its_energy():
 def test_mesh_force_is_the_work_of_the_gas():
     """F dL = -P dV: the ideal muscle's force is P dV/de / L0 (virtual work)."""
     strain = np.linspace(0.0, 0.35, 8)
-    ideal = Bundle('ideal', units(1), [Mesh()])
+    ideal = Bundle('ideal', units(1), [mesh()])
     assert_allclose(ideal.force(strain, np.full((8, 1), 1e5)),
                     1e5 * geo.volume_slope(PAPER, strain) / PAPER.length, rtol=1e-12)
 
@@ -104,7 +104,7 @@ def test_bundle_free_strain_dips_when_the_second_unit_fills(paper_bundle):
 
 def test_without_resistive_force_the_bladder_alone_gives_no_reversal():
     """Mesh and bladder continued below zero: free strain starts at 0.1870 and only rises."""
-    plain = Bundle('plain', units(2), [Mesh(), BladderElasticity()])
+    plain = Bundle('plain', units(2), [mesh(), bladder_elasticity()])
     second = np.linspace(0.0, 344.7e3, 40)
     free = plain.free_strain(np.column_stack([np.full(40, 344.7e3), second]))
     assert_allclose(free[0], 0.1870, atol=5e-5)
@@ -113,7 +113,7 @@ def test_without_resistive_force_the_bladder_alone_gives_no_reversal():
 
 def test_plateau_alone_gives_the_reversal_too():
     """With |F| capped at 3 N + 0.03 N/kPa P2 the free strain falls to 0.2218 and returns."""
-    capped = Bundle('capped', units(2), [Mesh(), BladderElasticity()]).with_effect(
+    capped = Bundle('capped', units(2), [mesh(), bladder_elasticity()]).with_effect(
         'resistive_plateau', euler_load=3.0, pressure_share=0.03e-3 / PAPER.area)
     second = np.array([0.0, 69e3, 200e3, 344.7e3])
     free = capped.free_strain(np.column_stack([np.full(4, 344.7e3), second]))

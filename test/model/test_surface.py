@@ -8,7 +8,7 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model, save_model
-from fam_bundle_ros.model.effects.surface import MeasuredSurface
+from fam_bundle_ros.model.laws.surface import measured_surface
 
 from .conftest import units
 
@@ -22,7 +22,7 @@ def table(tmp_path, paper_bundle):
         for e in np.linspace(0.0, 0.30, 16):
             lines.append(f'{e:.3f},{psi},{one.force(round(e, 3), [psi * 6894.757]):.6f}')
     (tmp_path / 'map.csv').write_text('\n'.join(lines))
-    return one, Bundle('table', units(1), [MeasuredSurface('map.csv', tmp_path)])
+    return one, Bundle('table', units(1), [measured_surface(table='map.csv', folder=tmp_path)])
 
 
 def test_measured_points_are_met_exactly(table):
@@ -72,4 +72,4 @@ def test_a_bad_table_is_refused(tmp_path, text, message):
     """The error names the file and the row."""
     (tmp_path / 'map.csv').write_text(text)
     with pytest.raises(InputError, match=message):
-        MeasuredSurface('map.csv', tmp_path)
+        measured_surface(table='map.csv', folder=tmp_path)

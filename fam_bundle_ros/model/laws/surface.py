@@ -9,69 +9,68 @@ import warnings
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.effects.base import Effect, Place
+from fam_bundle_ros.model.laws.base import law
+from fam_bundle_ros.model.vocabulary import cell
 from fam_bundle_ros.units import si_factor
 
 _COLUMNS = {'strain': '1', 'pressure': 'kPa', 'force': 'N'}
 _REFINE = 8
 
 
-class MeasuredSurface(Effect):
+class Table:
     """
-    F(e, P) read from a CSV with columns strain, pressure [unit], force [unit].
+    A force table F(e, P) from a CSV with columns strain, pressure [unit], force [unit].
 
     Every isobar needs at least two strains. The table is refined eightfold along strain and then
     along pressure by shape-preserving cubic (PCHIP) interpolation, so the measured points are
-    met exactly and no oscillation is added; between refined points it is bilinear. Outside the
-    table the nearest edge holds, with one warning.
+    met exactly and no oscillation is added.
 
     Parameters
     ----------
-    table : str
-        Path of the CSV, as the model file names it.
-    folder : Path
-        Folder that a relative path is looked up in: that of the model file.
+    path : Path
+
+    Attributes
+    ----------
+    flat : array
+        Number of strains, number of pressures, the strains, the pressures (Pa), the forces (N)
+        strain by strain.
     """
 
-    name = 'measured_surface'
-    summary = "interpolates the user's own force table F(strain, pressure)"
-    source = 'the way Kim, Mazzoleni and Bryant 2021 simulate; PCHIP by scipy'
-    place = Place.FORCE
-    family = 'surface'
-    signature = 'a measured table replaces mesh and bladder'
-
-    def __init__(self, table: str, folder: Path = Path('.')):
-        super().__init__()
-        #: The table's file.
-        self.path = Path(folder) / table
-        self._strain, self._pressure, self._force = _refine(*_read(self.path))
+    def __init__(self, path: Path):
+        self.path = path
+        self._strain, self._pressure, force = _refine(*_read(path))
+        self.flat = np.concatenate([force.shape, self._strain, self._pressure, force.ravel()])
         self._warned = False
 
-    def options(self):
-        return {'table': str(self.path.resolve())}
-
-    def contribution(self, x):
-        strain, pressure = np.broadcast_arrays(x.strain, x.pressure)
-        if not self._warned and (np.any(strain < self._strain[0])
-                                 or np.any(strain > self._strain[-1])
-                                 or np.any(pressure < self._pressure[0])
-                                 or np.any(pressure > self._pressure[-1])):
+    def warn_outside(self, strain, pressure) -> None:
+        """Warn, once, where strain or pressure (Pa) leave the table."""
+        e, p = self._strain, self._pressure
+        if not self._warned and (np.any(strain < e[0]) or np.any(strain > e[-1])
+                                 or np.any(pressure < p[0]) or np.any(pressure > p[-1])):
             self._warned = True
             warnings.warn(
-                f'{self.path.name}: asked outside strain {self._strain[0]:g} to '
-                f'{self._strain[-1]:g} and pressure {self._pressure[0] / 1e3:g} to '
-                f'{self._pressure[-1] / 1e3:g} kPa; the nearest edge is used', stacklevel=2)
-        i, u = _cell(self._strain, strain)
-        j, v = _cell(self._pressure, pressure)
-        f = self._force
-        return ((1 - u) * ((1 - v) * f[i, j] + v * f[i, j + 1])
-                + u * ((1 - v) * f[i + 1, j] + v * f[i + 1, j + 1]))
+                f'{self.path.name}: asked outside strain {e[0]:g} to {e[-1]:g} and pressure '
+                f'{p[0] / 1e3:g} to {p[-1] / 1e3:g} kPa; the nearest edge is used', stacklevel=4)
 
 
-def _cell(grid, value):
-    """Return the index of the cell and the position in it, clamped to the grid."""
-    index = np.clip(np.searchsorted(grid, value, side='right') - 1, 0, len(grid) - 2)
-    return index, np.clip((value - grid[index]) / (grid[index + 1] - grid[index]), 0.0, 1.0)
+@law('force', family='surface', candidate=False, load=Table, look=('indigo', 'dashdot'),
+     summary="interpolates the user's own force table F(strain, pressure)",
+     source='the way Kim, Mazzoleni and Bryant 2021 simulate; PCHIP by scipy',
+     signature='a measured table replaces mesh and bladder')
+def measured_surface(strain, pressure, tables, table):
+    """F(e, P) of a `Table`: bilinear between its refined points, the nearest edge outside it."""
+    rows, columns = int(tables[table]), int(tables[table + 1])
+    strains = table + 2
+    pressures = strains + rows
+    i = strains + cell(tables, strains, rows, strain)
+    j = pressures + cell(tables, pressures, columns, pressure)
+    u = (strain - tables[i]) / (tables[i + 1] - tables[i])
+    v = (pressure - tables[j]) / (tables[j + 1] - tables[j])
+    u = np.minimum(np.maximum(u, 0.0), 1.0)
+    v = np.minimum(np.maximum(v, 0.0), 1.0)
+    at = pressures + columns + (i - strains) * columns + j - pressures
+    return ((1.0 - u) * ((1.0 - v) * tables[at] + v * tables[at + 1])
+            + u * ((1.0 - v) * tables[at + columns] + v * tables[at + columns + 1]))
 
 
 def _refine(strain, pressure, force):

@@ -1,0 +1,99 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The catalogue: every law that a model file can name, built in or a user's."""
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+import importlib
+import importlib.metadata
+import importlib.util
+from pathlib import Path
+from types import MappingProxyType
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.effect import CLASSES_ARE_GONE
+from fam_bundle_ros.model.laws.base import Law
+
+#: Entry points in this group name laws of other packages.
+ENTRY_POINT_GROUP = 'fam_bundle_ros.effects'
+
+#: Files of `fam_bundle_ros.model.laws`, in the order in which laws are listed.
+FAMILIES = ('mesh', 'bladder', 'surface', 'resistive', 'slack', 'dry_friction', 'viscous',
+            'relaxation', 'end_caps', 'braid', 'threshold', 'line_lag', 'temperature',
+            'softening', 'force_sensor', 'pressure_sensor', 'strain_sensor', 'mismatch', 'leak',
+            'supply')
+
+
+@cache
+def available() -> Mapping[str, Law]:
+    """Return every law by name: the built-ins, then those of entry points."""
+    laws = {law.name: law for family in FAMILIES for law in _laws_in(
+        importlib.import_module(f'fam_bundle_ros.model.laws.{family}'))}
+    for point in importlib.metadata.entry_points(group=ENTRY_POINT_GROUP):
+        law = point.load()
+        if not isinstance(law, Law):
+            raise InputError(f'entry point {point.name}: {law!r} is not a law: {CLASSES_ARE_GONE}')
+        laws.setdefault(law.name, law)
+    return MappingProxyType(laws)
+
+
+def names() -> list[str]:
+    """Return the names of all laws."""
+    return list(available())
+
+
+def get(name: str) -> Law:
+    """Return a law; InputError with the nearest names when there is none."""
+    laws = available()
+    if name not in laws:
+        from difflib import SequenceMatcher
+
+        def likeness(known: str) -> float:
+            # 'colomb' is meant to be coulomb_friction: words of a name count like the whole
+            return max(SequenceMatcher(None, name, part).ratio()
+                       for part in (known, *known.split('_')))
+        near = [known for known in sorted(laws, key=likeness, reverse=True)[:2]
+                if likeness(known) >= 0.7]
+        hint = f'; did you mean {" or ".join(near)}?' if near else ''
+        raise InputError(f"effect '{name}' is not known{hint} (fam_bundle effects lists them)")
+    return laws[name]
+
+
+def from_python_file(path: Path) -> Iterator[Law]:
+    """
+    Yield the laws that a user's Python file defines. This runs the file.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be imported or defines no law.
+    """
+    spec = importlib.util.spec_from_file_location(f'fam_bundle_user_{path.stem}', path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise InputError(f'{path}: is not a Python file')
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever the user's file raises
+        if str(getattr(error, 'name', '')).startswith('fam_bundle_ros.model.effects'):
+            error = InputError(CLASSES_ARE_GONE)
+        told = str(error) if isinstance(error, InputError) else (
+            f'cannot be imported ({type(error).__name__}: {error})')
+        raise InputError(f'{path}: {told}') from error
+    found = _laws_in(module)
+    if not found:
+        raise InputError(f'{path}: defines no law: {CLASSES_ARE_GONE}')
+    for law in found:
+        vars(law).update(python_file=str(path.resolve()),
+                         remake=(_from_python_file_again, (str(path.resolve()), law.name)))
+        yield law
+
+
+def _from_python_file_again(path: str, name: str) -> Law:
+    """Return a law of a user's file in a worker process."""
+    return next(law for law in from_python_file(Path(path)) if law.name == name)
+
+
+def _laws_in(module) -> list[Law]:
+    return [item for item in vars(module).values()
+            if isinstance(item, Law) and vars(item).get('__module__') == module.__name__]

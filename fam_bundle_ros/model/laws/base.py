@@ -1,0 +1,319 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a law is: one plain function, its parameters, where it acts, and what is known about it.
+
+The names of the function's arguments say what it gets (`FELT`, `SHAPE`, its parameters, and for a
+law with memory `STEPPING` and its memory fields). `fam_bundle_ros.model.compose` puts the laws of
+a model together by place. Within a place contributions add (limits: the highest floor holds), so
+their order never matters and no law can overwrite what another one contributed.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+import inspect
+import math
+from pathlib import Path
+from typing import Any
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.effect import Effect
+from fam_bundle_ros.units import express, si_factor
+
+
+class Place(Enum):
+    """Where a law acts, in the order in which they are composed."""
+
+    SENSOR = 'sensor'
+    PNEUMATICS = 'pneumatics'
+    PRESSURE = 'pressure'
+    GEOMETRY = 'geometry'
+    FORCE = 'force'
+    LIMIT = 'limit'
+    LOSS = 'loss'
+
+
+#: What a law may feel. ``strain``, ``pressure`` (gauge, of its own unit) and ``stretch``
+#: (1 - strain) are what reaches its place; ``braid`` is the square of the threads' stretch;
+#: ``force`` is the force so far, ``bladder`` the part of the bladder family (N per muscle);
+#: ``unit`` is the index of the motor unit. SI units.
+FELT = ('unit', 'strain', 'stretch', 'strain_rate', 'pressure', 'time', 'force', 'bladder',
+        'braid')
+#: Geometry of the muscle: fields of `fam_bundle_ros.model.geometry.Geometry`.
+SHAPE = ('radius', 'length', 'braid_angle', 'wall_thickness', 'cos2', 'sin2', 'cot2', 'area',
+         'wall_area')
+#: For memory: first sample of a trial, first sample of the whole log, s since the last sample.
+STEPPING = ('start', 'log_start', 'dt')
+#: For a measured table: all tables of the model in one array, and where the law's own begins.
+TABLES = ('tables', 'table')
+#: What a law changes, at the places where that is not plain.
+CHANGES = {Place.GEOMETRY: ('strain', 'braid', 'area'),
+           Place.SENSOR: ('force', 'pressure', 'strain'),
+           Place.PNEUMATICS: ('leak_rate', 'supply_resistance')}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """
+    One number of a law: default and bounds in ``unit``, handled as SI everywhere else.
+
+    ``fitted`` is False for numbers that data can hardly tell (a smoothing width): discovery
+    leaves them where they are. ``name`` is by default that of the function's argument.
+    """
+
+    default: float
+    unit: str
+    lower: float
+    upper: float
+    description: str
+    fitted: bool = True
+    name: str = ''
+
+    @property
+    def scale(self) -> float:
+        """SI value of one ``unit``."""
+        return si_factor(self.unit, self.unit)
+
+    def check(self, value: float) -> float:
+        """Return an SI value when it is within the bounds, else raise InputError."""
+        slack = 1e-9 * max(abs(self.lower), abs(self.upper), 1.0)
+        if not (math.isfinite(value)
+                and self.lower - slack <= value / self.scale <= self.upper + slack):
+            raise InputError(
+                f'{self.name} is {express(value, self.unit)}; expected between '
+                f'{self.lower:g} and {self.upper:g} {self.unit}')
+        return value
+
+
+@dataclass(frozen=True)
+class Part:
+    """
+    A law at one place.
+
+    Parameters
+    ----------
+    place : Place
+    function : callable
+        Returns what it adds at its place: Pa (pressure), N per muscle (force, loss), a floor of
+        the force (limit), or a change of what ``changes`` names. With memory fields among its
+        arguments it returns a tuple (value, *these fields after the sample).
+    changes : str
+        One of `CHANGES`; empty at the other places.
+    equilibrium : callable, optional
+        The static value of a law with memory. By default its value at a first sample.
+    """
+
+    place: Place
+    function: Callable
+    changes: str = ''
+    equilibrium: Callable | None = None
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of the function's arguments."""
+        return arguments(self.function)
+
+
+def arguments(function: Callable) -> tuple[str, ...]:
+    """Return the names of a plain function's arguments."""
+    return tuple(inspect.signature(function).parameters)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Law:
+    """
+    A physical effect without values; calling it with SI values gives an `Effect`.
+
+    Parameters
+    ----------
+    name, summary, source : str
+        ``source`` is the paper that the formula is from, or 'derived'.
+    family : str
+        Laws of one family are look-alikes: the same physics in another shape.
+    signature : str
+        What a residual looks like when this effect is missing, in plain words.
+    parts : tuple of Part
+        Most laws have one.
+    parameters : tuple of Parameter
+    names : mapping
+        Argument of the function -> name of the parameter.
+    off : mapping
+        Parameter values (in their units) at which the effect contributes nothing.
+    memory : tuple of str
+        Names of the memory fields; empty when the law has none. They are zero before the first
+        sample.
+    variant_of : str
+        For a second shape: the name of the law whose physics it is.
+    across_trials : bool
+        True when it goes by what happened in all trials of a log, not afresh in each.
+    per_unit : bool
+        True when it has a parameter for each motor unit after the first one.
+    pushes_back : bool
+        True when it describes how a muscle resists compression.
+    candidate : bool
+        False for what no diagnosis may add to a model.
+    leaves : tuple of str
+        Kinds of shape that the law leaves in an error when a model lacks it.
+    remedy : str
+        What to measure with other means where no force test tells it from another effect.
+    look : tuple of str
+        Hue (`fam_bundle_ros.palette`) and dash of its line.
+    load : callable, optional
+        Reads the table that the law needs from a path.
+    formula : str
+        Text of a user's formula; empty for other laws.
+    python_file : str
+        The user's file that defines it; empty for laws of this and of installed packages.
+    remake : tuple, optional
+        (function, arguments) that makes the law again in another process.
+    """
+
+    name: str
+    summary: str
+    source: str
+    family: str
+    signature: str
+    parts: tuple[Part, ...]
+    parameters: tuple[Parameter, ...] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+    off: Mapping[str, float] = field(default_factory=dict)
+    memory: tuple[str, ...] = ()
+    variant_of: str = ''
+    across_trials: bool = False
+    per_unit: bool = False
+    pushes_back: bool = False
+    candidate: bool = True
+    leaves: tuple[str, ...] = ()
+    remedy: str = ''
+    look: tuple[str, str] = ('', 'solid')
+    load: Callable[[Path], Any] | None = None
+    formula: str = ''
+    python_file: str = ''
+    remake: tuple[Callable, tuple] | None = None
+
+    def __post_init__(self):
+        """Check the arguments of every part."""
+        for part in self.parts:
+            self._check(part)
+
+    def __call__(self, **settings: Any) -> Effect:
+        """
+        Return the effect with these SI values; parameters that are not named take their default.
+
+        A law that reads a table also takes ``table`` (the path as a model file gives it) and
+        ``folder`` (where a relative path is looked up).
+
+        Raises
+        ------
+        InputError
+            For an unknown parameter, a value outside its bounds, or a table that is not there.
+        """
+        return Effect(self, **settings)
+
+    def __repr__(self):
+        return f'Law({self.name})'
+
+    def __reduce__(self) -> Any:
+        return self.remake if self.remake is not None else self.name
+
+    @property
+    def place(self) -> Place:
+        """Where the law acts: the place of its first part."""
+        return self.parts[0].place
+
+    @property
+    def function(self) -> Callable:
+        """The plain function of the first part."""
+        return self.parts[0].function
+
+    @property
+    def needs_time(self) -> bool:
+        """Whether the law says nothing about a map without time."""
+        return bool(self.memory) or any('time' in part.arguments for part in self.parts)
+
+    def parameter(self, name: str) -> Parameter:
+        """Return a parameter's description; InputError when there is none of that name."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise InputError(f"{self.name} has no parameter '{name}'; it has "
+                         f"{', '.join(p.name for p in self.parameters) or 'none'}")
+
+    def active(self, units: int) -> tuple[Parameter, ...]:
+        """Return the parameters that matter for a bundle of so many motor units."""
+        return self.parameters[:max(units - 1, 0)] if self.per_unit else self.parameters
+
+    def also(self, place: str, changes: str = '', equilibrium: Callable | None = None
+             ) -> Callable[[Callable], Callable]:
+        """
+        Return a decorator for a function that is another part of this law, at another place.
+
+        It shares the law's parameters and memory fields (a field is changed by one part only).
+        """
+        def add(function: Callable) -> Callable:
+            part = Part(Place(place), function, changes, equilibrium)
+            self._check(part)
+            object.__setattr__(self, 'parts', (*self.parts, part))
+            return function
+        return add
+
+    def _check(self, part):
+        known = {*FELT, *SHAPE, *STEPPING, *TABLES, *self.names, *self.memory}
+        for function in (part.function, part.equilibrium):
+            for argument in arguments(function) if function else ():
+                if argument not in known:
+                    raise InputError(
+                        f"law {self.name}: argument '{argument}' is neither a parameter nor a "
+                        f"memory field nor one of {', '.join((*FELT, *SHAPE, *STEPPING))}")
+        expected = CHANGES.get(part.place, ('',))
+        if part.changes not in expected:
+            raise InputError(f"law {self.name}: changes '{part.changes}'; expected one of "
+                             f"{', '.join(map(repr, expected))} for place {part.place.value}")
+        shadowed = (set(self.names) | set(self.memory)) & {*FELT, *SHAPE, *STEPPING, *TABLES}
+        if shadowed:
+            raise InputError(
+                f"law {self.name}: parameter or memory field {', '.join(sorted(shadowed))} has "
+                "the name of what a law feels; name the argument otherwise and give the "
+                "parameter's own name as Parameter(..., name='...')")
+
+
+def law(place: str, *, changes: str = '', equilibrium: Callable | None = None,
+        **settings: Any) -> Callable[[Callable], Law]:
+    """
+    Return a decorator that makes a plain function a `Law`.
+
+    Parameters
+    ----------
+    place : str
+        A value of `Place`.
+    changes, equilibrium
+        See `Part`.
+    **settings
+        Parameters of the law (`Parameter` by the name of the function's argument) and fields of
+        `Law`: at least summary, source, family and signature.
+
+    Examples
+    --------
+    >>> @law('loss', family='own', summary='drag', source='own', signature='odd in the rate',
+    ...      c=Parameter(5.0, 'N*s', 0.0, 100.0, 'drag per strain rate'))
+    ... def drag(strain_rate, c):
+    ...     return -c * strain_rate
+    >>> drag(c=3.0)
+    drag(c=3 N*s)
+    """
+    given = {key: item for key, item in settings.items() if isinstance(item, Parameter)}
+    facts = {key: item for key, item in settings.items() if key not in given}
+    for key in ('family', 'summary', 'source', 'signature'):
+        if not facts.get(key):
+            raise InputError(f'a law needs {key}=...')
+    parameters = {key: replace(item, name=item.name or key) for key, item in given.items()}
+
+    def define(function: Callable) -> Law:
+        made = Law(name=function.__name__, parts=(
+            Part(Place(place), function, changes, equilibrium),),
+            parameters=tuple(parameters.values()),
+            names={key: item.name for key, item in parameters.items()}, **facts)
+        vars(made).update(__doc__=function.__doc__, __module__=function.__module__)
+        return made
+    return define

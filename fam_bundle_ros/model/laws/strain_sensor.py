@@ -1,0 +1,17 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the displacement sensor shows against the strain of the muscle."""
+
+from fam_bundle_ros.model.laws.base import law, Parameter
+
+
+@law('sensor', changes='strain', family='strain_sensor', leaves=('smooth0', 'smooth1'),
+     remedy='measure the rest length and the clamped ends with a calliper',
+     off={'offset': 0.0}, look=('olive', 'dot'),
+     summary='rest length or zero of the displacement sensor is off',
+     source='instrument error model; sizes 1-5 N and 1-6 % as seen on rigs',
+     signature='the error has the shape of dF/de at every pressure',
+     offset=Parameter(0.0, '1', -0.05, 0.05, 'offset of the reading'))
+def strain_sensor_offset(offset):
+    """Strain reading = strain + o."""
+    return offset

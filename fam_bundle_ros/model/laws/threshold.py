@@ -1,0 +1,29 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Pressure that is spent on seating the bladder before the braid pulls."""
+
+import numpy as np
+
+from fam_bundle_ros.model.laws.base import law, Parameter
+
+_FAMILY = {'family': 'threshold', 'off': {'pressure': 0.0}, 'leaves': ('smooth1', 'smooth2'),
+           'lost': Parameter(30.0, 'kPa', 0.0, 200.0, 'pressure that is lost', name='pressure')}
+
+
+@law('pressure', **_FAMILY, look=('orange', 'solid'),
+     summary='no force below a threshold pressure, a shift above it',
+     source='dead band of 20-90 kPa as reported for McKibben muscles; ramp form',
+     signature='the error has the shape of dF/dP, is zero at zero pressure and the same above a '
+               'threshold')
+def threshold_pressure(pressure, lost):
+    """P -> max(0, P - Pth)."""
+    return -np.minimum(np.maximum(pressure, 0.0), lost)
+
+
+@law('pressure', **_FAMILY, variant_of='threshold_pressure', look=('orange', 'dash'),
+     summary='pressure lost on seating the bladder, gradually',
+     source='derived: smooth form of threshold_pressure',
+     signature='the error has the shape of dF/dP and grows from zero to a constant with pressure')
+def soft_threshold(pressure, lost):
+    """P -> P - Pth (1 - exp(-P/Pth)): the bladder seats gradually."""
+    return lost * np.expm1(-np.maximum(pressure, 0.0) / np.maximum(lost, 1e-6))

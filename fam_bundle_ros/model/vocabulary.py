@@ -1,0 +1,216 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The words in which laws are written, and their meaning for arrays, plain numbers and numba.
+
+A law calls NumPy's `maximum, minimum, where, sqrt, exp, log, expm1, tanh, sin, cos, abs, sign`
+and `pi`, and for its memory the recurrences below. `bound` gives the same code object with these
+words bound for one way to run it:
+
+- ``'arrays'``: NumPy, element by element; recurrences are one step
+- ``'scans'``: as arrays, but axis 0 is time and a recurrence runs along it in one call
+- ``'floats'``: plain numbers. Where arrays give nan or infinity, `math` raises: the caller then
+  computes the value with arrays (`fam_bundle_ros.model.compose`)
+- ``'kernels'``: plain numbers, ready for `fam_bundle_ros.kernels` to be compiled
+"""
+
+import ast
+import bisect
+from collections.abc import Callable
+from functools import cache
+import inspect
+import math
+import textwrap
+import types
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros import kernels
+from fam_bundle_ros.model.scan import affine_scan, clamp_scan
+
+# --- words beyond NumPy's ----------------------------------------------------------------------
+
+
+def affine(memory, gain, offset):
+    """Return gain * memory + offset; a gain of zero forgets all, also what is not a number."""
+    return np.where(gain == 0.0, 0.0, gain * memory) + offset
+
+
+def clamp(memory, lower, upper):
+    """Return memory, moved into [lower, upper]; where these are equal it is set (a reset)."""
+    return np.where(lower == upper, lower, np.minimum(np.maximum(memory, lower), upper))
+
+
+def before(memory, signal):
+    """Return the signal at the sample before, which is in the memory."""
+    return memory
+
+
+def cell(grid, first, count, value):
+    """
+    Return the index of the cell of a sorted grid in which a value lies, 0 to count - 2.
+
+    The grid is ``grid[first:first + count]``; values outside it belong to the outer cells.
+    """
+    found = np.searchsorted(grid[first:first + count], value, side='right') - 1
+    return np.minimum(np.maximum(found, 0), count - 2)
+
+
+def play(centre, signal, half, start):
+    """Return the centre of a backlash of so much to either side that a signal drags along."""
+    return clamp(centre, np.where(start, signal, signal - half),
+                 np.where(start, signal, signal + half))
+
+
+def lag(lagged, last, signal, time_constant, start, dt):
+    """
+    Return a signal behind a first-order lag, tau dy/dt = u - y, at rest at the start.
+
+    Exact for a signal that is linear between samples (first-order hold), for any sampling.
+    ``lagged`` and ``last`` are output and input at the sample before. A time constant of zero
+    gives the signal.
+    """
+    ratio = np.maximum(dt, 1e-12) / np.maximum(time_constant, 1e-300)
+    decay = np.exp(-ratio)
+    mean = -np.expm1(-ratio) / ratio
+    ramp = (1.0 - mean) * signal + (mean - decay) * before(last, signal)
+    return affine(lagged, np.where(start, 0.0, decay), np.where(start, signal, ramp))
+
+
+# --- the same words, one sample as plain numbers ----------------------------------------------
+
+def _where(condition, one, other):
+    return one if condition else other
+
+
+def _maximum(one, other):
+    return one if one >= other or one != one else other
+
+
+def _minimum(one, other):
+    return one if one <= other or one != one else other
+
+
+def _sign(value):
+    return 1.0 if value > 0.0 else -1.0 if value < 0.0 else 0.0 * value
+
+
+def _cell_bisect(grid, first, count, value):
+    found = bisect.bisect_right(grid, value, first, first + count) - first - 1
+    return min(max(found, 0), count - 2)
+
+
+def _cell_search(grid, first, count, value):
+    low, high = first, first + count
+    while low < high:
+        middle = (low + high) // 2
+        if value < grid[middle]:
+            high = middle
+        else:
+            low = middle + 1
+    return min(max(low - first - 1, 0), count - 2)
+
+
+_WORDS = {'where': _where, 'maximum': _maximum, 'minimum': _minimum, 'sign': _sign,
+          'sqrt': math.sqrt, 'exp': math.exp, 'log': math.log, 'expm1': math.expm1,
+          'tanh': math.tanh, 'sin': math.sin, 'cos': math.cos, 'abs': abs, 'pi': math.pi}
+
+
+class _CompiledWords:
+    """Stands for NumPy in a kernel; numba's own scalar `where` is slow."""
+
+    @staticmethod
+    @cache
+    def compiled_names() -> types.ModuleType:
+        """Return a module of the words, which numba compiles into the kernel."""
+        module = types.ModuleType('words')
+        for name, word in _WORDS.items():
+            own = isinstance(word, types.FunctionType)
+            setattr(module, name, kernels.compiled_inside(word) if own else word)
+        return module
+
+
+# --- the same words along time -----------------------------------------------------------------
+
+def _clamp_scan(memory, lower, upper):
+    return clamp_scan(lower, upper, memory)
+
+
+def _affine_scan(memory, gain, offset):
+    return affine_scan(gain, offset, memory)
+
+
+def _before_scan(memory, signal):
+    signal = np.asarray(signal, float)
+    if not signal.ndim:  # it never changes
+        return signal
+    shifted = np.empty_like(signal)
+    shifted[0], shifted[1:] = memory, signal[:-1]
+    return shifted
+
+
+_SWAPS: dict[str, dict[Any, Any]] = {
+    'arrays': {},
+    'scans': {affine: _affine_scan, clamp: _clamp_scan, before: _before_scan},
+    'floats': {np: types.SimpleNamespace(**_WORDS), cell: _cell_bisect},
+    'kernels': {np: _CompiledWords(), cell: _cell_search},
+}
+#: The recurrences. A law that uses its memory through these alone runs along time at once.
+RECURRENCES = (affine, clamp, before)
+
+
+@cache
+def bound(function: Callable, mode: str) -> Callable:
+    """
+    Return a plain function with the words in it, and in the functions it calls, for one mode.
+
+    Examples
+    --------
+    >>> def floor(strain):
+    ...     return np.maximum(strain, 0.0)
+    >>> bound(floor, 'floats')(-0.1)
+    0.0
+    """
+    swaps = _SWAPS[mode]
+    if function in swaps:  # also NumPy itself
+        return swaps[function]
+    if not swaps or not isinstance(function, types.FunctionType):
+        return function
+    names: dict[str, Any] = {'__name__': function.__module__,
+                             '__builtins__': function.__globals__.get('__builtins__', {})}
+    for name in function.__code__.co_names:
+        if name in function.__globals__:
+            value = function.__globals__[name]
+            if value is np or isinstance(value, types.FunctionType):
+                value = bound(value, mode)
+            names[name] = value
+    copy = types.FunctionType(function.__code__, names, function.__name__,
+                              function.__defaults__, function.__closure__)
+    copy.__module__ = function.__module__
+    return copy
+
+
+def runs_along_time(function: Callable, fields: tuple[str, ...]) -> bool:
+    """
+    Return whether a law uses its memory through recurrences alone.
+
+    Then ``'scans'`` computes a whole record in one call; else it is computed sample by sample.
+    """
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, SyntaxError):
+        return False
+    definition = next(node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+    uses = {id(node) for part in definition.body for node in ast.walk(part)
+            if isinstance(node, ast.Name) and node.id in fields}
+    for node in ast.walk(definition):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            called = function.__globals__.get(node.func.id)  # type: ignore[attr-defined]
+            for place, argument in enumerate(node.args):
+                if id(argument) in uses and (
+                        called in RECURRENCES and place == 0
+                        or isinstance(called, types.FunctionType) and runs_along_time(
+                            called, (called.__code__.co_varnames[place],))):
+                    uses.discard(id(argument))
+    return not uses
