@@ -8,9 +8,18 @@ Measured data: what was measured, in SI units, and nothing about models.
 """
 
 from fam_bundle_ros.data.bagfile import write_bag
-from fam_bundle_ros.data.measurement import Measurement, write_csv
+from fam_bundle_ros.data.folds import Folds, held_out
+from fam_bundle_ros.data.measurement import Measurement, Taken, write_csv
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
-from fam_bundle_ros.data.reading import as_measurement, read_measurement
+from fam_bundle_ros.data.reading import (
+    as_measurement,
+    Preview,
+    preview,
+    read_measurement,
+    taken_words,
+)
+from fam_bundle_ros.data.recipe import load_recipe, Recipe, recipe_of, save_recipe
 
-__all__ = ['as_measurement', 'Measurement', 'noise_floor', 'NoiseFloor', 'read_measurement',
-           'write_bag', 'write_csv']
+__all__ = ['as_measurement', 'Folds', 'held_out', 'load_recipe', 'Measurement', 'noise_floor',
+           'NoiseFloor', 'Preview', 'preview', 'read_measurement', 'Recipe', 'recipe_of',
+           'save_recipe', 'Taken', 'taken_words', 'write_bag', 'write_csv']

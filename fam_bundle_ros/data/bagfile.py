@@ -26,10 +26,22 @@ _GAP = 0.5
 
 
 def read_bag(path: Path, *, rest_length: float | None = None,
-             ambient_pressure: float = 101325.0, name: str | None = None,
-             allow_constant_pressure: bool = False) -> Measurement:
+             gauge: bool | None = None, ambient_pressure: float = 101325.0,
+             name: str | None = None, max_pressure: float | None = None,
+             max_strain: float | None = None) -> Measurement:
     """
     Return the measurement that a bag holds.
+
+    Parameters
+    ----------
+    rest_length : float, m, optional
+        Needed where the bag gives the contraction alone.
+    gauge : bool, optional
+        Whether pressures are gauge; by default absolute, as FluidPressure says, unless one is
+        below 60 kPa.
+    ambient_pressure : float, Pa
+    max_pressure, max_strain : float, optional
+        As for `build`.
 
     Raises
     ------
@@ -55,7 +67,8 @@ def read_bag(path: Path, *, rest_length: float | None = None,
         first = str(error).strip().splitlines()
         raise InputError(f'{label}: cannot be read as a ROS 2 bag '
                          f'({first[0] if first else type(error).__name__})') from error
-    return _resample(label, series, rest_length, ambient_pressure, allow_constant_pressure)
+    limits = {'max_pressure': max_pressure, 'max_strain': max_strain}
+    return _resample(label, series, rest_length, ambient_pressure, gauge, limits)
 
 
 def _topics(label: str, connections: Any) -> dict[str, str]:
@@ -120,7 +133,8 @@ def _collect(label: str, reader: Any, topics: dict[str, str]) -> dict[str, np.nd
 
 
 def _resample(label: str, series: dict[str, np.ndarray], rest_length: float | None,
-              ambient_pressure: float, allow_constant_pressure: bool) -> Measurement:
+              ambient_pressure: float, gauge: bool | None,
+              limits: dict[str, float | None]) -> Measurement:
     begin = max(table[0, 0] for table in series.values())
     end = min(table[-1, 0] for table in series.values())
     clock = series['force'][:, 0]
@@ -139,17 +153,17 @@ def _resample(label: str, series: dict[str, np.ndarray], rest_length: float | No
     units = [key for key in values if key.startswith('pressure.')]
     pressure = np.stack([values[key] for key in units], -1)
     notes = []
-    if pressure.min() < 60e3:
+    if gauge is None and pressure.min() < 60e3:
         notes.append(f'lowest pressure {pressure.min() / 1e3:.1f} kPa absolute: taken as gauge, '
                      'as FluidPressure should not be')
-    else:
+    elif not gauge:
         pressure = pressure - ambient_pressure
     steps = np.diff(clock)
     gap = max(_GAP, _GAP_PERIODS * float(np.median(steps)))
     trial = np.concatenate([[0], np.cumsum(steps > gap)])
     return build(label, strain, pressure, values['force'], trial, clock - clock[0],
                  [key.partition('.')[2] for key in units], notes=notes,
-                 allow_constant_pressure=allow_constant_pressure)
+                 max_pressure=limits['max_pressure'], max_strain=limits['max_strain'])
 
 
 def write_bag(measurement: Measurement, folder: str | Path, *,

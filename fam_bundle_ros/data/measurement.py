@@ -3,23 +3,23 @@
 """
 A measurement of a muscle or a bundle: arrays in SI units, with trials, direction and rate.
 
-`Measurement` is what every step of discovery takes. It comes from a CSV file (`csvfile`), a ROS 2
-bag (`bagfile`) or a pandas frame; whichever way, the same checks apply and a wrong unit or a row
-of nonsense ends in one sentence that says where.
+`Measurement` is what every step of discovery takes. It comes from a file of any format
+(`formats`), a ROS 2 bag (`bagfile`) or a pandas frame; whichever way, `build` applies the same
+checks, and a wrong unit or a row of nonsense ends in one sentence that says where.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import csv
 from dataclasses import dataclass, field, replace
 import hashlib
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data import rates
+from fam_bundle_ros.data import checks, rates
 from fam_bundle_ros.errors import InputError
 
 #: Fewer rows than this cannot carry a comparison.
@@ -28,21 +28,38 @@ MIN_ROWS = 12
 MAX_ROWS = 5_000_000
 #: The best load cells are good to this share of the largest force; what is less is rounding.
 RESOLUTION = 1e-4
+#: Strain (0.3 um of 300 mm) and share of the largest pressure that no sensor tells from rest.
+_REST_STRAIN, _REST_PRESSURE = 1e-6, 0.01
+#: Less than this is one strain, and one pressure (share of the largest).
+_ONE_STRAIN, _ONE_PRESSURE = 1e-4, 0.01
 
-#: quantity: (lowest, highest, SI unit, words); a reading outside is a unit slip, not physics.
-_RANGES = {
-    'pressure': (-60e3, 1.2e6, 'Pa', 'gauge pressure between 0 and 1 MPa'),
-    'strain': (-0.2, 0.6, '', 'a strain between 0 and 0.5, positive when shorter'),
-    'force': (-20e3, 20e3, 'N', 'a force within 20 kN, tension positive'),
-}
-#: A guess is worth making only if the largest reading then is at least this.
-_SMALLEST = {'pressure': 20e3, 'strain': 0.02, 'force': 5.0}
-#: What people write instead: (what the header probably should have said, factor to SI).
-_GUESSES = {
-    'pressure': (('kPa', 1e3), ('Pa', 1.0), ('MPa', 1e6), ('bar', 1e5), ('psi', 6894.757)),
-    'strain': (('%', 0.01), ('1', 1.0)),
-    'force': (('N', 1.0), ('lbf', 4.448222), ('mN', 1e-3), ('kN', 1e3)),
-}
+#: What `Measurement.direction` was read from.
+REST, BY_STRAIN, BY_PRESSURE = 0, 1, 2
+
+
+class Taken(NamedTuple):
+    """
+    What a column of a file was taken for.
+
+    Attributes
+    ----------
+    header : str
+        As it stands in the file.
+    quantity : str
+        'time', 'trial', 'strain', 'contraction', 'elongation', 'length', 'pressure',
+        'pressure.<motor unit>', 'force', 'strain_rate'; empty where the column is not used.
+    unit : str
+    sign : int
+        -1 where the sign was turned round.
+    why : str
+        Where the unit or the sign were guessed, or why the column is not used.
+    """
+
+    header: str
+    quantity: str
+    unit: str = ''
+    sign: int = 1
+    why: str = ''
 
 
 @dataclass(frozen=True)
@@ -63,19 +80,29 @@ class Measurement:
     trial : ndarray of int, shape (T,)
         Index into ``trial_names``; rows of one trial are neighbours.
     time : ndarray, shape (T,), s, or None
-        Clock time; increasing within a trial. None for a static map.
+        Clock time; increasing within a trial (rows that shared a stamp are spread evenly up to
+        the next, `checks.spread_stamps`). None for a static map.
     strain_rate : ndarray, shape (T,), 1/s
         Smoothed slope of the strain, zero for a static map.
     rate_noise : float, 1/s
         Standard deviation of the noise left in ``strain_rate``.
     direction : ndarray of int, shape (T,)
-        +1 shortening, -1 lengthening, 0 at rest or unknown.
+        +1 shortening, -1 lengthening; where the strain rests, +1 filling, -1 venting (either
+        would shorten or lengthen a free muscle); 0 at rest or unknown.
     motor_units : tuple of str
         Names of the pressure columns, empty names for a single muscle.
     sha256 : str
         Digest of the file that was read, empty when there was none.
     notes : tuple of str
         What a reader should know: oddities that are not errors.
+    direction_basis : ndarray of int, shape (T,)
+        What ``direction`` was read from: `REST`, `BY_STRAIN` or `BY_PRESSURE`.
+    dropped : mapping of str to int
+        Rows that were left out, by reason.
+    taken : tuple of Taken
+        What each column of the file was taken for; empty for arrays and bags.
+    rest_length : float, m, or None
+        By which lengths were made strains, None where there were none.
     """
 
     name: str
@@ -91,6 +118,10 @@ class Measurement:
     motor_units: tuple[str, ...] = ('mu1',)
     sha256: str = ''
     notes: tuple[str, ...] = ()
+    direction_basis: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    taken: tuple[Taken, ...] = ()
+    rest_length: float | None = None
 
     def __len__(self) -> int:
         return len(self.force)
@@ -112,11 +143,36 @@ class Measurement:
         """Return the time, or for a static map seconds that merely count the rows, (T,)."""
         return np.arange(len(self), dtype=float) if self.time is None else self.time
 
-    def select(self, keep: np.ndarray) -> Measurement:
-        """Return the rows where ``keep`` (bool or index array, shape (T,)) holds."""
-        picked = {name: getattr(self, name)[keep]
-                  for name in ('strain', 'pressure', 'force', 'trial', 'strain_rate', 'direction')}
-        return replace(self, time=None if self.time is None else self.time[keep], **picked)
+    @property
+    def dropped_words(self) -> str:
+        """What was left out and why, empty where nothing was."""
+        total = sum(self.dropped.values())
+        if not total:
+            return ''
+        reasons = ', '.join(f'{count} {reason}' for reason, count in self.dropped.items())
+        return f'{total} of {total + len(self)} rows left out: {reasons}'
+
+    def select(self, keep: np.ndarray, reason: str = '') -> Measurement:
+        """
+        Return the rows where ``keep`` (bool or index array, shape (T,)) holds.
+
+        With a ``reason`` the others are counted in ``dropped``.
+        """
+        names = ('strain', 'pressure', 'force', 'trial', 'strain_rate', 'direction',
+                 'direction_basis')
+        picked = {name: getattr(self, name)[keep] for name in names if len(getattr(self, name))}
+        dropped = dict(self.dropped)
+        gone = len(self) - len(picked['force'])
+        if reason and gone:
+            dropped[reason] = dropped.get(reason, 0) + gone
+        return replace(self, time=None if self.time is None else self.time[keep],
+                       dropped=dropped, **picked)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return where the data come from and what was taken and left out, as plain values."""
+        return {'name': self.name, 'sha256': self.sha256, 'rows': len(self),
+                'trials': len(self.trial_names), 'dropped': dict(self.dropped),
+                'columns': [taken._asdict() for taken in self.taken], 'notes': list(self.notes)}
 
     def to_frame(self) -> Any:
         """Return a pandas DataFrame in SI units (pandas is an extra: `tools`)."""
@@ -142,7 +198,11 @@ class Measurement:
         lines = [f'{self.name}: {len(self)} samples, {kind}, {units}, strain '
                  f'{self.strain.min():.3f} to {self.strain.max():.3f}, pressure {low:.0f} to '
                  f'{high:.0f} kPa, force {self.force.min():.0f} to {self.force.max():.0f} N']
-        return '\n'.join(lines + [f'  note: {note}' for note in self.notes])
+        said = [*([self.dropped_words] if self.dropped else []), *self.notes]
+        return '\n'.join(lines + [f'  note: {note}' for note in said])
+
+    def __repr__(self) -> str:
+        return f'<Measurement {str(self).splitlines()[0]}>'
 
 
 def pressure_labels(measurement: Measurement) -> list[str]:
@@ -198,132 +258,143 @@ def write_csv(measurement: Measurement, path: str | Path,
 def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
           trial: Sequence[Any] | np.ndarray | None = None, time: np.ndarray | None = None,
           motor_units: Sequence[str] = ('mu1',), strain_rate: np.ndarray | None = None,
-          first_row: int = 1, notes: Sequence[str] = (), units: dict[str, str] | None = None,
-          allow_constant_pressure: bool = False) -> Measurement:
+          rows: np.ndarray | None = None, notes: Sequence[str] = (),
+          units: Mapping[str, tuple[str, float]] | None = None, max_pressure: float | None = None,
+          max_strain: float | None = None) -> Measurement:
     """
     Check SI arrays and make a `Measurement` of them: the one gate that every reader uses.
 
+    Rows without a finite number in every column are left out and counted. Rows that share a time
+    stamp are left out too where they repeat the row before in all columns (a row written
+    twice); where they differ the clock is coarser than the sampling, and they are spread evenly
+    up to the next stamp (`checks.spread_stamps`). One strain only (isometric) or
+    one pressure only (isobaric) is enough.
+
     Parameters
     ----------
-    first_row : int
-        What to call the first row in messages (2 for a CSV with a header).
+    rows : ndarray of int, shape (T,), optional
+        What to call each row in messages; by default 1, 2, ...
     units : dict, optional
-        The unit each quantity was given in, for messages.
+        The unit that each quantity was given in and its factor to SI, for messages.
+    max_pressure, max_strain : float, optional
+        Limits of this muscle (Pa gauge, 1), where it goes further than others.
+
+    Raises
+    ------
+    InputError
+        For too few or too many rows, a reading out of range, time that runs backwards, and data
+        in which neither strain nor pressure changes.
     """
     strain, force = np.asarray(strain, float), np.asarray(force, float)
     pressure = np.asarray(pressure, float)
     pressure = pressure[:, None] if pressure.ndim == 1 else pressure
-    rows = len(force)
-    if rows < MIN_ROWS:
-        raise InputError(f'{name}: only {rows} rows; expected at least {MIN_ROWS} to compare with')
-    if rows > MAX_ROWS:
-        raise InputError(f'{name}: {rows} rows; expected at most {MAX_ROWS} '
+    time = None if time is None else np.asarray(time, float)
+    rows = np.arange(1, len(force) + 1) if rows is None else np.asarray(rows)
+    if len(force) > MAX_ROWS:
+        raise InputError(f'{name}: {len(force)} rows; expected at most {MAX_ROWS} '
                          '(decimate or split the log)')
     labels = ['pressure'] if pressure.shape[1] == 1 else [f'pressure.{m}' for m in motor_units]
-    named = [('strain', 'strain', strain), ('force', 'force', force)]
-    named += [(label, 'pressure', values) for label, values in zip(labels, pressure.T)]
+    named = {'strain': strain, 'force': force, **dict(zip(labels, pressure.T))}
     if time is not None:
-        named.append(('time', 'time', np.asarray(time, float)))
-    for label, _, values in named:
-        bad = ~np.isfinite(values)
-        if bad.any():
-            row = int(np.argmax(bad)) + first_row
-            raise InputError(f'{name}, row {row}: {label} is not a finite number '
-                             f'({int(bad.sum())} such rows); expected a number in every row')
-    for label, quantity, values in named:
-        if quantity in _RANGES:
-            _check_range(name, label, quantity, values, first_row, (units or {}).get(label, ''))
-    notes = list(notes)
-    if np.ptp(pressure, axis=0).max() < max(1e3, 0.01 * np.abs(pressure).max()):
-        text = (f'pressure is constant at {pressure.mean() / 1e3:.1f} kPa; expected at least two '
-                'levels, else effects of pressure cannot be told apart')
-        if not allow_constant_pressure:
-            raise InputError(f'{name}: {text}')
-        notes.append(text)
-    if np.ptp(strain) < 1e-4:
-        raise InputError(f'{name}: strain is constant at {strain.mean():.4f}; expected a sweep or '
-                         'several strains')
-    index, trial_names, order = _trials(name, trial, time, rows, first_row)
-    if order is not None:
-        strain, pressure, force = strain[order], pressure[order], force[order]
-        time = None if time is None else np.asarray(time, float)[order]
-    if time is None:
-        return Measurement(name, strain, pressure, force, index, None, np.zeros(rows), 0.0,
-                           np.zeros(rows, int), trial_names, tuple(motor_units), '', tuple(notes))
-    time = np.asarray(time, float)
-    rate, rate_noise = rates.strain_rate(time, strain, index)
+        named['time'] = time
     if strain_rate is not None:
-        rate = np.asarray(strain_rate, float)
-        if not np.isfinite(rate).all():
-            raise InputError(f'{name}, row {int(np.argmin(np.isfinite(rate))) + first_row}: '
-                             'strain_rate is not a number')
-        rate = rate if order is None else rate[order]
-    direction = rates.direction(rate, rate_noise)
-    return Measurement(name, strain, pressure, force, index, time, rate, rate_noise, direction,
-                       trial_names, tuple(motor_units), '', tuple(notes))
+        named['strain_rate'] = np.asarray(strain_rate, float)
+    keep, dropped, words = _complete(named, rows, None if trial is None else np.asarray(trial))
+    if keep.sum() < MIN_ROWS:
+        raise InputError(f'{name}{words}: only {int(keep.sum())} rows; expected at least '
+                         f'{MIN_ROWS} with a number in every column')
+    if not keep.all():
+        rows, named = rows[keep], {label: values[keep] for label, values in named.items()}
+        trial = None if trial is None else np.asarray(trial)[keep]
+    limits = checks.ranges(max_pressure, max_strain)
+    for label, values in named.items():
+        quantity = label.partition('.')[0]
+        if quantity in limits:
+            checks.check_range(name, label, values, rows, (units or {}).get(label), quantity,
+                               limits[quantity])
+    trials = checks.trials_of(name, trial, named.get('time'), rows)
+    if trials.order is not None:
+        named = {label: values[trials.order] for label, values in named.items()}
+    notes = list(notes)
+    strain, force = named['strain'], named['force']
+    pressure = np.stack([named[label] for label in labels], -1)
+    notes += _what_does_not_change(name, strain, pressure)
+    notes += checks.odd_signs(strain, pressure, force)
+    if time is None:
+        still = np.zeros(len(force), int)
+        return Measurement(name, strain, pressure, force, trials.of_row, None,
+                           np.zeros(len(force)), 0.0, still, trials.names, tuple(motor_units),
+                           '', tuple(notes), still, dropped)
+    time = checks.spread_stamps(named['time'], trials.of_row)
+    shared = int((np.diff(named['time'])[np.diff(trials.of_row) == 0] == 0).sum())
+    if shared:
+        notes.append(f'{counted(shared, "row")} with the time stamp of the row before: spread '
+                     'evenly up to the next stamp')
+    if not np.ptp(time) > 0:
+        raise InputError(f'{name}: time stands still at {time[0]:.6g} s; expected it to increase, '
+                         'or no column for it')
+    rate, rate_noise = rates.slope(time, strain, trials.of_row)
+    rate = named.get('strain_rate', rate)
+    direction, basis = _directions(time, strain, pressure, trials.of_row, rate, rate_noise)
+    return Measurement(name, strain, pressure, force, trials.of_row, time, rate, rate_noise,
+                       direction, trials.names, tuple(motor_units), '', tuple(notes), basis,
+                       dropped)
 
 
-def _check_range(name: str, label: str, quantity: str, values: np.ndarray, first_row: int,
-                 unit: str) -> None:
-    low, high, si, words = _RANGES[quantity]
-    outside = (values < low) | (values > high)
-    from fam_bundle_ros.units import si_factor
-    factor = si_factor(unit, si or 'dimensionless') if unit else 1.0
-    shown = unit or si
-    if outside.any():
-        row = int(np.argmax(np.abs(values)))
-        value = values[row]
-        guess = ''
-        for other, scale in _GUESSES[quantity]:
-            trial = values / factor * scale
-            if other != unit and trial.min() >= low and trial.max() <= high and (
-                    np.abs(trial).max() > _SMALLEST[quantity]):
-                guess = f' (did you mean {other}?)'
-                break
-        if not guess and quantity == 'strain' and np.median(values) < 0:
-            guess = ' (is the sign turned round?)'
-        raise InputError(f'{name}, row {row + first_row}: {label} is {value / factor:.6g} {shown}'
-                         f'; expected {words}{guess}'.replace(' ;', ';'))
-    top = np.abs(values).max()
-    if quantity == 'pressure' and 1.0 < top < 1.5e3 and values.min() > -0.1 * top:
-        # hardly any pressure at all, and not the noise of a vented gauge: the header's unit is
-        # too small
-        for other, scale in _GUESSES[quantity]:
-            if 20e3 <= top / factor * scale <= high:
-                raise InputError(f'{name}: {label} reaches only {top / factor:.4g} {shown}; '
-                                 f'expected {words} (did you mean {other}?)')
+def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarray | None,
+              ) -> tuple[np.ndarray, dict[str, int], str]:
+    """Return the rows to keep, (T,) bool, what the others lack, and where the first of them is."""
+    keep = np.ones(len(rows), bool)
+    dropped, words = {}, ''
+    for label, values in named.items():
+        bad = keep & ~np.isfinite(values)
+        if bad.any():
+            words = words or f', row {rows[np.argmax(bad)]}: {label} is not a finite number'
+            dropped[f'without a number in {label}'] = int(bad.sum())
+            keep &= ~bad
+    if 'time' in named:
+        kept = np.flatnonzero(keep)
+        shared = np.diff(named['time'][kept]) == 0
+        again = shared.copy()
+        for values in (*named.values(), *([] if trial is None else [trial])):
+            again &= values[kept[1:]] == values[kept[:-1]]
+        # readings that stand still under a coarse clock are no repeats: others then move
+        if again.any() and again.sum() > 0.9 * shared.sum():
+            dropped['that repeat the row before'] = int(again.sum())
+            keep[kept[1:][again]] = False
+    return keep, dropped, words
 
 
-def _trials(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndarray | None,
-            rows: int, first_row: int) -> tuple[np.ndarray, tuple[str, ...], np.ndarray | None]:
-    """Return trial indices, their names, and a row order that puts each trial together."""
-    if trial is None:
-        if time is None:
-            return np.zeros(rows, int), ('0',), None
-        back = np.diff(time) <= 0
-        # a clock that restarts a few times is a file of several trials; many times is disorder
-        if back.sum() > max(1, rows // 50) or (np.diff(time) == 0).any():
-            raise _disorder(name, time, np.zeros(rows, int), ('0',), first_row)
-        index = np.concatenate([[0], np.cumsum(back)])
-        return index, tuple(str(i) for i in range(index[-1] + 1)), None
-    labels = [str(value) for value in np.asarray(trial)]
-    names: dict[str, int] = {}
-    index = np.array([names.setdefault(label, len(names)) for label in labels])
-    order = None
-    if (np.diff(index) < 0).any():
-        order = np.argsort(index, kind='stable')
-        index = index[order]
-    if time is not None:
-        ordered = np.asarray(time, float) if order is None else np.asarray(time, float)[order]
-        if ((np.diff(ordered) <= 0) & (np.diff(index) == 0)).any():
-            raise _disorder(name, ordered, index, tuple(names), first_row, order)
-    return index, tuple(names), order
+def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:
+    isometric = np.ptp(strain) < _ONE_STRAIN
+    span = np.ptp(pressure, axis=0).max()
+    isobaric = span < max(1e3, _ONE_PRESSURE * np.abs(pressure).max())
+    if isometric and isobaric:
+        raise InputError(
+            f'{name}: neither strain ({strain.mean():.4f}) nor pressure '
+            f'({pressure.mean() / 1e3:.1f} kPa) changes; expected at least one of them to')
+    if isometric:
+        return [f'one strain only ({strain.mean():.4f}): effects of strain cannot be told apart']
+    if isobaric:
+        return [f'one pressure only ({pressure.mean() / 1e3:.1f} kPa): effects of pressure cannot '
+                'be told apart']
+    return []
 
 
-def _disorder(name: str, time: np.ndarray, index: np.ndarray, names: tuple[str, ...],
-              first_row: int, order: np.ndarray | None = None) -> InputError:
-    back = (np.diff(time) <= 0) & (np.diff(index) == 0)
-    at = int(np.argmax(back)) + 1
-    row = (at if order is None else int(order[at])) + first_row
-    return InputError(f'{name}, row {row}: time goes from {time[at - 1]:.6g} s to {time[at]:.6g} '
-                      f's within trial {names[index[at]]}; expected time to increase')
+def _directions(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray, trial: np.ndarray,
+                rate: np.ndarray, rate_noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return direction and what it was read from: the strain's rate, else the pressure's."""
+    least = max(_REST_STRAIN, 2.0 * rates.signal_step(strain, trial))
+    way = rates.direction(time, rate, rate_noise, trial, least)
+    basis = np.where(way != 0, BY_STRAIN, REST)
+    resting = way == 0
+    top = float(np.abs(pressure).max())
+    # the motor unit whose pressure changes most says which way
+    column = pressure[:, int(np.argmax(pressure.std(axis=0)))]
+    if resting.any() and np.ptp(column) > _REST_PRESSURE * top:
+        slope, noise = rates.slope(time, column, trial)
+        least = max(_REST_PRESSURE * top, 2.0 * rates.signal_step(column, trial))
+        filling = rates.direction(time, slope, noise, trial, least)
+        way = np.where(resting, filling, way)
+        basis = np.where(resting & (filling != 0), BY_PRESSURE, basis)
+    return way, basis

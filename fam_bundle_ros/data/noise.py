@@ -7,6 +7,9 @@ The noise floor of a force measurement, three ways, none of which trusts the mod
 - repeats: the same strain, pressure and direction met again later; sees all that does not repeat
 - visits: means of whole visits to a cell; against what white noise allows, it sees coloured noise
 
+A load cell that is read in steps q has rounding noise of q / sqrt(12), which neighbours of equal
+reading do not show: no estimate is below it.
+
 The residual of a fair model takes the slope out of the differences; any smooth error that the
 model has drops out again.
 """
@@ -23,6 +26,8 @@ from fam_bundle_ros.data.trials import trial_offsets
 
 #: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
 _LOOPS = 0.2
+#: Strains closer than this are one.
+_ONE_STRAIN = 2e-4
 _ROBUST = 1.4826  # median absolute deviation -> standard deviation, normal noise
 
 
@@ -44,6 +49,8 @@ class NoiseFloor:
     in_file_order, in_strain_order : float or None, N
         For a map without time, how far an isobar's rows are from smooth, as they follow in the
         file and sorted by strain; None with time, and where the file has no sweeps.
+    quantum : float, N
+        Step that the load cell is read in, 0 where none is seen.
     note : str
         What a disagreement between the estimates tells, empty when they agree.
     """
@@ -57,6 +64,7 @@ class NoiseFloor:
     note: str = ''
     in_file_order: float | None = None
     in_strain_order: float | None = None
+    quantum: float = 0.0
 
     @property
     def hides_loops(self) -> bool:
@@ -71,6 +79,8 @@ class NoiseFloor:
                  'visits': self.visits}
         others = ', '.join(f'{name} {show(value)}' for name, value in found.items()
                            if name != self.basis)
+        if self.quantum > 0.5 * self.value:
+            others += f'; read in steps of {self.quantum:.3g} N'
         text = f'noise floor {self.value:.3g} N by {self.basis} ({others})'
         return text + (f'\n  {self.note}' if self.note else '')
 
@@ -113,14 +123,69 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
                    'without time')
 
 
+def force_step(force: np.ndarray) -> float:
+    """
+    Return the step that a load cell is read in, N, 0 where none is seen.
+
+    All distances between readings are multiples of it.
+
+    Examples
+    --------
+    >>> force_step(0.5 * np.round(np.linspace(0.0, 60.0, 300) / 0.5))
+    0.5
+    """
+    levels = np.unique(force)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * max(float(np.ptp(force)), 1e-12)]
+    if len(gaps) < 8:
+        return 0.0
+    share = gaps / gaps.min()
+    return float(gaps.min()) if np.mean(np.abs(share - np.round(share)) < 0.05) > 0.99 else 0.0
+
+
+def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
+    """
+    Return the standard deviation of differences with outliers, by their median deviation.
+
+    Differences of quantised readings are multiples of the step and most of them may be zero; the
+    median deviation then collapses, and the standard deviation without those beyond 5 sd is
+    taken.
+
+    Parameters
+    ----------
+    gaps : ndarray
+    quantum : float
+        Step that the readings come in, 0 for none.
+    """
+    gaps = gaps - np.median(gaps)
+    robust = float(_ROBUST * np.median(np.abs(gaps)))
+    if robust > 2.0 * quantum:
+        return robust
+    kept, size = gaps, float(gaps.std())
+    for _ in range(5):
+        kept = gaps[np.abs(gaps) <= 5.0 * size]
+        if not len(kept) or kept.std() == size:
+            break
+        size = float(kept.std())
+    return max(size, robust)
+
+
 def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:
+    quantum = force_step(measurement.force)
     differences = second_differences(measurement, values)
     cells = visit_cells(measurement)
-    repeats, visits, correlation, pairs = _from_visits(values, cells)
+    repeats, visits, correlation, pairs = _from_visits(values, cells, quantum)
+    return replace(_chosen(values, differences, repeats, visits, correlation, pairs),
+                   quantum=quantum)
+
+
+def _chosen(values: np.ndarray, differences: float | None, repeats: float | None,
+            visits: float | None, correlation: float, pairs: int) -> NoiseFloor:
+    """Return the floor by the estimate that is to be believed."""
     note = ''
     if differences is None and repeats is None:
-        spread = _ROBUST * float(np.median(np.abs(values - np.median(values))))
-        return NoiseFloor(max(spread, 1e-9), None, None, None, 1.0, 'spread of the residual',
+        wide = _ROBUST * float(np.median(np.abs(values - np.median(values))))
+        return NoiseFloor(max(wide, 1e-9), None, None, None, 1.0, 'spread of the residual',
                           'too few neighbours or repeats to tell noise from error')
     if repeats is None:
         return NoiseFloor(float(differences or 0.0), differences, None, None, 1.0,
@@ -160,7 +225,8 @@ def second_differences(measurement: Measurement, values: np.ndarray) -> float | 
         gap = gap[~flat]
     if len(gap) < 6:
         return None
-    return float(_ROBUST * np.median(np.abs(gap - np.median(gap))))
+    quantum = force_step(measurement.force)
+    return max(spread(gap, quantum), quantum / np.sqrt(12.0))
 
 
 def _off_the_line(x: np.ndarray, v: np.ndarray, same: np.ndarray) -> np.ndarray:
@@ -198,7 +264,7 @@ def _lines(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
     """Return a row order and a line label: rows of one line are neighbours in that order."""
     if not measurement.is_static:
         return np.arange(len(measurement)), measurement.trial
-    level = np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, 1e-9))
+    level = np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, _ONE_STRAIN))
     _, line = np.unique(level, return_inverse=True)
     total = measurement.pressure.sum(-1)
     return np.lexsort((total, line)), line
@@ -211,8 +277,10 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
     A cell is a bin of strain, of each pressure, and the direction; a visit is an unbroken stay
     in one. For a static map all rows of one trial in a cell are a visit.
     """
-    span = max(float(np.ptp(measurement.strain)), 1e-9)
-    parts = [np.floor(measurement.strain / span * strains).astype(int)]
+    # one strain held at rest is one bin, whatever its last digits
+    width = max(float(np.ptp(measurement.strain)) / strains, _ONE_STRAIN)
+    middle = np.median(measurement.strain)
+    parts = [np.round((measurement.strain - middle) / width).astype(int)]
     for column in measurement.pressure.T:
         width = max(float(np.ptp(column)) / 40.0, 5e3)
         # isobars differ by their noise: bins are centred on the usual steps by rounding
@@ -226,7 +294,7 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
     return cell, visit
 
 
-def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray],
+def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray], quantum: float,
                  ) -> tuple[float | None, float | None, float, int]:
     """Return repeat noise, noise of visit means, the correlation they imply, pairs of visits."""
     cell, visit = cells
@@ -242,11 +310,11 @@ def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray],
     # a visit's first sample stands for a sample met again later
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     gap = values[first[a]] - values[first[b]]
-    repeats = float(_ROBUST * np.median(np.abs(gap - np.median(gap))) / np.sqrt(2.0))
+    repeats = max(spread(gap, quantum) / np.sqrt(2.0), quantum / np.sqrt(12.0))
     scale = np.sqrt(1.0 / count[a] + 1.0 / count[b])
-    spread = float(_ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
-    correlation = max((spread / repeats) ** 2, 1.0) if repeats > 0 else 1.0
-    return repeats, spread, float(min(correlation, 100.0)), len(again)
+    of_means = float(_ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
+    correlation = max((of_means / repeats) ** 2, 1.0) if repeats > 0 else 1.0
+    return repeats, of_means, float(min(correlation, 100.0)), len(again)
 
 
 def what_does_not_repeat(measurement: Measurement, values: np.ndarray) -> np.ndarray | None:

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Smoothed strain rate and direction of motion from sampled strain.
+Smoothed rate and direction of sampled strain and pressure.
 
 A local quadratic (Savitzky-Golay) per trial that also takes uneven time steps. The window is the
 widest that the data bear: it grows until the rate is clean enough or the fit starts to miss the
@@ -91,7 +91,7 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     (intersection of confidence intervals). Noise in strain and pressure would otherwise pass
     through the model and make lags, which smooth, look like a gain.
     """
-    noise = sample_noise(value, trial)
+    noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
     if noise <= 0.0:
         return value
     best, spread = value.copy(), np.full(len(value), noise)
@@ -110,46 +110,83 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     return best
 
 
-def strain_rate(time: np.ndarray, strain: np.ndarray, trial: np.ndarray,
-                ) -> tuple[np.ndarray, float]:
+def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> tuple[np.ndarray, float]:
     """
-    Return the smoothed strain rate (T,) in 1/s and the standard deviation of its noise.
+    Return the smoothed slope of a signal, (T,) per s, and the standard deviation of its noise.
 
     Parameters
     ----------
-    time, strain : ndarray, shape (T,)
+    time, value : ndarray, shape (T,)
     trial : ndarray of int, shape (T,)
         Rows of one trial are neighbours; no window reaches across trials.
     """
-    noise = sample_noise(strain, trial)
+    # a signal read in steps q has rounding noise of q / sqrt(12), which differences do not see
+    noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
     bounds = np.flatnonzero(np.diff(trial)) + 1
     parts = np.split(np.arange(len(time)), bounds)
     step = np.median(np.diff(time)[np.diff(trial) == 0]) if len(time) > len(parts) else 1.0
     best, best_noise = np.zeros(len(time)), 0.0
     for window in _WINDOWS:
         half = window // 2
-        fitted, slope = np.empty(len(time)), np.empty(len(time))
+        fitted, rate = np.empty(len(time)), np.empty(len(time))
         for rows in parts:
-            fitted[rows], slope[rows] = _blocks(time[rows], strain[rows], half)
+            fitted[rows], rate[rows] = _blocks(time[rows], value[rows], half)
         # a quadratic through w points has the slope of a line: variance 12 s^2 / (w^3 dt^2)
-        slope_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
+        rate_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
         leverage = 1.0 - 2.25 / window
-        missed = float(np.mean((strain - fitted) ** 2))
+        missed = float(np.mean((value - fitted) ** 2))
         expected = noise ** 2 * leverage
         if window > _WINDOWS[0] and missed > 1.3 * expected + (0.3 * noise) ** 2:
             break
-        best, best_noise = slope, slope_noise
-        if slope_noise < 0.005 * np.sqrt(np.mean(slope ** 2)):
+        best, best_noise = rate, rate_noise
+        if rate_noise < 0.005 * np.sqrt(np.mean(rate ** 2)):
             break
     return best, float(best_noise)
 
 
-def direction(rate: np.ndarray, rate_noise: float) -> np.ndarray:
+def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
     """
-    Return +1 shortening, -1 lengthening, 0 where the motion is not beyond its own noise, (T,).
+    Return the step that a sampled signal is read in, 0 where it is read in none.
 
-    Crawling counts as rest: below 3 sd of the rate's noise, or 2 % of the usual fast motion.
+    All changes from sample to sample are multiples of it. At least 16 changes and a range of 16
+    steps are asked for: levels that were set one after another are no resolution.
+    """
+    change = np.abs(np.diff(value))[np.diff(trial) == 0]
+    change = change[change > 1e-9 * max(float(np.ptp(value)), 1e-12)]
+    if len(change) < 16:
+        return 0.0
+    step = float(change.min())
+    share = change / step
+    whole = np.abs(share - np.round(share)) < 0.05
+    return step if whole.mean() > 0.99 and np.ptp(value) > 16.0 * step else 0.0
+
+
+def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.ndarray,
+              least: float) -> np.ndarray:
+    """
+    Return +1 rising, -1 falling, 0 where the motion is not beyond its own noise, (T,) int.
+
+    Crawling counts as rest: below 3 sd of the rate's noise, or 2 % of the usual fast motion. So
+    does a run of samples one way whose travel is less than ``least``: a signal that is constant
+    but for rounding rests.
+
+    Parameters
+    ----------
+    time : ndarray, shape (T,), s
+    rate : ndarray, shape (T,)
+        Smoothed slope of the signal.
+    rate_noise : float
+    trial : ndarray of int, shape (T,)
+    least : float
+        Smallest travel that counts, in the unit of the signal.
     """
     fast = np.percentile(np.abs(rate), 90) if len(rate) else 0.0
     threshold = max(3.0 * rate_noise, 0.02 * fast)
-    return np.where(rate > threshold, 1, np.where(rate < -threshold, -1, 0))
+    way = np.where(rate > threshold, 1, np.where(rate < -threshold, -1, 0))
+    change = np.ones(len(way), bool)
+    change[1:] = (np.diff(way) != 0) | (np.diff(trial) != 0)
+    run = np.cumsum(change) - 1
+    duration = np.diff(time, append=time[-1:])
+    duration[np.append(np.diff(trial) != 0, True)] = 0.0
+    travel = np.bincount(run, np.abs(rate) * duration)
+    return np.where(travel[run] < least, 0, way)
