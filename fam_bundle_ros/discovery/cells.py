@@ -19,6 +19,7 @@ from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.discovery.outliers import spikes
 from fam_bundle_ros.discovery.predict import matched, motion
 from fam_bundle_ros.model import Bundle, Motion
+from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 
 #: Bins across strain and pressure that are tried, finest first.
 _BINS = (60, 40, 30, 24, 20, 16, 12, 10, 8, 6)
@@ -40,6 +41,8 @@ class Cells:
     count : ndarray, shape (n,)
         Rows of each cell.
     force, strain, direction, trial : ndarray, shape (n,)
+    turn : ndarray, shape (n,)
+        Direction as a law feels it: the rounded sign of the strain rate.
     pressure : ndarray, shape (n, m), Pa
     time : ndarray, shape (n,), s, or None
     noise : float, N
@@ -54,6 +57,7 @@ class Cells:
     strain: np.ndarray
     pressure: np.ndarray
     direction: np.ndarray
+    turn: np.ndarray
     trial: np.ndarray
     time: np.ndarray | None
     noise: float
@@ -131,6 +135,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
 
     return Cells(data, record, label, count, mean(data.force), mean(data.strain),
                  mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
+                 mean(np.tanh(data.strain_rate / ROUNDING)),
                  np.round(mean(data.trial.astype(float))),
                  None if data.time is None else mean(data.time), noise, strain_range,
                  pressure_range)

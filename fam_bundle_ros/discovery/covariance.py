@@ -109,13 +109,17 @@ class Covariance:
         k[np.diag_indices(len(k))] += self._noise + self._variance[h.white]
         return k
 
-    def structured(self, h: Hyper) -> np.ndarray:
-        """Return the part of K that is no noise, (n, n), N^2."""
+    def structured(self, h: Hyper, directed: bool = True) -> np.ndarray:
+        """
+        Return the part of K that is no noise, (n, n), N^2.
+
+        With ``directed`` False the odd part is that of cells of one direction.
+        """
         k = np.zeros((len(self.cells), len(self.cells)))
         if h.even or h.odd:
             matern = self._kernel(h)
             if h.odd:
-                k += self._variance[h.odd] * self._both
+                k += self._variance[h.odd] * (self._both if directed else 1.0)
             k += self._variance[h.even]
             k *= matern
         if h.slow and self._slow is not None:

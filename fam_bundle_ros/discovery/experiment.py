@@ -16,7 +16,7 @@ import numpy as np
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.slopes import jacobian
-from fam_bundle_ros.model import Bundle, Motion
+from fam_bundle_ros.model import Bundle, catalogue, Motion
 
 #: Below this many noise standard deviations (summed squares) an experiment tells nothing.
 _USELESS = 9.0
@@ -93,14 +93,11 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
 
 
 def without_force(first: str, second: str) -> str:
-    """Return what tells two effects apart where no force test does."""
-    pair = {first, second}
-    if any('pressure_sensor' in name for name in pair):
-        return 'vent the muscle and read the pressure gauge'
-    if any('force_sensor' in name for name in pair):
-        return 'hang a known weight on the load cell'
-    if pair & {'strain_sensor_offset', 'end_caps', 'tondu_factor'}:
-        return 'measure the rest length and the clamped ends with a calliper'
+    """Return what tells two effects apart where no force test does: the remedy of one of them."""
+    laws = catalogue.available()
+    for name in (first, second):
+        if name in laws and laws[name].remedy:
+            return laws[name].remedy
     return 'measure radius and braid angle with a calliper'
 
 

@@ -20,7 +20,6 @@ from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.slopes import value_of
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
 
 Names = tuple[str, ...]
@@ -73,12 +72,11 @@ class Options:
         """Return the options that a catalogue offers: effects that these data could show."""
         effects = {effect.name: effect for effect in model.effects}
         for name, kind in catalogue.available().items():
-            if name in effects or kind.place is Place.PNEUMATICS:
+            if name in effects or not kind.candidate or kind.load is not None:
                 continue
-            try:
-                effect = kind()
-            except (InputError, TypeError):  # needs more than numbers, such as a table
+            if kind.place is Place.PNEUMATICS or (kind.needs_time and cells.data.is_static):
                 continue
+            effect = kind()
             if not _without_numbers(effect) and not _is_silent(model, effect, cells):
                 effects[name] = effect
         return cls(model, cells, choices, effects)
