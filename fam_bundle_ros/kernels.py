@@ -165,7 +165,9 @@ class NotCompiled(RuntimeError):
 @cache
 def _pointer_type():
     """Return the class of first-class functions; made late, because it needs numba."""
-    class Pointer(numba().types.WrapperAddressProtocol):
+    protocol: Any = numba().types.WrapperAddressProtocol
+
+    class Pointer(protocol):
         def __init__(self, made):
             self._made = made
 

@@ -280,7 +280,7 @@ class Allocator:
         model = bundle
         if neglect:
             for effect in bundle.effects:
-                if effect.family == 'resistive':
+                if effect.pushes_back:
                     model = model.without_effect(effect.name)
         self._model = model
         limit = bundle.max_pressure if max_pressure is None else np.minimum(

@@ -42,6 +42,12 @@ def family(name: str) -> str:
     return _identities().get(name, (name, 'user'))[1]
 
 
+def makers(kind: str) -> tuple[str, ...]:
+    """Return the families whose laws leave such a shape in an error when a model lacks them."""
+    return tuple(sorted({law.family for law in catalogue.available().values()
+                         if kind in law.leaves}))
+
+
 def shapes_of(name: str) -> list[Effect]:
     """Return the other shapes that a head stands for; none for the name of a single shape."""
     return [kind() for other, kind in catalogue.available().items()

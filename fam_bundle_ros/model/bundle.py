@@ -213,11 +213,10 @@ class Bundle:
         """How the gauges of this model differ from the truth; their laws are linear."""
         total: dict[str, float] = {}
         for _, law, part in self._muscles.laws.at(Place.SENSOR):
-            values = self._arguments(law)
-            bias, at_one = (part.function(**values, **{
-                part.changes: at for _ in range(part.changes in part.arguments)})
-                for at in (0.0, 1.0))
-            for name, value in (('bias', bias), ('gain', at_one - bias)):
+            def shown(true, part=part, values=self._arguments(law)):
+                read = {name: true for name in part.arguments if name == part.changes}
+                return part.function(**values, **read)
+            for name, value in (('bias', shown(0.0)), ('gain', shown(1.0) - shown(0.0))):
                 key = f'{part.changes}_{name}'
                 total[key] = total.get(key, 0.0) + value
         return SensorError(**total)
@@ -229,6 +228,12 @@ class Bundle:
                 strain * (1.0 + s.strain_gain) + s.strain_bias,
                 pressure * (1.0 + s.pressure_gain) + s.pressure_bias)
 
+    def felt(self, strain, pressure):
+        """Return the true strain and pressure for what the gauges show."""
+        s = self.sensor_error
+        return ((strain - s.strain_bias) / (1.0 + s.strain_gain),
+                (pressure - s.pressure_bias) / (1.0 + s.pressure_gain))
+
     def predict(self, motion: Motion) -> np.ndarray:
         """
         Return the force that the load cell would show over a record of readings, N, shape (T,).
@@ -238,10 +243,9 @@ class Bundle:
         """
         if not self.sensors:
             return self.simulate(motion).sum(axis=-1)
-        s = self.sensor_error
-        felt = replace(motion, strain=(motion.strain - s.strain_bias) / (1.0 + s.strain_gain),
-                       pressure=(motion.pressure - s.pressure_bias) / (1.0 + s.pressure_gain))
-        return self.simulate(felt).sum(axis=-1) * (1.0 + s.force_gain) + s.force_bias
+        strain, pressure = self.felt(motion.strain, motion.pressure)
+        force = self.simulate(replace(motion, strain=strain, pressure=pressure)).sum(axis=-1)
+        return self.readings(force, strain, pressure)[0]
 
     # --- gas -----------------------------------------------------------------------------------
 

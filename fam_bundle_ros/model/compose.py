@@ -152,7 +152,7 @@ class Composition:
         return f'by_{called}{"".join(after)} = {call}'
 
     def _calls(self, parts, static=True):
-        return [self._call(*part, static) for part in parts]
+        return [self._call(called, law, part, static) for called, law, part in parts]
 
     def _used(self, *places):
         """Return the names that the laws at some places ask for."""
@@ -320,8 +320,8 @@ def _never_raises(plain, on_arrays):
         except (ArithmeticError, ValueError, TypeError):
             unit, *others = arguments
             after = others[-1] if isinstance(others[-1], list) and len(others) > 7 else None
-            given = [np.asarray(item, float)[()] if not isinstance(item, bool) else item
-                     for item in others]
+            given: list[Any] = [item if isinstance(item, bool) else np.asarray(item, float)[()]
+                                for item in others]
             with np.errstate(all='ignore'):
                 value = float(on_arrays(unit, *given))
             if after is not None:
@@ -331,7 +331,7 @@ def _never_raises(plain, on_arrays):
 
 
 def _written(text):
-    """Return the path of a file in the cache folder that holds a text; empty when there is none."""
+    """Return the path of a file in the cache folder that holds a text; empty when none."""
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
     path = kernels.cache_root() / 'models' / f'laws_{digest}.py'
     if not path.exists():

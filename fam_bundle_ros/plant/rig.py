@@ -122,19 +122,11 @@ class Rig:
         self.config = config
         self.faults = Faults()
         self.length = float(bundle.motor_units[0].geometry.length)
-        self._leak_rate = 0.0
-        droop = 0.0
-        for effect in bundle.pneumatics:
-            if effect.name == 'leak':
-                self._leak_rate += 1.0 / effect.values['time_constant']
-            elif effect.name == 'supply_droop':
-                droop += effect.values['resistance']
-            else:
-                raise InputError(f"the plant does not know the pneumatic effect '{effect.name}'; "
-                                 "expected 'leak' or 'supply_droop'")
+        self._leak_rate = bundle.pneumatics.leak_rate
         self._volumes = self._tabulate_volumes()
         self._circuit = Circuit(bundle.n, config.valve, config.chamber, config.supply,
-                                config.ambient_pressure, droop)
+                                config.ambient_pressure,
+                                bundle.pneumatics.supply_resistance)
         self._sensors = Sensors(config.sensors, bundle.n, seed)
         self._rate_matters = self._depends_on_rate()
         self.reset()
