@@ -112,7 +112,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         replaced={change.old: change.new for change in answer if change.old and change.new},
         removed=tuple(change.old for change in answer if not change.new),
         error_N=error, noise=noise_floor(data, residual),
-        ranking=_ranking(search, posterior, answer, final, finding), tied=ties,
+        ranking=_ranking(search, posterior, answer, final, finding, error['best']), tied=ties,
         located=comparison.located,
         next_experiment=next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes),
         parameters=tuple(told),
@@ -146,12 +146,12 @@ def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fi
                    ) -> tuple[Fit, list[Change], Fit]:
     """Return the chosen set without effects that foretell nothing on rows not seen."""
     fitter = search.fitter
-    held = held_out_physics(fitter, physics) if len(found) > 1 else 0.0
+    held = held_out(fitter, physics, chosen).best if len(found) > 1 else 0.0
     while len(found) > 1:
         for change in reversed(found):
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
-            error = held_out_physics(fitter, without)
+            error = held_out(fitter, without, fewer).best
             if error <= held:
                 found = [other for other in found if other is not change]
                 chosen, physics, held = fewer, without, error
@@ -184,10 +184,10 @@ def _recommended(best: Bundle, joint: Fit, held: HeldOut, leftover: Leftover, fi
 
 
 def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,
-             finding: Finding) -> tuple[Candidate, ...]:
+             finding: Finding, error_N: float) -> tuple[Candidate, ...]:
     """Return every effect that was tried with the best set that holds it; named ones first."""
     fitter = search.fitter
-    extra = within(fitter.cells, final)
+    extra = error_N ** 2 - np.average(final.residual ** 2, weights=fitter.cells.count)
     most = DOUBTED if finding.warnings or finding.refusals else 1.0
     most = 0.5 if finding.refusals or (finding.verdict == 'unexplained') else most
     chosen = {change.label: change for change in answer}
@@ -204,7 +204,7 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
             fit, change = final, chosen[label]
         elif place < max(_TOLD, len(chosen) + 2):
             fit = fitter.without_discrepancy(fit)
-        error = float(np.sqrt(np.average(fit.residual ** 2, weights=fitter.cells.count) + extra))
+        error = float(np.sqrt(np.average(fit.residual ** 2, weights=fitter.cells.count) + max(extra, 0.0)))
         name = change.name
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
         probability = posterior.probability(lambda change: change.label == label)

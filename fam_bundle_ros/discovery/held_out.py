@@ -46,6 +46,11 @@ class HeldOut:
     rivals: dict[str, float]
     kinds: tuple[str, ...]
 
+    @property
+    def best(self) -> float:
+        """The lower error of physics with and without the discrepancy."""
+        return min(self.physics, self.discrepancy)
+
 
 def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
     """Return each kind of folds and the fold of each cell, (n,) int, -1 for never."""

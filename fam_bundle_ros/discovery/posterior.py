@@ -118,7 +118,8 @@ class Posterior:
                 if fit.posterior < chosen.posterior - np.log(odds):
                     break
                 there = {other.label for other in set_}
-                if change.label not in there and labels - {change.label} <= there:
+                if (len(there) == len(labels) and change.label not in there
+                        and labels - {change.label} <= there):
                     others += sorted(there - labels)
             if others:
                 groups.append((change.label, *dict.fromkeys(others)))
