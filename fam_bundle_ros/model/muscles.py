@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.model import rows
 from fam_bundle_ros.model.compose import composition, MUSCLES
 from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.geometry import Geometry
@@ -109,32 +110,14 @@ class Muscles:
         return self._of_units(value, pressure), state
 
     def record(self, motion: Motion) -> np.ndarray:
-        """Return the forces (T, n) over a record with time."""
-        strain, pressure, rate = _columns(motion.strain, motion.pressure, motion.strain_rate)
-        time = np.asarray(motion.time, float) - np.asarray(motion.time, float)[0]
-        if not self.laws.has_memory:
-            return self.at_rest(motion.strain, motion.pressure, motion.strain_rate,
-                                time[:, None])
-        first = np.arange(len(time)) == 0
-        start = first if motion.start is None else first | motion.start
-        dt = np.where(start, 0.0, np.diff(time, prepend=0.0))
-        self._warn_outside(strain, pressure)
-        rows = [item[:, None] for item in (time, dt, start, first)]
-        numbers = self.shape, self.parameters, self.tables
-        width = len(self.laws.memory)
-        with np.errstate(all='ignore'):
-            if self.laws.runs_along_time:
-                return self._of_units(self.laws.functions('scans').muscle(
-                    self._units, strain, rate, pressure, *rows, *numbers, [0.0] * width,
-                    [None] * width), pressure)
-            muscle = self.laws.functions('arrays').muscle
-            memory, forces = np.zeros((width, len(self._units))), np.empty(pressure.shape)
-            for k in range(len(time)):
-                after = np.zeros_like(memory)
-                forces[k] = muscle(self._units, strain[k], rate[k], pressure[k],
-                                   *(item[k] for item in rows), *numbers, memory, after)
-                memory = after
-        return self._of_units(forces, pressure)
+        """Return the forces (T, n) over a record."""
+        self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
+        return rows.unit_forces(self, motion)
+
+    def reading(self, motion: Motion, keys: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the load cell shows (T,), and its slopes (T, K); see `rows.reading`."""
+        self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
+        return rows.reading(self, motion, keys)
 
     def gas(self, what: str, strain, pressure) -> np.ndarray:
         """Return gas ``volume`` or ``volume_slope`` (..., n)."""
