@@ -18,8 +18,13 @@ from fam_bundle_ros.data import (
     write_bag,
     write_csv,
 )
+from fam_bundle_ros.discovery.add import add_effect, Added, Ladder, ladder, orders
 from fam_bundle_ros.discovery.compare import compare, Comparison
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.settings import Choices
+
+__all__ = ['add_effect', 'Added', 'Candidate', 'Choices', 'compare', 'Comparison', 'diagnose',
+           'Diagnosis', 'ladder', 'Ladder', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor',
+           'orders', 'read_measurement', 'Region', 'write_bag', 'write_csv']

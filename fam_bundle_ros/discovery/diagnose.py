@@ -24,6 +24,7 @@ from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.trials import Offsets, trial_offsets
+from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import Cells, reduce
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.covariance import Covariance
@@ -34,7 +35,7 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import family, Options
 from fam_bundle_ros.discovery.posterior import Change, named, Posterior
 from fam_bundle_ros.discovery.predict import predict
-from fam_bundle_ros.discovery.result import Candidate, Diagnosis, Recommended
+from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.templates import describe
@@ -100,7 +101,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
              (('recalibrated', recalibrated), ('best', best))}
     error = {'model': comparison.error_N, **error}
     leftover = Leftover.of(fitter.covariance, joint)
-    recommended = _recommended(best, joint, held, leftover, finding)
+    recommended = recommend(best, joint, held, fitter)
     residual = data.force - predict(best, data)
     shapes = describe(cells, final)
     return Diagnosis(
@@ -169,18 +170,6 @@ def _written(model: Bundle, fit: Fit, told: list) -> Bundle:
     words = [*new, *(f'without_{name}' for name in gone)] or ['recalibrated']
     error = float(np.sqrt(np.mean(fit.residual ** 2)))
     return with_intervals(fit.model.named('_'.join([model.name, *words])), told, error)
-
-
-def _recommended(best: Bundle, joint: Fit, held: HeldOut, leftover: Leftover, finding: Finding,
-                 ) -> Recommended:
-    """Return physics, or physics with the discrepancy, whichever foretells unseen rows better."""
-    surface = bool(held.discrepancy < held.physics and not joint.hyper._replace(slow=0).is_white
-                   and finding.verdict != 'adequate')
-    return Recommended(
-        best if not surface else joint.model.named(f'{best.name}_and_discrepancy'),
-        tuple(effect.name for effect in best.effects), leftover if surface else None,
-        min(held.discrepancy, held.physics) if surface else held.physics, held.physics,
-        held.discrepancy, dict(held.rivals))
 
 
 def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,

@@ -21,14 +21,11 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
 from fam_bundle_ros.discovery.priors import Prior
-from fam_bundle_ros.discovery.slopes import jacobian
 from fam_bundle_ros.model import Bundle
 
 #: White misfits of the annealing, then where the discrepancy starts, as places on the grid.
 COOLING = (12, 10, 8)
 _FIRST = Hyper(even=7, odd=6, white=6, slow=6)
-#: A step of u for derivatives; relative to the width of the prior.
-_STEP = 0.01
 #: Longest step of a fit, in widths of the priors.
 _LONGEST = 2.0
 #: A fit of the search stops when a step gains less (in chi2); evidence is told to about this.
@@ -143,9 +140,7 @@ class Fitter:
         moved = _moved(model, priors, u)
         asked = [j for j, prior in enumerate(priors) if prior.key not in known]
         slope = np.array([priors[j].slope(u[j]) for j in asked])
-        steps = [_STEP * s if u[j] + _STEP <= priors[j].limits[1] else -_STEP * s
-                 for j, s in zip(asked, slope)]
-        force, columns = jacobian(moved, self.cells.motion, [priors[j].key for j in asked], steps)
+        force, columns = moved.jacobian(self.cells.motion, [priors[j].key for j in asked])
         mean = self.cells.mean(np.concatenate([force[:, None], columns * slope], axis=1))
         residual = self.cells.force - np.where(np.isfinite(mean[:, 0]), mean[:, 0], 1e6)
         slopes = np.empty((len(residual), len(priors)))
@@ -176,9 +171,9 @@ class Fitter:
         """
         Return the most probable u under a covariance, with residual and slopes there.
 
-        Least squares after Levenberg and Marquardt, with bounds; Broyden's update stands for the
-        slopes until a step fails with it. The library's solver takes several times as long for
-        so few parameters, and this one is called some thousand times.
+        Least squares after Levenberg and Marquardt with bounds and exact slopes; it stops where
+        the quadratic it goes by promises less than ``tolerance``. The library's solver takes
+        several times as long for so few parameters, and this one is called some thousand times.
 
         Parameters
         ----------
@@ -187,42 +182,33 @@ class Fitter:
         at : Point, optional
             Residual and slopes at u where they are known.
         """
-        low = np.array([prior.limits[0] for prior in priors])
-        high = np.array([prior.limits[1] for prior in priors])
+        low, high = np.array([prior.limits for prior in priors]).T
         residual, slopes = at[1:] if at is not None else self.linearised(model, priors, u)
-        white, exact = whiten(np.concatenate([residual[:, None], slopes], axis=1)), True
-        a, b = white[:, 0], white[:, 1:]
-        cost, damping = float(a @ a + u @ u), 1e-3
+        damping = 1e-3
         for _ in range(iterations):
-            gradient = b.T @ a - u
-            hessian = b.T @ b + np.eye(len(u))
+            white = whiten(np.concatenate([residual[:, None], slopes], axis=1))
+            a, b = white[:, 0], white[:, 1:]
+            cost = float(a @ a + u @ u)
+            gradient, hessian = b.T @ a - u, b.T @ b + np.eye(len(u))
             free = ~(((u <= low) & (gradient < 0)) | ((u >= high) & (gradient > 0)))
-            gained = 0.0
-            for _ in range(7 if free.any() else 0):
+            moved = False
+            for _ in range(7):
                 part = hessian[np.ix_(free, free)]
                 step = np.zeros(len(u))
                 step[free] = np.linalg.solve(part + damping * np.diag(np.diag(part)),
                                              gradient[free])
                 tried = np.clip(u + np.clip(step, -_LONGEST, _LONGEST), low, high)
-                there = self.residual(model, priors, tried)
-                bent = whiten(there)
-                now = float(bent @ bent + tried @ tried)
-                if now < cost:
-                    move = tried - u
-                    b = b + np.outer(a - bent - b @ move, move) / max(move @ move, 1e-30)
-                    gained, cost, u, a, exact = cost - now, now, tried, bent, False
+                step = tried - u
+                if 2.0 * gradient @ step - step @ hessian @ step < tolerance:
+                    break
+                there, bent = self.linearised(model, priors, tried)
+                if float(np.sum(whiten(there) ** 2) + tried @ tried) < cost:
+                    u, residual, slopes, moved = tried, there, bent, True
                     damping = max(damping / 6.0, 1e-8)
                     break
                 damping *= 8.0
-            if gained < tolerance:
-                if exact:
-                    break
-                residual, slopes = self.linearised(model, priors, u)
-                b, exact, damping = whiten(slopes), True, 1e-3
-                if gained > 0.0:
-                    break
-        if not exact:
-            residual, slopes = self.linearised(model, priors, u)
+            if not moved:
+                break
         return u, residual, slopes
 
     def whitener(self, h: Hyper) -> Callable[[np.ndarray], np.ndarray]:

@@ -15,7 +15,6 @@ import numpy as np
 
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.slopes import jacobian
 from fam_bundle_ros.model import Bundle, catalogue, Motion
 
 #: Below this many noise standard deviations (summed squares) an experiment tells nothing.
@@ -77,8 +76,7 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
     known = np.linalg.inv(second.covariance)
     for words, motion in menu(fitter.cells, first.model):
         slope = np.array([prior.slope(u) for prior, u in zip(second.priors, second.u)])
-        steps = [-0.01 * s if bound else 0.01 * s for s, bound in zip(slope, second.at_bound)]
-        force, columns = jacobian(second.model, motion, [p.key for p in second.priors], steps)
+        force, columns = second.model.jacobian(motion, [p.key for p in second.priors])
         gap = (first.model.predict(motion) - force) / fitter.cells.noise
         columns = columns * slope / fitter.cells.noise
         part = columns.T @ gap

@@ -19,7 +19,6 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.discovery.settings import Choices
-from fam_bundle_ros.discovery.slopes import value_of
 from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
 
 Names = tuple[str, ...]
@@ -119,9 +118,9 @@ class Options:
         with_it = self.model.with_effect(effect)
 
         def change(key: str, step: float) -> float:
+            value = effect.values[key.partition('.')[2]]
             before = with_it.predict(self.cells.motion)
-            after = with_it.with_parameters({key: value_of(with_it, key) + step}).predict(
-                self.cells.motion)
+            after = with_it.with_parameters({key: value + step}).predict(self.cells.motion)
             moved = self.cells.mean(after - before)
             return float(np.sqrt(np.mean(moved ** 2))) if np.isfinite(moved).all() else 0.0
 

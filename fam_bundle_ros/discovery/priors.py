@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Prior:
     kind: str
     own: bool = False
 
-    @property
+    @cached_property
     def limits(self) -> tuple[float, float]:
         """Bounds of u."""
         if self.kind == 'log':

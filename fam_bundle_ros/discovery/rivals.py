@@ -63,7 +63,7 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
     def missed(x: np.ndarray) -> np.ndarray:
         return root * (np.maximum(columns(x[-1], strain, pressure) @ x[:-1], floor) - force)
 
-    x = least_squares(missed, start, x_scale=np.abs(start) + 1e-3, max_nfev=200).x
+    x = least_squares(missed, start, x_scale=np.abs(start) + 1e-3, max_nfev=50).x
     return lambda e, p: np.maximum(columns(x[-1], e, p) @ x[:-1], floor)
 
 

@@ -80,5 +80,5 @@ LEAST_SHARE = 0.02
 #: A discrepancy below this share of the largest force is as good as none: no gauge of a rig is
 #: better.
 SMALL = 0.01
-#: Share of the discrepancy's variance that effects must take to be called an explanation.
-MOST_OF_IT = 0.75
+#: Share of the need for a discrepancy (log units) that effects must take to be an explanation.
+MOST_OF_IT = 0.5

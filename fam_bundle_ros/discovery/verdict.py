@@ -92,7 +92,7 @@ class Finding:
     before, after : Left
         Discrepancy of the model as given (recalibrated) and of the chosen set.
     explained : float
-        Share of the discrepancy's variance that the changes take.
+        Share of the need for a discrepancy (log units of evidence) that the changes take.
     refusals, warnings : tuple of str
         Doubts in words; refusals are why effects that fit are no answer.
     """
@@ -131,15 +131,16 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     cells = fitter.cells
     before = what_is_left(fitter.covariance, null)
     after = what_is_left(fitter.covariance, chosen)
-    explained = 1.0 - (after.total / max(before.total, 1e-12)) ** 2
+    needed = need_of_structure(fitter, null)
+    explained = 1.0 - (need_of_structure(fitter, chosen) / max(needed, 1e-9) if found else 1.0)
     small = max(cells.noise, settings.SMALL * cells.largest_force)
     refusals = _refusals(physics, held) if found else ()
     warnings = _warnings(physics, held) if found else ()
     if offsets is not None:
         warnings = (*warnings, str(offsets))
     if not found:
-        needed = need_of_structure(fitter, null) > settings.LEAST_LOSS
-        if offsets is not None or (needed and before.smooth > 0.5 * cells.noise):
+        structured = needed > settings.LEAST_LOSS and before.smooth > 0.5 * cells.noise
+        if offsets is not None or structured:
             verdict = 'unexplained'
         else:
             verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
