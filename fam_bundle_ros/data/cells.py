@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.data.formats.layout import is_blank
+from fam_bundle_ros.data.formats.layout import is_blank, is_number
 from fam_bundle_ros.data.formats.table import pandas_of
 from fam_bundle_ros.errors import InputError
 
@@ -45,8 +45,19 @@ def numbers(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         try:
             values[i] = float(cell)
         except (TypeError, ValueError):
-            words[i] = True
+            if isinstance(cell, str) and is_number(cell):  # 1,234.5 or 1.5D+02
+                values[i] = float(re.sub('[dD]', 'e', cell.replace(',', '')))
+            else:
+                words[i] = True
     return values, words
+
+
+def looks_like_time(column: np.ndarray) -> bool:
+    """Return whether a column's first filled cell is a date or a time of day."""
+    if column.dtype.kind in 'mM':
+        return True
+    first = next((str(cell).strip() for cell in column if not blank(cell)), '')
+    return is_text(column) and bool(_CLOCK.fullmatch(first) or _is_date(first))
 
 
 def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.ndarray:

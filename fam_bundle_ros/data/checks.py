@@ -31,6 +31,8 @@ class Range(NamedTuple):
     option: str
 
 
+#: Up to here a reading may be meant: hydraulic muscles (Pa), a muscle that vanishes.
+_HIGHEST = {'pressure': 1e8, 'strain': 1.0}
 #: A guess is worth making only if the largest reading then is at least this.
 _SMALLEST = {'pressure': 20e3, 'strain': 0.02, 'force': 5.0}
 #: What people write instead: (what the header probably should have said, factor to SI).
@@ -91,8 +93,8 @@ def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
         guess = _guess(quantity, values / factor, unit, low, high)
         if not guess and quantity == 'strain' and np.median(values) < 0:
             guess = ' (is the sign turned round?)'
-        elif option and values[at] > high:
-            guess += f'; a muscle that goes further: tell {option}'
+        elif high < values[at] < _HIGHEST.get(quantity, high):
+            guess += f', or --{option.replace("_", "-")} for a muscle that goes further'
         raise InputError(f'{name}, row {rows[at]}: {label} is {values[at] / factor:.6g} {shown}'
                          f'; expected {words}{guess}'.replace(' ;', ';'))
     top = np.abs(values).max()

@@ -16,7 +16,7 @@ import re
 import numpy as np
 
 from fam_bundle_ros.data import checks
-from fam_bundle_ros.data.cells import is_text, labels, numbers, seconds
+from fam_bundle_ros.data.cells import is_text, labels, looks_like_time, numbers, seconds
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.guesses import guess_unit, time_unit
 from fam_bundle_ros.data.measurement import build, Measurement, Taken
@@ -170,7 +170,9 @@ class _Reader:
         for header, column in self.table.columns.items():
             if header in used:
                 continue
-            match = recognise(header, self.table.units.get(header, ''))
+            first = re.sub(r' \(\d+\)$', '', header)  # the second of two columns of one name
+            match = recognise(first if first in self.table.columns else header,
+                              self.table.units.get(header, ''))
             why = self._why_not(header, column, match, families)
             if why:
                 self.refused[header] = why
@@ -180,6 +182,11 @@ class _Reader:
                 key = f'pressure.{match.part}'
             found.setdefault(key, []).append((header, match))
         self._one_of_each(found)
+        for header in list(self.refused):
+            if 'time' not in self.chosen and re.fullmatch(r'column \d+', header) and (
+                    looks_like_time(self.table.columns[header])):
+                self.chosen['time'] = _Choice(header, why='dates without a name')
+                del self.refused[header]
 
     def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
         if not match.quantity or not match.score:
@@ -386,10 +393,10 @@ class _Reader:
             words.append(f"'{header}' {meant}")
         free = [header for header, column in self.table.columns.items()
                 if header in self.refused and not is_text(column)]
-        unit = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}[key]
-        example = _without_brackets(free[0]) if free else '...'
+        example, unit = free[0] if free else '...', {'force': 'N', 'pressure': 'kPa',
+                                                     'strain': '%'}[key]
         return (f"{self.table.name}: column '{key}' is missing; found {', '.join(words)}; tell "
-                f'it, for example --columns "{key}={example} [{unit}]"')
+                f'it, for example --columns "{key}={_name_of(example)} [{unit}]"')
 
 
 def read_columns(table: Table, recipe: Recipe) -> Measurement:
@@ -431,5 +438,9 @@ def _bracketed(header: str) -> str | None:
     return match[1] if match else None
 
 
+def _name_of(header: str) -> str:
+    return re.sub(r'\s*[\[({<][^\[({<]*[\])}>]\s*$', '', header).strip()
+
+
 def _without_brackets(header: str) -> str:
-    return re.sub(r'\s*[\[({<][^\[({<]*[\])}>]\s*$', '', header).strip().casefold()
+    return _name_of(header).casefold()

@@ -20,9 +20,9 @@ _USUAL = {
     'strain': (('1', '%'), 0.0, 0.6),
     'strain_rate': (('1/s',), 0.0, np.inf),
 }
-#: The same for lengths, as shares of the rest length.
-_LENGTHS = {'length': (0.6, 1.15), 'contraction': (0.03, 0.5), 'elongation': (0.03, 0.5),
-            'shift': (0.03, 0.5)}
+#: The same for lengths, as shares of the rest length: no braid shortens by more than 0.42.
+_LENGTHS = {'length': (0.6, 1.15), 'contraction': (0.03, 0.45), 'elongation': (0.03, 0.45),
+            'shift': (0.03, 0.45)}
 _LIKE = {'pressure': 'Pa', 'force': 'N', 'strain': '1', 'strain_rate': '1/s'}
 
 
@@ -46,7 +46,8 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
     InputError
         Where several units would do, or none.
     """
-    top = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+    # not the largest: a single slip must not choose the unit of all
+    top = float(np.nanpercentile(np.abs(values), 99)) if np.isfinite(values).any() else 0.0
     if quantity in _USUAL:
         names, low, high = _USUAL[quantity]
         units = [unit for unit in (unit_of(text, _LIKE[quantity]) for text in names) if unit]
@@ -64,7 +65,7 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
         if quantity in ('contraction', 'elongation', 'shift'):
             ratio, percent = unit_of('1', '1'), unit_of('%', '1')
             fitting += [unit for unit in (ratio, percent)
-                        if unit and 0.03 <= top * unit.factor <= 0.5]
+                        if unit and low <= top * unit.factor <= high]
     if len(fitting) == 1:
         said = '' if fitting[0].text == '1' else f'{fitting[0].text} guessed, no unit given'
         return fitting[0], said

@@ -147,9 +147,9 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     """
     Return the standard deviation of differences with outliers, by their median deviation.
 
-    Differences of quantised readings are multiples of the step and most of them may be zero; the
-    median deviation then collapses, and the standard deviation without those beyond 5 sd is
-    taken.
+    Differences of quantised readings are multiples of the step: where the step is not small
+    beside them, the median deviation is one too, often zero. The standard deviation without
+    those beyond 5 sd is taken then.
 
     Parameters
     ----------
@@ -159,15 +159,15 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     """
     gaps = gaps - np.median(gaps)
     robust = float(_ROBUST * np.median(np.abs(gaps)))
-    if robust > 2.0 * quantum:
+    if robust > 4.0 * quantum:
         return robust
     kept, size = gaps, float(gaps.std())
-    for _ in range(5):
+    for _ in range(20):
         kept = gaps[np.abs(gaps) <= 5.0 * size]
         if not len(kept) or kept.std() == size:
             break
         size = float(kept.std())
-    return max(size, robust)
+    return size
 
 
 def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:

@@ -149,16 +149,19 @@ def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
     Return the step that a sampled signal is read in, 0 where it is read in none.
 
     All changes from sample to sample are multiples of it. At least 16 changes and a range of 16
-    steps are asked for: levels that were set one after another are no resolution.
+    steps are asked for: levels that were set one after another are no resolution. Nor is the
+    change of an even ramp: its samples neither stay nor skip a step now and then.
     """
-    change = np.abs(np.diff(value))[np.diff(trial) == 0]
-    change = change[change > 1e-9 * max(float(np.ptp(value)), 1e-12)]
+    every = np.abs(np.diff(value))[np.diff(trial) == 0]
+    moved = every > 1e-9 * max(float(np.ptp(value)), 1e-12)
+    change = every[moved]
     if len(change) < 16:
         return 0.0
     step = float(change.min())
     share = change / step
     whole = np.abs(share - np.round(share)) < 0.05
-    return step if whole.mean() > 0.99 and np.ptp(value) > 16.0 * step else 0.0
+    uneven = (np.diff(moved) != 0).sum() >= 16 or (share > 1.5).mean() > 0.05
+    return step if uneven and whole.mean() > 0.99 and np.ptp(value) > 16.0 * step else 0.0
 
 
 def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.ndarray,

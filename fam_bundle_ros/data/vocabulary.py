@@ -46,8 +46,8 @@ _UNITS: dict[str, dict[str, float]] = {
           'stunden': 3600.0, 'd': 86400.0, 'days': 86400.0, 'tage': 86400.0},
     '1': {'1': 1.0, '-': 1.0, '': 1.0, 'ratio': 1.0, 'mm/mm': 1.0, 'm/m': 1.0, 'in/in': 1.0,
           'dimensionless': 1.0, 'unitless': 1.0, 'none': 1.0, '%': 1e-2, 'percent': 1e-2,
-          'pct': 1e-2, 'prozent': 1e-2, 'permille': 1e-3, '\u2030': 1e-3, 'um/m': 1e-6, 'microstrain': 1e-6,
-          'u\u03b5': 1e-6},
+          'pct': 1e-2, 'prozent': 1e-2, 'permille': 1e-3, '\u2030': 1e-3, 'um/m': 1e-6,
+          'microstrain': 1e-6, 'u\u03b5': 1e-6},
     '1/s': {'1/s': 1.0, '/s': 1.0, 's-1': 1.0, 's^-1': 1.0, '%/s': 1e-2, '%/min': 1e-2 / 60.0},
 }
 _ABSOLUTE = re.compile(r'^(?P<unit>.*?)[\s_(]*(?:(?P<abs>absolute|absolut|abs|a)|'
@@ -130,13 +130,13 @@ _NAMES: dict[str, tuple[str, ...]] = {
     'strain': ('strain', 'epsilon', 'eps', '\u03b5', 'contraction ratio', 'kontraktionsgrad',
                'relative contraction', 'rel contraction', 'kontraktionsverhaeltnis',
                'contraction strain', 'relative kontraktion', 'shortening ratio'),
-    'contraction': ('contraction', 'shortening', 'kontraktion', 'verkuerzung',
+    'contraction': ('contraction', 'contr', 'shortening', 'kontraktion', 'verkuerzung',
                     'contraction length', 'kontraktionsweg'),
-    'elongation': ('elongation', 'extension', 'verlaengerung', 'auszug'),
-    'shift': ('displacement', 'disp', 'position', 'pos', 'weg', 'stroke', 'hub', 'travel',
+    'elongation': ('elongation', 'elong', 'extension', 'ext', 'verlaengerung', 'auszug'),
+    'shift': ('displacement', 'disp', 'displ', 'position', 'pos', 'weg', 'stroke', 'hub', 'travel',
               'deflection', 'verschiebung', 'auslenkung', 'x', 's', 'dehnung', 'crosshead',
               'traverse', 'traversenweg', 'standardweg', 'kolbenweg'),
-    'length': ('length', 'l', 'laenge'),
+    'length': ('length', 'l', 'len', 'laenge'),
     'strain_rate': ('strain rate', 'contraction rate', 'dehnrate'),
 }
 #: Words that say nothing about which quantity it is.
@@ -153,7 +153,7 @@ _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref referenc
     luft vor atmospheric atmosphere barometric model predicted prediction simulated sim residual
     error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration temperature
     temperatur temp voltage volt spannung strom valve ventil derivative noise max min limit
-    offset sampling sample line regulator""".split())
+    offset line regulator""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
                      r'kontraktion)$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')

@@ -15,6 +15,12 @@ def ideal_force(strain, pressure):
     return np.pi * 6.35e-3 ** 2 * pressure * braid
 
 
+@pytest.fixture(scope='session')
+def muscle():
+    """Return the force of the muscle as a function of strain and gauge pressure."""
+    return ideal_force
+
+
 @pytest.fixture
 def sweeps():
     """Return a function that makes isobar sweeps with noise of 0.6 N by default."""

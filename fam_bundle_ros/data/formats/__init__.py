@@ -19,7 +19,8 @@ __all__ = ['is_bag', 'read_table', 'SUFFIXES', 'Table']
 
 #: Endings of files that are read.
 SUFFIXES = ('.csv', '.txt', '.tsv', '.dat', '.asc', '.log', '.xlsx', '.xlsm', '.lvm', '.tdms',
-            '.mat', '.h5', '.hdf5', '.parquet', '.feather', '.npz', '.npy', '.json', '.mcap',
+            '.mat', '.h5', '.hdf5', '.parquet', '.feather', '.npz', '.npy', '.json', '.jsonl',
+            '.mcap',
             '.db3')
 #: First bytes of formats that cannot be read, and what to do.
 _REFUSED = (
@@ -77,6 +78,6 @@ def read_table(path: Path, sheet: str | None = None) -> Table:
         return labview.read_lvm(path, sheet)
     if path.suffix.lower() == '.mat':  # version 4 has no mark
         return matlab.read_mat(path, sheet)
-    if path.suffix.lower() == '.json':
+    if path.suffix.lower() in ('.json', '.jsonl', '.ndjson'):
         return arrays.read_json(path, sheet)
     return text.read_text(path)

@@ -104,6 +104,10 @@ def flattened(values: Mapping[str, Any], prefix: str = '', depth: int = 4) -> di
     flat: dict[str, Any] = {}
     for key, value in values.items():
         name = f'{prefix}.{key}' if prefix else str(key)
+        if isinstance(value, (list, np.ndarray)) and len(value) and all(
+                isinstance(entry, Mapping) for entry in value):
+            # records: an array of structs
+            value = {field: [entry.get(field) for entry in value] for field in value[0]}
         if isinstance(value, Mapping) and depth:
             flat.update(flattened(value, name, depth - 1))
         else:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import io
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +67,7 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
             continue
         block = pandas.read_csv(io.StringIO('\n'.join(lines[begin:end])), sep=separator,
                                 decimal=decimal, header=None, index_col=False,
-                                names=range(max(len(names), 1) + 1), usecols=range(len(names)))
-        block.columns = names
+                                names=names)
         rows.append(np.arange(begin, end) + 1)
         frames.append(_with_time(block, header, max(trial, 0)))
         y_units = header.get('Y_Unit_Label', [])
@@ -100,6 +100,8 @@ def _with_time(block: Any, header: dict[str, list[str]], trial: int) -> Any:
     clocks = [name for name in block.columns if str(name).startswith('X_Value')]
     if block.columns.duplicated().any():  # Multi: a clock for each channel, as a rule the same
         block = block.loc[:, ~block.columns.duplicated()]
+    if clocks and block[clocks[0]].isna().all():
+        block, clocks = block.drop(columns=clocks), []
     if not clocks:
         def first(key: str, default: float) -> float:
             try:
@@ -125,6 +127,9 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
         Where npTDMS is missing, the file is damaged, or no group has channels of one length.
     """
     nptdms = library('nptdms', path.name, 'npTDMS')
+    for logger in logging.root.manager.loggerDict:
+        if logger.startswith('nptdms'):  # what is wrong is said below
+            logging.getLogger(logger).setLevel(logging.CRITICAL)
     try:
         file = nptdms.TdmsFile.read(path)
         groups = {group.name: group.channels() for group in file.groups()}
@@ -153,6 +158,14 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
     return Table(path.name, '.tdms', columns, units, notes=tuple(notes))
 
 
+def _clock(channel: Any) -> np.ndarray | None:
+    """Return the times of a waveform's samples, s; None for a channel that is none."""
+    step = channel.properties.get('wf_increment')
+    if not step:
+        return None
+    return channel.properties.get('wf_start_offset', 0.0) + step * np.arange(len(channel))
+
+
 def _of_group(channels: list[Any]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return a group's columns and their units."""
     channels = [channel for channel in channels if len(channel)]
@@ -160,7 +173,7 @@ def _of_group(channels: list[Any]) -> tuple[dict[str, np.ndarray], dict[str, str
     longest = max(channels, key=len)
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-    clock = longest.time_track() if 'wf_increment' in longest.properties else None
+    clock = _clock(longest)
     for name, channel in zip(names, channels):
         values = np.asarray(channel[:])
         unit = channel.properties.get('unit_string') or channel.properties.get(
@@ -168,9 +181,10 @@ def _of_group(channels: list[Any]) -> tuple[dict[str, np.ndarray], dict[str, str
         if unit:
             units[name] = str(unit)
         if len(values) != len(longest):
-            if clock is None or 'wf_increment' not in channel.properties:
+            own = _clock(channel)
+            if clock is None or own is None:
                 continue
-            values = np.interp(clock, channel.time_track(), values.astype(float))
+            values = np.interp(clock, own, values.astype(float))
         if values.dtype.kind in 'biuf':
             columns[name] = values.astype(float)
         else:

@@ -53,7 +53,23 @@ def is_number(cell: str, decimal: str = '.') -> bool:
 
 def is_reading(cell: str, decimal: str = '.') -> bool:
     """Return whether a cell holds a number, a date or a time of day."""
-    return is_number(cell, decimal) or _CLOCK.fullmatch(cell.strip()) is not None
+    return is_number(cell, decimal) or _CLOCK.fullmatch(cell.strip()) is not None or (
+        with_unit(cell, decimal) is not None)
+
+
+def with_unit(cell: str, decimal: str = '.') -> tuple[str, str] | None:
+    """
+    Return number and unit of a cell that holds both, None for others.
+
+    Examples
+    --------
+    >>> with_unit('12.5 mm'), with_unit('run 2')
+    (('12.5', 'mm'), None)
+    """
+    match = re.fullmatch(r'([-+]?[\d.,]*\d)\s*([^\W\d_%][\w%/\u00b2^]*|%)', cell.strip())
+    if match and is_number(match[1], decimal) and is_unit(match[2]):
+        return match[1], match[2]
+    return None
 
 
 def trimmed(row: Sequence[str]) -> list[str]:
@@ -67,6 +83,8 @@ def trimmed(row: Sequence[str]) -> list[str]:
 def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, int]:
     """
     Return the index of the first row of data and the number of columns; (-1, 0) for no data.
+
+    More cells than usual are columns only where a row above the data has as many.
 
     Parameters
     ----------
@@ -90,7 +108,9 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     if not len(good):
         return -1, 0
     first = int(good[0])
-    return first, int(width[first:][data[first:]].max())
+    most = int(width[first:][data[first:]].max())
+    above = width[:first].max(initial=0)
+    return first, usual_width if usual_width < most and usual_width <= above < most else most
 
 
 def find_names(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], dict[str, str]]:

@@ -49,6 +49,7 @@ def read_hdf(path: Path, sheet: str | None = None) -> Table:
         with h5py.File(path, 'r') as file:
             values = {key: _of_node(file, node, 0) for key, node in file.items()
                       if not key.startswith('#')}
+            values.update(_units_of(file))
             opaque = '#subsystem#' in file
     except (OSError, RuntimeError, ValueError) as error:
         first = (str(error).strip().splitlines() or [type(error).__name__])[0]
@@ -71,12 +72,23 @@ def _chosen(path: Path, values: dict[str, Any], sheet: str | None, opaque: bool)
         raise
 
 
+def _units_of(group: Any) -> dict[str, str]:
+    """Return the units that datasets of a group carry as attributes."""
+    units = {}
+    for key, child in group.items():
+        unit = child.attrs.get('units', child.attrs.get('unit'))
+        if unit is not None:
+            units[f'{key}_unit'] = unit.decode() if isinstance(unit, bytes) else str(unit)
+    return units
+
+
 def _of_node(file: Any, node: Any, depth: int) -> Any:
     """Return a dataset's values, a group as a dict, None for what is no data."""
     if depth > 4:
         return None
     if isinstance(node, Mapping) or hasattr(node, 'items'):
         inner = {key: _of_node(file, child, depth + 1) for key, child in node.items()}
+        inner.update(_units_of(node))
         return {key: value for key, value in inner.items() if value is not None}
     kind = node.attrs.get('MATLAB_class', b'')
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)

@@ -86,17 +86,20 @@ def _read(path: Path, encoding: str) -> Table:
     dialect, skipped = sniff(path.name, head)
     names = unique(dialect.layout.names)
     with open(path, encoding=encoding, errors=errors) as stream:
-        rows = _Rows(_lines(path.name, stream), skipped)
         blank = dialect.separator == _BLANK
-        thousands = {',': '.', '.': ','}[dialect.decimal]
+        rows = _Rows(_lines(path.name, stream), skipped, ' ' if blank else dialect.separator)
+        decimal = '.' if dialect.decimal == dialect.separator else dialect.decimal
+        thousands: str | None = {',': '.', '.': ','}[dialect.decimal]
+        if thousands == dialect.separator or blank or decimal != dialect.decimal:
+            thousands = None
         try:
             pieces = []
             with pandas.read_csv(
-                    rows, sep=dialect.separator, decimal=dialect.decimal, header=None,
+                    rows, sep=dialect.separator, decimal=decimal, header=None,
                     names=range(dialect.layout.width), index_col=False, skipinitialspace=True,
                     na_values=list(layout.BLANKS), skip_blank_lines=False, quotechar='"',
-                    thousands=None if thousands == dialect.separator or blank else thousands,
-                    chunksize=200_000, low_memory=False, on_bad_lines='error') as reader:
+                    thousands=thousands, chunksize=200_000, low_memory=False,
+                    on_bad_lines='error') as reader:
                 total = 0
                 for piece in reader:
                     total += len(piece)
@@ -107,31 +110,37 @@ def _read(path: Path, encoding: str) -> Table:
         except (pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
             raise _bad_line(path.name, error, rows) from error
     columns, at = {}, np.frombuffer(rows.numbers, np.int64)[:total]
-    for i, name in enumerate(names):
-        parts = [piece[i] for piece in pieces]
-        columns[name] = _numbers_or_text(parts, dialect.decimal)
-    units = {name: unit for name, unit in zip(names, _unit_list(dialect.layout)) if unit}
+    units = {}
+    for i, (name, own) in enumerate(zip(names, dialect.layout.names)):
+        unit = dialect.layout.units.get(own, '')
+        columns[name], unit = _numbers_or_text([piece[i] for piece in pieces], dialect.decimal,
+                                               unit)
+        if unit:
+            units[name] = unit
     return Table(path.name, _kind(dialect), columns, units, at)
 
 
-def _numbers_or_text(parts: list, decimal: str) -> np.ndarray:
+def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, str]:
+    """Return a column as floats, or text where it holds words, and its unit."""
     if all(part.dtype.kind in 'biuf' for part in parts):
-        return np.concatenate([part.to_numpy(float) for part in parts])
+        return np.concatenate([part.to_numpy(float) for part in parts]), unit
     text = np.concatenate([part.to_numpy(object) for part in parts])
+    ends = {found[1] if (found := layout.with_unit(cell, decimal)) else '?' for cell in text
+            if isinstance(cell, str)}
+    if len(ends) == 1 and '?' not in ends:  # each cell carries its unit: '12.5 mm'
+        unit = ends.pop()
+        text = np.array([cell.strip()[:-len(unit)].strip() if isinstance(cell, str) else cell
+                         for cell in text], object)
     if decimal == ',':  # cells that pandas left as text keep their comma
         text = np.array([cell.replace(',', '.') if isinstance(cell, str)
                          and layout.is_number(cell, ',') else cell for cell in text], object)
-    return text
+    return text, unit
 
 
 def _kind(dialect: Dialect) -> str:
     word = {',': 'commas', ';': 'semicolons', '\t': 'tabs', '|': 'bars', _BLANK: 'blanks'}
     comma = ', decimal comma' if dialect.decimal == ',' else ''
     return f'text separated by {word[dialect.separator]}{comma}'
-
-
-def _unit_list(found: layout.Layout) -> list[str]:
-    return [found.units.get(name, '') for name in found.names]
 
 
 def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
@@ -151,8 +160,9 @@ def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
 class _Rows(io.TextIOBase):
     """The rows of data of a text file, for pandas: without head, comments and blank lines."""
 
-    def __init__(self, lines: Iterator[str], first: int):
+    def __init__(self, lines: Iterator[str], first: int, separator: str):
         self._lines, self._at, self._first, self._rest = lines, 0, first, ''
+        self._end = separator + ' \t\r\n'
         #: Line number of each row handed on.
         self.numbers = array('q')
 
@@ -168,8 +178,9 @@ class _Rows(io.TextIOBase):
             if self._at <= self._first or _is_comment(line) or not line.strip(' \t\r\n;,'):
                 continue
             self.numbers.append(self._at)
-            parts.append(line)
-            length += len(line)
+            # blank cells at the end are left to pandas, which takes more cells for a mistake
+            parts.append(line.rstrip(self._end) + '\n')
+            length += len(parts[-1])
             if length >= wanted:
                 break
         text = self._rest + ''.join(parts)
@@ -194,11 +205,12 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     if odd > 0.02 * sum(map(len, head)):
         raise InputError(f'{name}: not a text file; expected a table with a header')
     plain = [(i, line) for i, line in enumerate(head) if line.strip() and not _is_comment(line)]
+    quoted = any('"' in line for _, line in plain)
     best: tuple[float, int, int, Dialect | None] = (0.0, 0, 0, None)
     for separator in _SEPARATORS:
         grid = [split(line, separator) for _, line in plain]
         for decimal in '.,':
-            if decimal == separator:
+            if decimal == separator and not quoted:
                 continue
             first, width = layout.find_data(grid, decimal)
             if first < 0 or width < 2:
