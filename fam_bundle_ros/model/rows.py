@@ -172,7 +172,8 @@ def _blocks(numbers: _Numbers, strain: Any, pressure: Any, motion: Motion
     functions = _functions(laws)
     rate = _floats(motion.strain_rate)
     count = len(motion.strain)
-    time = np.zeros(count) if motion.time is None else _floats(motion.time) - _floats(motion.time)[0]
+    time = np.zeros(count) if motion.time is None else _floats(motion.time)
+    time = time - time[:1]
     first = np.arange(count) == 0
     start = first if motion.start is None else first | motion.start
     dt = np.where(start, 0.0, np.diff(time, prepend=0.0))
