@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 
-from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
 from fam_bundle_ros.discovery.priors import Prior

@@ -102,7 +102,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         The same effects fitted with one.
     """
     cells = fitter.cells
-    total = {name: 0.0 for name in ('physics', 'discrepancy', *RIVALS)}
+    total = dict.fromkeys(('physics', 'discrepancy', *RIVALS), 0.0)
     count = 0.0
     folds = list(_folds(cells)) or [(np.ones(len(cells), bool),) * 2]
     for train, test in folds:

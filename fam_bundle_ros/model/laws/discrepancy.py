@@ -69,7 +69,7 @@ class Table:
 
 @law('force', family='discrepancy', candidate=False, load=Table, look=('indigo', 'dot'),
      summary='what no law of the model explains: a smooth surface, not physics',
-     source='derived: mean of a Gaussian process (Kennedy and O\'Hagan 2001), by diagnose',
+     source="derived: mean of a Gaussian process (Kennedy and O'Hagan 2001), by diagnose",
      signature='whatever is left, inside the range that was measured')
 def discrepancy_surface(unit, strain, pressure, tables, table):
     """F(e, P) of a `Table`: bilinear between its points, the nearest edge outside it."""
