@@ -22,7 +22,7 @@ from fam_bundle_ros.model import Bundle, Motion
 from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 
 #: Bins across strain and pressure that are tried, finest first.
-_BINS = (60, 40, 30, 24, 20, 16, 12, 10, 8, 6)
+_BINS = (60, 40, 30, 24, 20, 16, 12, 10)
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Cells:
         return bool((self.direction > 0).any() and (self.direction < 0).any())
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the averages over cells, (n,) or (n, k), of values of the rows, (T,) or (T, k)."""
+        """Return averages over cells, (n,) or (n, k), of values of rows, (T,) or (T, k)."""
         return average_over(self.label, self.count, values)
 
 
@@ -163,8 +163,7 @@ def _labels(data: Measurement, strain_range: float, pressure_range: np.ndarray,
             change = np.ones(len(label), bool)
             change[1:] = (np.diff(label) != 0) | (np.diff(data.trial) != 0)
             label = np.cumsum(change) - 1
-        if label.max() < most or (not data.is_static and label.max() < 2 * most
-                                  and bins <= _BINS[5]):
+        if label.max() < most:
             break
     return label
 
@@ -185,13 +184,11 @@ def averaged(data: Measurement, block: int) -> Measurement:
     first = position % block == 0
     label = np.cumsum(first) - 1
     count = np.bincount(label).astype(float)
-    rows = np.flatnonzero(first)
     return replace(
-        data, strain=average_over(label, count, data.strain),
+        data.select(first), strain=average_over(label, count, data.strain),
         force=average_over(label, count, data.force),
         strain_rate=average_over(label, count, data.strain_rate),
-        pressure=average_over(label, count, data.pressure), trial=data.trial[rows],
-        direction=data.direction[rows],
+        pressure=average_over(label, count, data.pressure),
         time=None if data.time is None else average_over(label, count, data.time))
 
 

@@ -181,8 +181,7 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
     most = 0.5 if finding.refusals or (finding.verdict == 'unexplained') else most
     chosen = {change.label: change for change in answer}
     order = [*chosen, *sorted((label for label in posterior.labels() if label not in chosen),
-                              key=lambda name: -posterior.probability(
-                                  lambda change: change.label == name))]
+                              key=lambda label: -posterior.of_label(label))]
     entries = []
     for place, label in enumerate(order):
         best = posterior.best_with(label)
@@ -193,10 +192,11 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
             fit, change = final, chosen[label]
         elif place < max(_TOLD, len(chosen) + 2):
             fit = fitter.without_discrepancy(fit)
-        error = float(np.sqrt(np.average(fit.residual ** 2, weights=fitter.cells.count) + max(extra, 0.0)))
+        square = np.average(fit.residual ** 2, weights=fitter.cells.count)
+        error = float(np.sqrt(square + max(extra, 0.0)))
         name = change.name
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
-        probability = posterior.probability(lambda change: change.label == label)
+        probability = posterior.of_label(label)
         law = catalogue.available().get(name)
         entries.append(Candidate(
             label, name, family(name), min(probability, most), error,

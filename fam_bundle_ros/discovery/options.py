@@ -153,7 +153,8 @@ class Options:
         total = 0.0
         heads = {head(name) for name in wanted}
         for name in wanted - set(self.own):
-            total += odds - np.log(sum(shape not in self.own for shape in self._shapes[head(name)]))
+            shapes = [shape for shape in self._shapes[head(name)] if shape not in self.own]
+            total += odds - np.log(len(shapes))
         total += odds * sum(head(name) not in heads for name in set(self.own) - wanted)
         return float(total)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Rows that stand alone: an outlier is far from its neighbours in time, a missing effect is not."""
+"""Rows that stand alone: far from their neighbours in time, as no missing effect is."""
 
 from __future__ import annotations
 

@@ -96,6 +96,10 @@ class Posterior:
         return float(sum(weight for weight, set_ in zip(self.weights, self._changes)
                          if any(is_one(change) for change in set_)))
 
+    def of_label(self, label: str) -> float:
+        """Return the probability of a change by its name."""
+        return self.probability(lambda change: change.label == label)
+
     def best_with(self, label: str) -> tuple[Fit, Change] | None:
         """Return the most probable set with a change of this name."""
         for fit, set_ in zip(self.fits, self._changes):

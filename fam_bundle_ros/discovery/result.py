@@ -109,9 +109,9 @@ class Recommended:
         rivals = self.rivals_N
         return (f"recommended: {'physics with the discrepancy' if self.leftover else 'physics'}; "
                 f'on rows not seen {self.held_out_physics_N:.3g} N without and '
-                f'{self.held_out_discrepancy_N:.3g} N with a discrepancy; beside it the mean force '
-                f"{rivals['mean']:.3g} N, a plane {rivals['plane']:.3g} N, a six-parameter form "
-                f"{rivals['empirical']:.3g} N")
+                f'{self.held_out_discrepancy_N:.3g} N with a discrepancy; mean force '
+                f"{rivals['mean']:.3g} N, plane {rivals['plane']:.3g} N, six-parameter empirical "
+                f"form {rivals['empirical']:.3g} N")
 
     def save(self, path: Path) -> tuple[Path, ...]:
         """Write the model file, and the table of its discrepancy beside it; return both."""
@@ -245,7 +245,8 @@ class Diagnosis:
         if self.verdict in ('adequate', 'recalibrate'):
             return ()
         return tuple(entry for entry in self.ranking
-                     if entry.effect in self.effects or entry.replaces in self.replaced or entry.probability >= 0.005)[:6]
+                     if entry.effect in self.effects or entry.replaces in self.replaced
+                     or entry.probability >= 0.005)[:6]
 
     @property
     def shortlist_title(self) -> str:

@@ -1,9 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Search over sets of effects: two beams, one ranked by evidence and one by evidence without the
-discrepancy, which else hides the way to the best physics. No stop before two changes beyond the
-best set; then swaps, other shapes and dropped effects around it.
+Search over sets of effects by two beams.
+
+One is ranked by evidence, one by evidence without the discrepancy, which else hides the way to the
+best physics. No stop before two changes beyond the best set; then swaps, other shapes and dropped
+effects around it.
 """
 
 from __future__ import annotations

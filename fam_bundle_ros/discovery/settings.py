@@ -25,7 +25,8 @@ class Choices:
     unexplained : float
         How much structure beyond every law is normal: the mean of the exponential prior on the
         amplitudes of the discrepancy, as a share of the force's standard deviation. Smaller
-        values make the search add effects sooner.
+        values make the search add effects sooner. What is left beyond the 99th percentile of
+        that prior (4.6 times as much) makes a verdict `unexplained`.
     odds : float
         Sets of effects that are at most so many times less probable than the best one are ties.
     inclusion : float

@@ -134,6 +134,8 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     needed = need_of_structure(fitter, null)
     explained = 1.0 - (need_of_structure(fitter, chosen) / max(needed, 1e-9) if found else 1.0)
     small = max(cells.noise, settings.SMALL * cells.largest_force)
+    # beyond the 99th percentile of the prior on the amplitude
+    abnormal = np.log(100.0) * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held) if found else ()
     warnings = _warnings(physics, held) if found else ()
     if offsets is not None:
@@ -144,7 +146,9 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
             verdict = 'unexplained'
         else:
             verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
-    elif refusals or (explained < settings.MOST_OF_IT and after.total > small):
+    elif after.total > small and (explained < settings.MOST_OF_IT or after.total > abnormal):
+        verdict = 'unexplained'
+    elif refusals:
         verdict = 'unexplained'
     else:
         verdict = 'partial' if warnings or after.total > small else 'missing_effect'

@@ -61,7 +61,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         shape = shapes[0].words if shapes else 'no plain shape'
         near = ' and '.join(map(what, found))
         why = '; '.join(finding.refusals) or (
-            f'it explains only {100 * finding.explained:.0f} % of what is left')
+            f'{finding.after.total:.2g} N of structure would stay')
         return ('the error has a structure that no effect of the catalogue explains; it looks '
                 f'like this: {shape}' + (f' (nearest: {near}, but {why})' if near else ''))
     told, one = ' and '.join(map(what, answer)), len(answer) == 1

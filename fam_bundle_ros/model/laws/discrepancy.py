@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What physics leaves: a smooth surface with its uncertainty, as `fam_bundle diagnose` writes it."""
+"""What physics leaves: a smooth surface, as `fam_bundle diagnose` writes it."""
 
 import csv
 from pathlib import Path
@@ -48,8 +48,8 @@ class Table:
         self._strain, self._pressure = (np.unique(columns[key]) for key in ('strain', 'pressure'))
         shape = (len(units), len(self._strain), len(self._pressure))
         if min(shape[1:]) < 2 or np.prod(shape) != len(unit):
-            raise InputError(f'{path}: {len(unit)} rows; expected every pair of {shape[1]} strains '
-                             f'and {shape[2]} pressures once, for each motor unit')
+            raise InputError(f'{path}: {len(unit)} rows; expected every pair of {shape[1]} '
+                             f'strains and {shape[2]} pressures once, for each motor unit')
         order = np.lexsort((columns['pressure'], columns['strain'], unit))
         self.flat = np.concatenate([shape, self._strain, self._pressure, columns['force'][order],
                                     columns['odd'][order]])
