@@ -25,7 +25,7 @@ from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_intervals
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.held_out import held_out, HeldOut
+from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of
 from fam_bundle_ros.discovery.predict import matched, predict
@@ -160,6 +160,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     new = physics.model.named(label)
     error = rms(data.force - predict(new, data))
     new = with_intervals(new, told, error)
+    held = held.of_rows(beyond_cells(cells, physics, error))
     return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
                  noise_floor(data, data.force - predict(new, data)), tuple(told), asked,
                  replacing, tuple(removing), recommend(new, chosen, held, fitter))
@@ -283,9 +284,10 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     for model in models:
         own = matched(model, data)
         fitter, joint, physics = _refitted(model, own)
-        held = held_out(fitter, physics, joint)
-        rivals = held.rivals
         refitted = rms(own.force - predict(physics.model, own))
+        held = held_out(fitter, physics, joint).of_rows(
+            beyond_cells(fitter.cells, physics, refitted))
+        rivals = held.rivals
         steps.append({
             'step': model.name, 'error_N': rms(own.force - predict(model, own)),
             'refitted_N': refitted, 'held_out_N': held.physics,

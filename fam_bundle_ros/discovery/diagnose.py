@@ -30,19 +30,21 @@ from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.held_out import held_out, held_out_physics, HeldOut, within
+from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import family, Options
-from fam_bundle_ros.discovery.posterior import Change, named, Posterior
+from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.templates import describe
-from fam_bundle_ros.discovery.verdict import DOUBTED, Finding, judge
+from fam_bundle_ros.discovery.verdict import DOUBTED, Finding, judge, small, what_is_left
 from fam_bundle_ros.discovery.words import next_experiment, notes_on, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 
+#: Ties that are put to the test on held-out folds.
+_TRIED = 4
 #: Candidates of a ranking whose error is worked out without a discrepancy.
 _TOLD = 6
 
@@ -79,7 +81,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     search = Search(Options.of(model, cells, choices), fitter, progress).run()
     if progress:
         progress(0.9, 'weighing what is left')
-    chosen, found, _ = named(search)
+    chosen, found = _best_of_ties(search, *named(search), choices)
     physics = fitter.without_discrepancy(chosen)
     base = fitter.without_discrepancy(search.null) if found else physics
     chosen, found, physics = _that_foretell(search, chosen, found, physics)
@@ -100,6 +102,9 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     error = {name: rms(data.force - predict(bundle, data)) for name, bundle in
              (('recalibrated', recalibrated), ('best', best))}
     error = {'model': comparison.error_N, **error}
+    beyond = beyond_cells(cells, final, error['best'] if final is not base else
+                          error['recalibrated'])
+    held = held.of_rows(beyond)
     leftover = Leftover.of(fitter.covariance, joint)
     recommended = recommend(best, joint, held, fitter)
     residual = data.force - predict(best, data)
@@ -113,7 +118,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         replaced={change.old: change.new for change in answer if change.old and change.new},
         removed=tuple(change.old for change in answer if not change.new),
         error_N=error, noise=noise_floor(data, residual),
-        ranking=_ranking(search, posterior, answer, final, finding, error['best']), tied=ties,
+        ranking=_ranking(search, posterior, answer, final, finding, beyond), tied=ties,
         located=comparison.located,
         next_experiment=next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes),
         parameters=tuple(told),
@@ -123,7 +128,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
                *notes_on(cells, comparison.noise, base, final, held)),
         rows_left_out=int((cells.label < 0).sum()), confounding=confounding(final),
         held_out=held, recommended=recommended, leftover=leftover,
-        ladder=_ladder(search, answer, comparison.error_N, error, base, held),
+        ladder=_ladder(search, answer, error, base, held, beyond),
         seconds=time.perf_counter() - begun)
 
 
@@ -141,6 +146,26 @@ def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
     kept = cells.label >= 0
     found = trial_offsets(cells.data.select(kept), residual[kept])
     return found if found is not None and found.size > 0.5 * cells.noise else None
+
+
+def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[str, float],
+                  choices: Choices) -> tuple[Fit, list[Change]]:
+    """
+    Return the chosen set, or one as probable that foretells unseen rows better.
+
+    Only where structure is left: down to the noise folds can tell nothing that evidence does not.
+    """
+    fitter = search.fitter
+    if not found or what_is_left(fitter.covariance, chosen).total <= small(fitter.cells):
+        return chosen, found
+    ties = [fit for fit in Posterior.of(search).fits if len(changes(
+        search.options, fit.names)) == len(found) and fit is not chosen
+        and fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
+    tried = [chosen, *ties]
+    errors = [held_out(fitter, fitter.without_discrepancy(fit), fit).best for fit in tried]
+    best = tried[int(np.argmin(errors))]
+    order = changes(search.options, best.names)
+    return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
 
 
 def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit,
@@ -173,10 +198,9 @@ def _written(model: Bundle, fit: Fit, told: list) -> Bundle:
 
 
 def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,
-             finding: Finding, error_N: float) -> tuple[Candidate, ...]:
+             finding: Finding, beyond: float) -> tuple[Candidate, ...]:
     """Return every effect that was tried with the best set that holds it; named ones first."""
     fitter = search.fitter
-    extra = error_N ** 2 - np.average(final.residual ** 2, weights=fitter.cells.count)
     most = DOUBTED if finding.warnings or finding.refusals else 1.0
     most = 0.5 if finding.refusals or (finding.verdict == 'unexplained') else most
     chosen = {change.label: change for change in answer}
@@ -193,7 +217,7 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
         elif place < max(_TOLD, len(chosen) + 2):
             fit = fitter.without_discrepancy(fit)
         square = np.average(fit.residual ** 2, weights=fitter.cells.count)
-        error = float(np.sqrt(square + max(extra, 0.0)))
+        error = float(np.hypot(np.sqrt(square), beyond))
         name = change.name
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
         probability = posterior.of_label(label)
@@ -206,22 +230,24 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
     return tuple(entries)
 
 
-def _ladder(search: Search, answer: list[Change], nominal: float, error: dict[str, float],
-            base: Fit, held: HeldOut) -> list[dict[str, Any]]:
+def _ladder(search: Search, answer: list[Change], error: dict[str, float], base: Fit,
+            held: HeldOut, beyond: float) -> list[dict[str, Any]]:
     """Return the error after each step, on all rows and on folds left out."""
     fitter = search.fitter
-    cells = fitter.cells
-    steps = [{'step': 'model', 'error_N': nominal, 'held_out_N': nominal},
-             {'step': 'recalibrated', 'error_N': error['recalibrated'],
-              'held_out_N': held_out_physics(fitter, base)}]
+
+    def step(words: str, fit: Fit) -> dict[str, Any]:
+        square = np.average(fit.residual ** 2, weights=fitter.cells.count)
+        return {'step': words, 'error_N': float(np.hypot(np.sqrt(square), beyond)),
+                'held_out_N': float(np.hypot(held_out_physics(fitter, fit), beyond))}
+
+    steps = [{'step': 'model', 'error_N': error['model'], 'held_out_N': error['model']},
+             {**step('recalibrated', base), 'error_N': error['recalibrated']}]
     names = search.options.own
     for place, change in enumerate(answer):
         names = tuple(sorted({*(n for n in names if n != change.old), change.new} - {''}))
-        last = place == len(answer) - 1
-        fit = None if last else fitter.without_discrepancy(search.fit(names))
-        steps.append({
-            'step': f'+ {change.new}' if change.new else f'- {change.old}',
-            'error_N': error['best'] if fit is None else float(np.sqrt(np.average(
-                fit.residual ** 2, weights=cells.count) + within(cells, fit))),
-            'held_out_N': held.physics if fit is None else held_out_physics(fitter, fit)})
+        words = f'+ {change.new}' if change.new else f'- {change.old}'
+        if place == len(answer) - 1:
+            steps.append({'step': words, 'error_N': error['best'], 'held_out_N': held.physics})
+        else:
+            steps.append(step(words, fitter.without_discrepancy(search.fit(names))))
     return steps

@@ -26,7 +26,7 @@ _STEPS = 3
 @dataclass(frozen=True)
 class HeldOut:
     """
-    Errors on rows that the fits have not seen, N rms, all folds together.
+    Errors on cells that the fits have not seen, N rms, all folds together.
 
     Attributes
     ----------
@@ -51,6 +51,13 @@ class HeldOut:
         """The lower error of physics with and without the discrepancy."""
         return min(self.physics, self.discrepancy)
 
+    def of_rows(self, beyond: float) -> HeldOut:
+        """Return the errors of rows, which are off from their cells by so much (N rms)."""
+        return HeldOut(float(np.hypot(self.physics, beyond)),
+                       float(np.hypot(self.discrepancy, beyond)),
+                       {name: float(np.hypot(value, beyond))
+                        for name, value in self.rivals.items()}, self.kinds)
+
 
 def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
     """Return each kind of folds and the fold of each cell, (n,) int, -1 for never."""
@@ -68,11 +75,18 @@ def _folds(cells: Cells) -> Iterator[tuple[np.ndarray, np.ndarray]]:
                 yield ~test, test
 
 
-def within(cells: Cells, fit: Fit) -> float:
-    """Return the mean square of what rows differ from their cell's mean, N^2."""
-    used = cells.label >= 0
-    row = (cells.data.force - fit.model.predict(cells.motion))[used]
-    return float(np.mean((row - fit.residual[cells.label[used]]) ** 2))
+def beyond_cells(cells: Cells, fit: Fit, error: float) -> float:
+    """
+    Return what rows are off beyond what their cells are, N rms: mostly their noise.
+
+    Parameters
+    ----------
+    fit : Fit
+    error : float, N
+        Of the fitted model on all rows of the measurement.
+    """
+    square = float(np.average(fit.residual ** 2, weights=cells.count))
+    return float(np.sqrt(max(error ** 2 - square, 0.0)))
 
 
 def held_out_physics(fitter: Fitter, fit: Fit) -> float:
@@ -84,9 +98,8 @@ def held_out_physics(fitter: Fitter, fit: Fit) -> float:
         total += float(np.sum(cells.count[test] * missed ** 2))
         count += float(cells.count[test].sum())
     if not count:
-        return float(np.sqrt(np.average(fit.residual ** 2, weights=cells.count)
-                             + within(cells, fit)))
-    return float(np.sqrt(total / count + within(cells, fit)))
+        return float(np.sqrt(np.average(fit.residual ** 2, weights=cells.count)))
+    return float(np.sqrt(total / count))
 
 
 def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
@@ -116,8 +129,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         for name, error in missed.items():
             total[name] += float(np.sum(weight * error ** 2))
         count += float(weight.sum())
-    extra = within(cells, physics)
-    errors = {name: float(np.sqrt(value / count + extra)) for name, value in total.items()}
+    errors = {name: float(np.sqrt(value / count)) for name, value in total.items()}
     return HeldOut(errors.pop('physics'), errors.pop('discrepancy'), errors,
                    tuple(kind for kind, _ in splits(cells)))
 

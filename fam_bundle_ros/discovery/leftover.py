@@ -52,10 +52,11 @@ class Leftover:
     def of(cls, covariance: Covariance, fit: Fit) -> Leftover:
         """Return the discrepancy that a fit needs."""
         cells, h = covariance.cells, fit.hyper
-        strain = np.linspace(cells.strain.min(), cells.strain.max(), _STRAINS)
+        rows = cells.data
+        strain = np.linspace(rows.strain.min(), rows.strain.max(), _STRAINS)
         units = cells.pressure.shape[1]
         pressure = np.stack([np.linspace(column.min(), max(column.max(), column.min() + 1e3),
-                                         _PRESSURES) for column in cells.pressure.T])
+                                         _PRESSURES) for column in rows.pressure.T])
         shape = (units, _STRAINS, _PRESSURES)
         even, odd, sd = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         if h.even or h.odd:

@@ -17,6 +17,7 @@ import numpy as np
 
 from fam_bundle_ros.data.trials import Offsets
 from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import HeldOut
@@ -59,6 +60,11 @@ def what_is_left(covariance: Covariance, fit: Fit) -> Left:
     smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
                                                         fit.residual)
     return Left(float(np.sqrt(np.mean(smooth ** 2))), rough)
+
+
+def small(cells: Cells) -> float:
+    """Return the size up to which a discrepancy is as good as none, N."""
+    return max(cells.noise, settings.SMALL * cells.largest_force)
 
 
 def need_of_structure(fitter: Fitter, fit: Fit) -> float:
@@ -133,7 +139,6 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     after = what_is_left(fitter.covariance, chosen)
     needed = need_of_structure(fitter, null)
     explained = 1.0 - (need_of_structure(fitter, chosen) / max(needed, 1e-9) if found else 1.0)
-    small = max(cells.noise, settings.SMALL * cells.largest_force)
     # beyond the 99th percentile of the prior on the amplitude
     abnormal = np.log(100.0) * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held) if found else ()
@@ -146,12 +151,12 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
             verdict = 'unexplained'
         else:
             verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
-    elif after.total > small and (explained < settings.MOST_OF_IT or after.total > abnormal):
+    elif after.total > small(cells) and (explained < settings.MOST_OF_IT or after.total > abnormal):
         verdict = 'unexplained'
     elif refusals:
         verdict = 'unexplained'
     else:
-        verdict = 'partial' if warnings or after.total > small else 'missing_effect'
+        verdict = 'partial' if warnings or after.total > small(cells) else 'missing_effect'
     return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
                    warnings)
 
