@@ -25,8 +25,8 @@ class Choices:
     unexplained : float
         How much structure beyond every law is normal: the mean of the exponential prior on the
         amplitudes of the discrepancy, as a share of the force's standard deviation. Smaller
-        values make the search add effects sooner. What is left beyond the 99th percentile of
-        that prior (4.6 times as much) makes a verdict `unexplained`.
+        values make the search add effects sooner. Ten times as much makes a verdict
+        `unexplained`.
     odds : float
         Sets of effects that are at most so many times less probable than the best one are ties.
     inclusion : float
@@ -81,5 +81,8 @@ LEAST_SHARE = 0.02
 #: A discrepancy below this share of the largest force is as good as none: no gauge of a rig is
 #: better.
 SMALL = 0.01
+#: So many times the structure that is normal cannot be left by an explanation: its prior
+#: probability is exp(-10).
+ABNORMAL = 10.0
 #: Share of the need for a discrepancy (log units) that effects must take to be an explanation.
 MOST_OF_IT = 0.5

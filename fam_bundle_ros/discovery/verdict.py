@@ -139,8 +139,7 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     after = what_is_left(fitter.covariance, chosen)
     needed = need_of_structure(fitter, null)
     explained = 1.0 - (need_of_structure(fitter, chosen) / max(needed, 1e-9) if found else 1.0)
-    # beyond the 99th percentile of the prior on the amplitude
-    abnormal = np.log(100.0) * fitter.covariance.unexplained * cells.force_sd
+    abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held) if found else ()
     warnings = _warnings(physics, held) if found else ()
     if offsets is not None:
@@ -151,7 +150,8 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
             verdict = 'unexplained'
         else:
             verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
-    elif after.total > small(cells) and (explained < settings.MOST_OF_IT or after.total > abnormal):
+    elif after.total > small(cells) and (after.total > abnormal
+                                         or explained < settings.MOST_OF_IT):
         verdict = 'unexplained'
     elif refusals:
         verdict = 'unexplained'

@@ -71,7 +71,7 @@ def test_averaging_takes_vectors_and_columns_alike(problem):
 
 @given(u=st.floats(-3, 3), kind=st.sampled_from(['log', 'normal']))
 def test_coordinates_and_values_belong_together(u, kind):
-    """Coordinate u -> theta -> u is the identity within the bounds, and slope is its derivative."""
+    """From u to theta and back is the identity, and slope is the derivative."""
     prior = Prior('a.b', 1e-6 if kind == 'log' else -1e3, 1e3, 2.0, 0.7, kind)
     assert prior.u(prior.theta(u)) == pytest.approx(u, abs=1e-9)
     step = 1e-6
