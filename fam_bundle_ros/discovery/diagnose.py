@@ -84,8 +84,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     chosen, found = _best_of_ties(search, *named(search), choices)
     physics = fitter.without_discrepancy(chosen)
     base = fitter.without_discrepancy(search.null) if found else physics
-    chosen, found, physics = _that_foretell(search, chosen, found, physics)
-    held = held_out(fitter, physics, chosen)
+    chosen, found, physics, held = _that_foretell(search, chosen, found, physics)
     if offsets is None and not data.is_static:
         offsets = _offsets_left(cells, physics)
     finding = judge(fitter, search.null, chosen, physics, found, held, offsets)
@@ -162,29 +161,33 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
         search.options, fit.names)) == len(found) and fit is not chosen
         and fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
     tried = [chosen, *ties]
-    errors = [held_out(fitter, fitter.without_discrepancy(fit), fit).best for fit in tried]
+    errors = [held_out_physics(fitter, fitter.without_discrepancy(fit)) for fit in tried]
     best = tried[int(np.argmin(errors))]
     order = changes(search.options, best.names)
     return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
 
 
 def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit,
-                   ) -> tuple[Fit, list[Change], Fit]:
-    """Return the chosen set without effects that foretell nothing on rows not seen."""
+                   ) -> tuple[Fit, list[Change], Fit, HeldOut]:
+    """
+    Return the chosen set without effects that foretell nothing on rows not seen.
+
+    Those are effects without which physics does as well there, alone and with a discrepancy.
+    """
     fitter = search.fitter
-    held = held_out(fitter, physics, chosen).best if len(found) > 1 else 0.0
+    held = held_out(fitter, physics, chosen)
     while len(found) > 1:
         for change in reversed(found):
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
-            error = held_out(fitter, without, fewer).best
-            if error <= held:
+            error = held_out(fitter, without, fewer)
+            if error.physics <= held.physics and error.best <= held.best:
                 found = [other for other in found if other is not change]
                 chosen, physics, held = fewer, without, error
                 break
         else:
             break
-    return chosen, found, physics
+    return chosen, found, physics, held
 
 
 def _written(model: Bundle, fit: Fit, told: list) -> Bundle:

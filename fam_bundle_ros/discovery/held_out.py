@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from fam_bundle_ros.data.folds import Folds, offered
+from fam_bundle_ros.data.folds import Folds, KINDS
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.rivals import RIVALS
@@ -64,7 +64,9 @@ def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
     rows = np.full(len(cells), -1)
     used = np.flatnonzero(cells.label >= 0)
     rows[cells.label[used[::-1]]] = used[::-1]
-    return [(kind, Folds(kind).labels(cells.data)[rows]) for kind in offered(cells.data)]
+    found = [(kind, Folds(kind).labels(cells.data)[rows]) for kind in KINDS]
+    # one inner strain level is a fold; one trial or isobar would leave nothing to train on
+    return [(kind, label) for kind, label in found if label.max() >= (kind != 'strain')]
 
 
 def _folds(cells: Cells) -> Iterator[tuple[np.ndarray, np.ndarray]]:
