@@ -87,7 +87,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     chosen, found, physics, held = _that_foretell(search, chosen, found, physics)
     if offsets is None and not data.is_static:
         offsets = _offsets_left(cells, physics)
-    finding = judge(fitter, search.null, chosen, physics, found, held, offsets)
+    finding = judge(fitter, search.null, chosen, physics, found, held, offsets,
+                    choices.inclusion)
     if finding.verdict == 'unexplained' and found:
         held = held_out(fitter, base, search.null)
     answer = found if finding.named else []

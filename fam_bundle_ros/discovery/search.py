@@ -75,7 +75,9 @@ class Search:
                 best = ranked[0]
             elif depth > self.options.changes(best.names) + 1:
                 break
+        self.again(self.best.names)
         self._around()
+        self.again(self.best.names)
         return self
 
     @property
@@ -95,6 +97,14 @@ class Search:
             self.fits[names] = self.fitter.fit(
                 names, self.options.bundle(names), self.options.priors(names), start, hyper,
                 self.options.log_prior(names))
+        return self.fits[names]
+
+    def again(self, names: Names) -> Fit:
+        """Return a set fitted from its priors too: where its neighbours led may be a trap."""
+        fresh = self.fitter.fit(names, self.options.bundle(names), self.options.priors(names),
+                                log_prior=self.options.log_prior(names))
+        if fresh.posterior > self.fits[names].posterior:
+            self.fits[names] = fresh
         return self.fits[names]
 
     def _expand(self, node: Fit, wide: int) -> list[Fit]:

@@ -117,7 +117,7 @@ class Finding:
 
 
 def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
-          held: HeldOut, offsets: Offsets | None) -> Finding:
+          held: HeldOut, offsets: Offsets | None, inclusion: float) -> Finding:
     """
     Return the verdict.
 
@@ -133,6 +133,8 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     held : HeldOut
     offsets : Offsets or None
         By how much trials differ, where they do.
+    inclusion : float
+        Prior probability that something is missing.
     """
     cells = fitter.cells
     before = what_is_left(fitter.covariance, null)
@@ -145,7 +147,10 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     if offsets is not None:
         warnings = (*warnings, str(offsets))
     if not found:
-        structured = needed > settings.LEAST_LOSS and before.smooth > 0.5 * cells.noise
+        # as an effect must, structure has prior odds to overcome
+        odds = inclusion / (1.0 - inclusion)
+        structured = (needed + np.log(odds) > settings.LEAST_LOSS
+                      and before.smooth > 0.5 * cells.noise)
         if offsets is not None or structured:
             verdict = 'unexplained'
         else:
