@@ -246,7 +246,7 @@ class Session:
         inside = {effect.name for effect in self.now.model.effects}
         chosen = set(self.diagnosis.effects)
         rows = [Choice(c, c.effect in chosen, ties.get(c.effect, ()), c.shape in inside)
-                for c in self.diagnosis.ranking]
+                for c in self.diagnosis.ranking if not (c.replaces or c.removes)]
         rivals = {name for group in self.diagnosis.tied for name in group}
         # those found in the order found, then what ties with them, then the rest
         return sorted(rows, key=lambda row: 0 if row.found else
