@@ -24,6 +24,7 @@ from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.trials import Offsets, trial_offsets
+from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import Cells, reduce
 from fam_bundle_ros.discovery.compare import compare
@@ -145,7 +146,7 @@ def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
     residual = cells.data.force - physics.model.predict(cells.motion)
     kept = cells.label >= 0
     found = trial_offsets(cells.data.select(kept), residual[kept])
-    return found if found is not None and found.size > 0.5 * cells.noise else None
+    return found if found is not None and found.size > settings.VISIBLE * cells.noise else None
 
 
 def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[str, float],

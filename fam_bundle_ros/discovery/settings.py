@@ -4,8 +4,9 @@
 Every number that the search for missing effects goes by, each with its reason.
 
 Three kinds: what a user may choose (`Choices`), widths of priors and grids, and the few numbers
-that are neither (`EFFORT`, `LEAST_GAIN`, ...). None is a threshold on a measured quantity of one
-muscle: all are log odds, shares of the force or of the range of the data, or counts.
+that are neither (from `LEAST_NOISE` on). None is a threshold on a measured quantity of one muscle:
+all are log odds, shares of the force or of the range of the data, or counts. How a solver steps
+stands where it steps.
 """
 
 from __future__ import annotations
@@ -81,6 +82,8 @@ LEAST_SHARE = 0.02
 #: A discrepancy below this share of the largest force is as good as none: no gauge of a rig is
 #: better.
 SMALL = 0.01
+#: Structure, or offsets of trials, below this share of a row's noise are not told as findings.
+VISIBLE = 0.5
 #: So many times the structure that is normal cannot be left by an explanation: its prior
 #: probability is exp(-10).
 ABNORMAL = 10.0

@@ -150,7 +150,7 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
         # as an effect must, structure has prior odds to overcome
         odds = inclusion / (1.0 - inclusion)
         structured = (needed + np.log(odds) > settings.LEAST_LOSS
-                      and before.smooth > 0.5 * cells.noise)
+                      and before.smooth > settings.VISIBLE * cells.noise)
         if offsets is not None or structured:
             verdict = 'unexplained'
         else:
