@@ -123,6 +123,12 @@ class Measurement:
     taken: tuple[Taken, ...] = ()
     rest_length: float | None = None
 
+    def __post_init__(self) -> None:
+        if len(self.direction_basis) != len(self.direction):
+            # made by hand with a direction alone: that of the strain
+            object.__setattr__(self, 'direction_basis',
+                               np.where(self.direction != 0, BY_STRAIN, REST))
+
     def __len__(self) -> int:
         return len(self.force)
 

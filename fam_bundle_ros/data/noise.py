@@ -148,8 +148,8 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     Return the standard deviation of differences with outliers, by their median deviation.
 
     Differences of quantised readings are multiples of the step: where the step is not small
-    beside them, the median deviation is one too, often zero. The standard deviation without
-    those beyond 5 sd is taken then.
+    beside them, the median deviation is one too, often zero. The standard deviation of those
+    within 5 of it, or of the step, is taken then.
 
     Parameters
     ----------
@@ -161,13 +161,7 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     robust = float(_ROBUST * np.median(np.abs(gaps)))
     if robust > 4.0 * quantum:
         return robust
-    kept, size = gaps, float(gaps.std())
-    for _ in range(20):
-        kept = gaps[np.abs(gaps) <= 5.0 * size]
-        if not len(kept) or kept.std() == size:
-            break
-        size = float(kept.std())
-    return size
+    return float(gaps[np.abs(gaps) <= 5.0 * max(robust, quantum)].std())
 
 
 def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:
@@ -277,10 +271,11 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
     A cell is a bin of strain, of each pressure, and the direction; a visit is an unbroken stay
     in one. For a static map all rows of one trial in a cell are a visit.
     """
+    span = float(np.ptp(measurement.strain))
     # one strain held at rest is one bin, whatever its last digits
-    width = max(float(np.ptp(measurement.strain)) / strains, _ONE_STRAIN)
-    middle = np.median(measurement.strain)
-    parts = [np.round((measurement.strain - middle) / width).astype(int)]
+    held = np.zeros(len(measurement), int)
+    parts = [held if span < _ONE_STRAIN else
+             np.floor(measurement.strain / span * strains).astype(int)]
     for column in measurement.pressure.T:
         width = max(float(np.ptp(column)) / 40.0, 5e3)
         # isobars differ by their noise: bins are centred on the usual steps by rounding

@@ -150,7 +150,7 @@ def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
 
     All changes from sample to sample are multiples of it. At least 16 changes and a range of 16
     steps are asked for: levels that were set one after another are no resolution. Nor is the
-    change of an even ramp: its samples neither stay nor skip a step now and then.
+    change of an even ramp: but for its ends, its samples neither stay nor skip a step.
     """
     every = np.abs(np.diff(value))[np.diff(trial) == 0]
     moved = every > 1e-9 * max(float(np.ptp(value)), 1e-12)
@@ -160,7 +160,8 @@ def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
     step = float(change.min())
     share = change / step
     whole = np.abs(share - np.round(share)) < 0.05
-    uneven = (np.diff(moved) != 0).sum() >= 16 or (share > 1.5).mean() > 0.05
+    stays = (np.diff(moved) != 0).sum() > 0.2 * len(change)
+    uneven = stays or (share > 1.5).mean() > 0.05
     return step if uneven and whole.mean() > 0.99 and np.ptp(value) > 16.0 * step else 0.0
 
 

@@ -156,7 +156,8 @@ def taken_words(measurement: Measurement) -> str:
             unused.append(f"'{taken.header}' ({taken.why})")
             continue
         said = f' ({taken.why})' if taken.why else ''
-        turned = ', sign turned round' if taken.sign < 0 and taken.quantity != 'elongation' else ''
+        turned = ', sign turned round' if (taken.sign < 0) != (taken.quantity == 'elongation'
+                                                               ) else ''
         used.append(f"{taken.quantity} '{taken.header}'{said}{turned}")
         first = taken.header.partition('[')[0].strip().casefold()
         plain &= not said and first in (taken.quantity.casefold(), taken.quantity)

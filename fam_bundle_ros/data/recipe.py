@@ -144,7 +144,8 @@ def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
             continue
         own = recognise(taken.header).unit
         unit = f' [{taken.unit}]' if taken.unit and own is None else ''
-        columns[taken.quantity] = ('-' if taken.sign < 0 else '') + taken.header + unit
+        turned = taken.sign < 0 if taken.quantity != 'elongation' else taken.sign > 0
+        columns[taken.quantity] = ('-' if turned else '') + taken.header + unit
     return replace(recipe, columns=columns,
                    rest_length=recipe.rest_length or measurement.rest_length)
 

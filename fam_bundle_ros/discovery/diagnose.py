@@ -45,7 +45,7 @@ from fam_bundle_ros.discovery.words import next_experiment, notes_on, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 
 #: Ties that are put to the test on held-out folds.
-_TRIED = 4
+_TRIED = 8
 #: Candidates of a ranking whose error is worked out without a discrepancy.
 _TOLD = 6
 
@@ -159,9 +159,8 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
     fitter = search.fitter
     if not found or what_is_left(fitter.covariance, chosen).total <= small(fitter.cells):
         return chosen, found
-    ties = [fit for fit in Posterior.of(search).fits if len(changes(
-        search.options, fit.names)) == len(found) and fit is not chosen
-        and fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
+    ties = [fit for fit in Posterior.of(search).fits if fit is not chosen
+            and fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
     tried = [chosen, *ties]
     errors = [held_out_physics(fitter, fitter.without_discrepancy(fit)) for fit in tried]
     best = tried[int(np.argmin(errors))]

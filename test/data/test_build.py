@@ -10,6 +10,7 @@ import pytest
 from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.data.checks import spread_stamps
 from fam_bundle_ros.data.measurement import build, BY_PRESSURE, BY_STRAIN, REST
+from fam_bundle_ros.data.rates import signal_step
 from fam_bundle_ros.errors import InputError
 
 
@@ -68,6 +69,35 @@ def test_a_strain_read_in_steps_moves_all_the_same(muscle):
     fast = np.abs(np.sin(2 * np.pi * time / 40.0)) > 0.3
     right = data.direction == np.sign(np.sin(2 * np.pi * time / 40.0))
     assert right[fast].mean() > 0.97
+    rate = 0.1 * 2 * np.pi / 40.0 * np.sin(2 * np.pi * time / 40.0)
+    assert np.sqrt(np.mean((data.strain_rate - rate)[fast] ** 2)) < 0.25 * np.abs(rate).max()
+
+
+def test_noise_of_a_strain_at_rest_has_no_direction(muscle):
+    """Between two sweeps the strain is held, noise of 1e-4 and all: most rows rest."""
+    up = np.linspace(0.0, 0.2, 100)
+    true = np.concatenate([up, np.full(300, 0.2), up[::-1], np.zeros(300)])
+    strain = true + 1e-4 * np.random.default_rng(0).standard_normal(800)
+    data = build('held', strain, np.full(800, 3e5), muscle(true, 3e5), None, 0.05 * np.arange(800))
+    held = np.r_[115:385, 515:785]
+    assert (data.direction[held] == 0).mean() > 0.95
+    assert (data.direction[10:90] == 1).all()
+
+
+def test_even_ramps_are_not_read_in_steps(sweeps):
+    """Ramps whose samples are evenly apart have no rounding noise in their rate."""
+    data = sweeps()
+    assert signal_step(data.strain, data.trial) == 0.0
+    assert data.rate_noise < 1e-3 * np.abs(data.strain_rate).max()
+    inside = (data.strain > 0.01) & (data.strain < 0.23)
+    assert np.allclose(np.abs(data.strain_rate[inside]), 0.024, rtol=0.05)
+
+
+@pytest.mark.parametrize('speed', [0.2, 0.7, 1.0, 1.3, 5.0])
+def test_steps_are_seen_at_every_speed(speed):
+    """A reading in steps of 2 is seen whether it stays or skips."""
+    true = 60.0 * np.sin(np.arange(3000) * speed / 60.0)
+    assert signal_step(2.0 * np.round(true / 2.0), np.zeros(3000, int)) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(('strain', 'pressure', 'words'), [

@@ -50,8 +50,9 @@ def test_names_and_units_are_recognised(header, quantity, unit, factor):
 
 @pytest.mark.parametrize('header', [
     'Solldruck [bar]', 'pressure setpoint [kPa]', 'supply pressure [bar]', 'p_ref [kPa]',
-    'Luftdruck [hPa]', 'model force [N]', 'residual [N]', 'force error [N]', 'torque [Nm]',
-    'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]', 'target length [mm]'])
+    'Luftdruck [hPa]', 'ambient pressure [kPa]', 'model force [N]', 'residual [N]',
+    'force error [N]', 'torque [Nm]', 'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]',
+    'target length [mm]'])
 def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
     """Setpoints, supplies, models and other sensors are left alone."""
     assert recognise(header).quantity == ''
@@ -126,6 +127,16 @@ def test_lengths_and_displacements_become_strain_positive_when_shorter(log, head
     assert np.allclose(data.strain, log[1])
 
 
+@pytest.mark.parametrize(('quantity', 'sign'), [
+    ('elongation', -1), ('contraction', 1), ('length', 0)])
+def test_told_lengths_mean_what_they_say(log, quantity, sign):
+    """An elongation that is told lengthens; a contraction shortens."""
+    values = 250 * (1 - log[1]) if quantity == 'length' else sign * 250 * log[1]
+    data = read_measurement(table(log, strain=('b', values)), columns={quantity: 'b [mm]'},
+                            rest_length=0.25)
+    assert np.allclose(data.strain, log[1])
+
+
 def test_the_direction_of_a_displacement_is_said(log):
     """What was concluded from the force stands in the line of what was taken."""
     data = read_measurement(table(log, strain=('position [mm]', -250 * log[1])),
@@ -165,6 +176,9 @@ def test_a_blank_trial_belongs_to_the_one_above(log):
     names[[0, 80, 160]] = ['a', 'b', 'c']
     data = read_measurement({**table(log), 'run': names})
     assert np.array_equal(np.bincount(data.trial), [80, 80, 80])
+    numbers = np.full(ROWS, np.nan)
+    numbers[[0, 80, 160]] = [1.0, 2.0, 3.5]
+    assert read_measurement({**table(log), 'run': numbers}).trial_names == ('1', '2', '3.5')
 
 
 def test_the_best_of_two_columns_is_taken_and_a_tie_is_asked(log):
@@ -206,6 +220,22 @@ def test_columns_can_be_told(log, columns, right):
     """By header, with a unit, with the sign turned, or by number."""
     data = read_measurement(table(log, force=('Kanal 3', log[3])), columns=columns)
     assert np.allclose(data.force, right * log[3])
+
+
+def test_what_is_told_counts_more_than_what_would_be_recognised(log):
+    """A told column is used though another has the plainer name."""
+    data = read_measurement({**table(log), 'Kanal 3': 2.0 * log[3], 'L [mm]': log[1]},
+                            columns={'force': 'Kanal 3 [N]', 'strain': 'strain'})
+    assert np.allclose(data.force, 2.0 * log[3])
+    assert "'force [N]' (force was told)" in taken_words(data)
+
+
+def test_a_name_among_other_words_needs_a_unit(log):
+    """'left spring load' may be anything; with N it is a force."""
+    with pytest.raises(InputError, match='may be force, but for its other words'):
+        read_measurement(table(log, force=('left spring load', log[3])))
+    assert np.allclose(read_measurement(table(log, force=('left spring load [N]', log[3]))).force,
+                       log[3])
 
 
 def test_constants_can_be_told(log):

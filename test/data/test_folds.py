@@ -35,6 +35,7 @@ def test_train_and_test_share_no_row_and_no_group(sweeps, by):
 def test_every_row_is_left_out_once(sweeps, by):
     """Together the folds of trials and isobars cover the data."""
     data = sweeps()
+    assert Folds('trial').n_splits(data) == 8
     left = np.concatenate([test for _, test in Folds(by).split(data)])
     assert np.array_equal(np.sort(left), np.arange(len(data)))
 

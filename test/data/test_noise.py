@@ -27,6 +27,27 @@ def test_a_quantised_load_cell_is_as_noisy_as_it_rounds(sweeps, muscle, noise, s
     assert floor.value == pytest.approx(np.hypot(noise, step / np.sqrt(12.0)), rel=0.25)
 
 
+def test_readings_that_stay_are_not_free_of_noise(muscle):
+    """Slow sweeps under a coarse load cell: neighbours agree, and still the cell rounds."""
+    time = 0.01 * np.arange(12_000)
+    strain = 0.1 - 0.1 * np.cos(2 * np.pi * time / 60.0)
+    pressure = np.where(time < 60.0, 2e5, 3e5)
+    true = muscle(strain, pressure)
+    data = build('slow', strain, pressure, 3.0 * np.round(true / 3.0), None, time)
+    floor = noise_floor(data, data.force - true)
+    assert floor.differences == pytest.approx(3.0 / np.sqrt(12.0), rel=0.1)
+
+
+def test_outliers_of_a_quantised_load_cell_are_no_noise(sweeps, muscle):
+    """3 % of the rows 40 N off, read in steps of 1 N."""
+    data = stepped(sweeps(noise=0.5, cycles=4), 1.0)
+    force = data.force.copy()
+    force[::33] += 40.0
+    data = build('outliers', data.strain, data.pressure, force, data.trial, data.time)
+    floor = noise_floor(data, force - muscle(data.strain, data.pressure[:, 0]))
+    assert floor.value == pytest.approx(0.58, rel=0.4)
+
+
 def test_a_coarse_load_cell_is_spoken_of(sweeps):
     """The step is named where it makes the noise, and not where it does not."""
     assert 'in steps of 3 N' in str(noise_floor(stepped(sweeps(noise=0.1), 3.0)))

@@ -37,12 +37,27 @@ def test_what_was_recognised_and_told_is_kept(log, tmp_path):
     assert low.pressure.max() == pytest.approx(0.2 * first.pressure.max())
 
 
+@pytest.mark.parametrize('sign', [1, -1])
+def test_a_recipe_keeps_the_sign_of_an_elongation(log, sign):
+    """Recognised or told with a minus, it is read again as it was."""
+    lengths = {**log, 'Extension [mm]': sign * log['Weg']}
+    del lengths['Weg']
+    told = Recipe(columns={'force': '-Kanal 3 [N]', **(
+        {} if sign > 0 else {'elongation': '-Extension [mm]'})}, rest_length=0.25)
+    first = read_measurement(lengths, recipe=told)
+    assert first.strain.min() > -1e-9
+    again = read_measurement(lengths, recipe=recipe_of(first, told))
+    assert np.array_equal(first.strain, again.strain)
+
+
 def test_options_count_more_than_the_recipe(log, tmp_path):
     """What is given beside a recipe replaces that part of it."""
     recipe = Recipe(columns={'force': '-Kanal 3 [N]'}, rest_length=0.25)
     save_recipe(recipe, tmp_path / 'lab.yaml')
     data = read_measurement(log, recipe=tmp_path / 'lab.yaml', rest_length='300 mm')
     assert data.strain.max() == pytest.approx(0.2 * 250 / 300, rel=1e-3)
+    more = read_measurement(log, recipe=recipe, columns={'pressure': 'p [bar]'}, max_pressure=1e8)
+    assert np.array_equal(more.force, data.force)
     small = read_measurement(log, recipe=recipe, columns={'force': '-Kanal 3 [mN]'})
     assert small.force.max() == pytest.approx(1e-3 * data.force.max())
 
