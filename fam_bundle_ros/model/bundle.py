@@ -20,7 +20,7 @@ from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.geometry import Geometry
 from fam_bundle_ros.model.laws.base import Place
 from fam_bundle_ros.model.muscles import Muscles
-from fam_bundle_ros.model.parts import Motion, MotorUnit, Overlap, Pneumatics, SensorError
+from fam_bundle_ros.model.parts import Motion, MotorUnit, Pneumatics, SensorError
 from fam_bundle_ros.model.rows import differences
 from fam_bundle_ros.model.seam import Model
 
@@ -380,22 +380,11 @@ class Bundle:
 
     # --- what the bundle can do (see `fam_bundle_ros.model.reach`) -----------------------------
 
-    def free_strain(self, pressure: ArrayLike, highest: float = 0.45) -> np.ndarray:
-        """Return the strain (...) at which the force first falls to zero; `reach.free_strain`."""
-        return reach.free_strain(self, pressure, highest)
+    free_strain = reach.free_strain
+    state_pressures = reach.state_pressures
+    overlap = reach.overlap
+    onset_pressure = reach.onset_pressure
 
     def blocked_force(self, pressure: ArrayLike) -> np.ndarray:
         """Return the force at zero strain, N, shape (...); ``pressure`` has shape (..., n)."""
         return self.force(0.0, pressure)
-
-    def state_pressures(self, state: int, last: ArrayLike) -> np.ndarray:
-        """Return pressures (..., n) of recruitment state RSk; `reach.state_pressures`."""
-        return reach.state_pressures(self, state, last)
-
-    def overlap(self, strain: float, state: int, points: int = 257) -> Overlap:
-        """Return the forces that RSk and RSk+1 can both give at a strain; `reach.overlap`."""
-        return reach.overlap(self, strain, state, points)
-
-    def onset_pressure(self, strain: float, unit: int, points: int = 257) -> float:
-        """Return from where on a motor unit helps the bundle, Pa; `reach.onset_pressure`."""
-        return reach.onset_pressure(self, strain, unit, points)

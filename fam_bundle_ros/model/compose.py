@@ -31,9 +31,10 @@ from fam_bundle_ros.model.vocabulary import bound
 
 #: Column of the shape array that holds the number of muscles; before it the fields `SHAPE`.
 MUSCLES = len(SHAPE)
-#: Gauss-Legendre nodes and weights on [0, 1].
-_GAUSS = tuple((0.5 + 0.5 * float(x), 0.5 * float(w))
-               for x, w in zip(*np.polynomial.legendre.leggauss(5)))
+#: Nodes and weights of Gauss-Legendre's rule on [0, 1], exact for polynomials up to degree 9.
+_GAUSS = ((0.04691007703066800, 0.11846344252809454), (0.23076534494715845, 0.23931433524968324),
+          (0.5, 0.28444444444444444), (0.76923465505284155, 0.23931433524968324),
+          (0.95308992296933200, 0.11846344252809454))
 _RESERVED = {*FELT, *SHAPE, *STEPPING, *TABLES, 'np', 'shape', 'parameters', 'memory', 'after',
              'muscle', 'muscle_at_rest', 'volume', 'volume_slope', 'grown', 'stretched', 'felt',
              'whole', 'bracket', 'inside', 'node', 'weight', 'int', 'one'}

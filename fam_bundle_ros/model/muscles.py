@@ -9,6 +9,7 @@ SI units, gauge pressures.
 
 from collections.abc import Sequence
 from functools import cached_property
+import math
 from typing import Any
 
 import numpy as np
@@ -76,13 +77,20 @@ class Muscles:
 
     # --- forces --------------------------------------------------------------------------------
 
-    def at_rest(self, strain, pressure, strain_rate, time=0.0) -> np.ndarray:
+    def at_rest(self, strain, pressure, strain_rate) -> np.ndarray:
         """Return the forces (..., n) at equilibrium."""
-        strain, pressure, strain_rate = _columns(strain, pressure, strain_rate)
+        strain, pressure, strain_rate = given = _columns(strain, pressure, strain_rate)
         self._warn_outside(strain, pressure)
+        shape = np.broadcast_shapes(*(item.shape[:-1] for item in given))
+        if math.prod(shape) > rows.BLOCK:
+            strain, pressure, strain_rate = (
+                np.broadcast_to(item, (*shape, item.shape[-1])).reshape(-1, item.shape[-1])
+                for item in given)
+            motion = Motion(strain[:, 0], pressure, strain_rate[:, 0])
+            return rows.unit_forces(self, motion).reshape(*shape, -1)
         with np.errstate(all='ignore'):
             force = self.laws.functions('arrays').muscle_at_rest(
-                self._units, strain, strain_rate, pressure, time, self.shape, self.parameters,
+                self._units, strain, strain_rate, pressure, 0.0, self.shape, self.parameters,
                 self.tables)
         return self._of_units(force, strain, pressure, strain_rate)
 

@@ -8,8 +8,8 @@ laws compiles nothing anew. Without numba a law runs on arrays; one with memory 
 by its recurrences or, when it is written otherwise, sample by sample.
 """
 
-from collections.abc import Callable
-from functools import cache, cached_property, lru_cache
+from collections.abc import Callable, Iterable
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from fam_bundle_ros import kernels
 from fam_bundle_ros.model.derivative import Partials, partials
 from fam_bundle_ros.model.dual import Dual, scaled, Slopes, total, value_of
-from fam_bundle_ros.model.laws.base import arguments, FELT, STEPPING, TABLES
+from fam_bundle_ros.model.laws.base import arguments, FELT, Law, Place, STEPPING, TABLES
 from fam_bundle_ros.model.scan import affine_scan
 from fam_bundle_ros.model.source import defined
 from fam_bundle_ros.model.vocabulary import bound, runs_along_time
@@ -32,10 +32,21 @@ _GIVEN = {'unit', 'strain_rate', 'time', *STEPPING, *TABLES}
 _WORTH = 200_000
 
 
-@cache
+@lru_cache(maxsize=1024)
 def row_law(function: Callable, fields: tuple[str, ...]) -> 'RowLaw':
     """Return a law's function for rows, made once."""
     return RowLaw(function, fields)
+
+
+def prepare(laws: Iterable[Law]) -> None:
+    """Compile laws for rows, so that nobody waits for it later; does nothing without numba."""
+    for law in laws if kernels.numba() is not None else ():
+        for part in law.parts:
+            fields = tuple(name for name in part.arguments if name in law.memory)
+            if part.place not in (Place.SENSOR, Place.PNEUMATICS):
+                row_law(part.function, fields).prepare()
+                if part.equilibrium is not None:
+                    row_law(part.equilibrium, ()).prepare()
 
 
 class RowLaw:
@@ -92,7 +103,9 @@ class RowLaw:
         return runs_along_time(self._function, self._fields)
 
     def prepare(self) -> None:
-        """Compile the law and its partial derivatives now, for example when it is installed."""
+        """Compile the law and its partial derivatives now."""
+        if not self._fields and not _VARYING & set(self._names):
+            return  # one number for all rows
         table = np.array([2.0, 2.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
         exact: dict[str, Any] = {'unit': 0, 'tables': table, 'table': 0}
         inputs = [exact.get(name, _rows_of(name, 0.5, 2) if name in _VARYING else 0.5)
@@ -105,8 +118,9 @@ class RowLaw:
     def _rows(self, function, count, inputs):
         """Return the value, or the value and the partial derivatives, and the memory after."""
         size = max((len(item) for name, item in zip(self._names, inputs, strict=True)
-                    if isinstance(item, np.ndarray) and name not in TABLES), default=0)
-        if not size and not self._fields:
+                    if isinstance(item, np.ndarray) and name not in TABLES),
+                   default=1 if self._fields else 0)
+        if not size:
             result = function(*inputs)
             return (result if isinstance(result, tuple) else (result,)), ()
         inputs = [_rows_of(name, item, size) if name in _VARYING else item
@@ -129,7 +143,8 @@ class RowLaw:
 
     def _compiled(self, function, count, inputs, size):
         out = np.empty((count, size))
-        loop = _loop(function, self._names, self._fields, count, self._with_rows(inputs), True)
+        with_rows = self._with_rows(inputs)
+        loop = _loop(function, self._names, self._fields, count, with_rows, 'kernels')
         return out, loop(*inputs, out)
 
     def _along_time(self, function, count, inputs, size):
@@ -146,10 +161,19 @@ class RowLaw:
 
     def _sample_by_sample(self, function, count, inputs, size):
         with_rows = self._with_rows(inputs)
-        inputs = [item.tolist() if name in with_rows else item
-                  for name, item in zip(self._names, inputs, strict=True)]
-        out = [[0.0] * size for _ in range(count)]
-        after = _loop(function, self._names, self._fields, count, with_rows, False)(*inputs, out)
+        inputs = [np.asarray(item) for item in inputs]
+        # plain numbers raise where those of arrays give nan or infinity
+        for mode, number in (('floats', np.ndarray.tolist), ('arrays', lambda array: array[()])):
+            loop = _loop(function, self._names, self._fields, count, with_rows, mode)
+            given = [number(item) for item in inputs]
+            out = [[0.0] * size for _ in range(count)]
+            try:
+                after = loop(*given, out)
+            except (ArithmeticError, ValueError):
+                if mode == 'arrays':
+                    raise
+            else:
+                break
         return np.array(out), after
 
     def _with_rows(self, inputs):
@@ -172,12 +196,12 @@ def _rows_of(name, item, size):
 
 @lru_cache(maxsize=1024)
 def _loop(function: Callable, names: tuple[str, ...], fields: tuple[str, ...], count: int,
-          with_rows: tuple[str, ...], compiled: bool) -> Callable:
+          with_rows: tuple[str, ...], mode: str) -> Callable:
     """
     Return a loop over rows around a law's function, or around its partial derivatives.
 
     The loop takes the function's arguments, some of them with rows, and ``out`` (count, T); it
-    returns the memory after the last row.
+    returns the memory after the last row. ``mode`` is one of `fam_bundle_ros.model.vocabulary`.
     """
     inputs = ', '.join(f'{name}[row]' if name in with_rows else name for name in names)
     rows = [f'out_{number}' for number in range(count)]
@@ -189,9 +213,9 @@ def _loop(function: Callable, names: tuple[str, ...], fields: tuple[str, ...], c
         f'for row in range(len({rows[0]})):',
         f'    {", ".join(results)} = law({inputs})',
         f'return ({", ".join(fields)}{"," if fields else ""})']) + '\n'
-    if not compiled:
-        return defined(text, 'over_rows', {'law': bound(function, 'floats')})
-    return kernels.compiled(defined(text, 'over_rows', {'law': bound(function, 'kernels')}, True))
+    compiled = mode == 'kernels'
+    loop = defined(text, 'over_rows', {'law': bound(function, mode)}, compiled)
+    return kernels.compiled(loop) if compiled else loop
 
 
 class _Chain:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from fam_bundle_ros.model.muscles import Muscles
 
 #: Rows in a block: what stands between laws then stays in the processor's cache.
-_BLOCK = 4096
+BLOCK = 4096
 #: Relative step of central differences: cube root of the rounding of a double.
 _STEP = 6e-6
 #: Dimensions of a muscle that a key ``geometry.radius`` ... may name.
@@ -179,8 +179,8 @@ def _blocks(numbers: _Numbers, strain: Any, pressure: Any, motion: Motion
     dt = np.where(start, 0.0, np.diff(time, prepend=0.0))
     stepping = laws.has_memory and motion.time is not None
     memory = [[0.0] * len(laws.memory) for _ in numbers.shape]
-    for begin in range(0, count, _BLOCK):
-        rows = slice(begin, min(begin + _BLOCK, count))
+    for begin in range(0, count, BLOCK):
+        rows = slice(begin, min(begin + BLOCK, count))
         felt = _part(strain, rows)
         for unit, shape in enumerate(numbers.shape):
             given = unit, felt, rate[rows], _part(pressure, (unit, rows)), time[rows]

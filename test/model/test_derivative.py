@@ -5,7 +5,7 @@
 import traceback
 import types
 
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -20,7 +20,8 @@ from fam_bundle_ros.model.vocabulary import bound
 COMPLEX = types.SimpleNamespace(
     maximum=np.maximum, minimum=np.minimum, where=np.where, sqrt=np.sqrt, exp=np.exp, log=np.log,
     expm1=np.expm1, tanh=np.tanh, sin=np.sin, cos=np.cos, pi=np.pi,
-    abs=lambda a: np.where(np.real(a) < 0.0, -a, a), sign=lambda a: np.sign(np.real(a)))
+    abs=lambda a: np.where(np.real(a) < 0.0, -a, a),
+    inf=np.inf, sign=lambda a: np.sign(np.real(a)))
 
 
 def complex_step(function, values, name, output=0):
@@ -51,7 +52,7 @@ def _both(x, y):
 # formulas with every operation of the vocabulary, smooth and _kinked
 
 def _rational(x, y):
-    return (x - 2.0 * y) / (1.0 + x * x) - -x / (y + 3.0)
+    return (x - 2.0 * y) / (1.0 + x * x) - -x / (y + 3.0) + (x - y) * (y - x)
 
 
 def _transcendental(x, y):
@@ -59,7 +60,8 @@ def _transcendental(x, y):
 
 
 def _powers(x, y):
-    return x ** 3 + 2.0 * x ** 2.0 - (x + 5.0) ** -1.5 + (y + 5.0) ** x
+    grouped = ((x + 5.0) ** 0.7) ** y + (x + 5.0) ** (y ** 2)
+    return x ** 3 + 2.0 * x ** 2.0 - (x + 5.0) ** -1.5 + (y + 5.0) ** x + grouped
 
 
 def _roots(x, y):
@@ -68,7 +70,7 @@ def _roots(x, y):
 
 
 def _kinked(x, y):
-    lower = np.maximum(x, 0.2 * y)
+    lower = np.minimum(np.maximum(x, 0.2 * y), np.inf)
     return np.abs(lower) * np.minimum(lower, y) + np.sign(x) * y
 
 
@@ -89,6 +91,7 @@ NUMBERS = st.floats(-2.9, 2.9, allow_subnormal=False).filter(lambda x: abs(x) > 
 
 @pytest.mark.parametrize('formula', FORMULAS)
 @given(x=NUMBERS, y=NUMBERS)
+@settings(deadline=None)
 def test_partials_are_those_of_a_complex_step(formula, x, y):
     """Every operation and function has its exact derivative, through helper functions too."""
     assume(x not in (y, 0.2 * y, 0.3, -1.0) and y != 1.0)  # kinks have tests of their own
@@ -127,6 +130,7 @@ def _likely(name, law, draw):
 
 @pytest.mark.parametrize('function', _of_laws(), ids=lambda function: function.__name__)
 @given(seed=st.integers(0, 10_000))
+@settings(deadline=None)
 def test_every_law_has_its_exact_partial_derivatives(function, seed):
     """Each derivative of each output of each law is that of a complex step."""
     law = next(law for law in catalogue.available().values() for part in law.parts
@@ -142,15 +146,18 @@ def test_every_law_has_its_exact_partial_derivatives(function, seed):
         for name in moving:
             exact = complex_step(function, values, name, output)
             # terms that cancel leave their rounding
-            assert found.get((output, name), 0.0) == pytest.approx(exact, rel=1e-9, abs=1e-11)
+            rounding = 1e-8 / max(abs(values[name]), 1.0)
+            assert found.get((output, name), 0.0) == pytest.approx(exact, rel=1e-9, abs=rounding)
 
 
 @pytest.mark.parametrize('formula', FORMULAS)
 @given(x=NUMBERS, y=NUMBERS)
+@settings(deadline=None)
 def test_value_is_the_law_s_own_to_the_last_bit(formula, x, y):
     """Reading and writing a formula changes no rounding."""
     x, y = np.float64(x), np.float64(y)
-    assert partials(formula, ('x',)).function(x, y)[0] == formula(x, y)
+    for by in (('x',), ()):
+        assert partials(formula, by).function(x, y)[0] == formula(x, y)
 
 
 @pytest.mark.parametrize('formula', FORMULAS)
@@ -220,6 +227,23 @@ def test_power_law_at_rest_has_finite_slopes(exponent):
     result = partials(_power_of_speed, ('speed', 'size', 'exponent')).function(0.0, 3.0, exponent)
     assert np.all(np.isfinite(result))
     assert result[2:] == (0.0, 0.0)
+
+
+def _compared(x, y):
+    return np.where(x <= y, x, 0.0) + np.where(x >= y, 2.0 * x, 0.0) + np.where(
+        x < y, 4.0, 0.0) + np.where(x > y, 8.0, 0.0) + np.where(x != y, 16.0, 0.0)
+
+
+@pytest.mark.parametrize('x', [1.0, 2.0, 3.0])
+def test_comparisons_are_read_as_they_stand(x):
+    """At, below and above the point where a comparison changes."""
+    assert partials(_compared, ('x',)).function(x, 2.0)[0] == _compared(x, 2.0)
+
+
+def test_a_table_is_differentiated_within_its_cell():
+    """The index into a table has no slope, the position in the cell has."""
+    surface = catalogue.get('measured_surface').function
+    assert partials(surface, ('strain', 'pressure')).entries == ((0, 'strain'), (0, 'pressure'))
 
 
 def _highest(x, y):
