@@ -188,8 +188,8 @@ def empty_node(role: str, units: int, lock_step: bool, context: Context,
 
 def roles(units: int) -> list[str]:
     """Return the nodes of a bundle besides its rig, in the order in which they are started."""
-    return ['model_monitor', 'recruitment_controller',
-            *(f'pressure_pid_mu{k}' for k in _count(units)), 'reference_generator']
+    return [*(f'pressure_pid_mu{k}' for k in _count(units)), 'recruitment_controller',
+            'model_monitor', 'reference_generator']
 
 
 def spin(context: Context, nodes: Iterable[Node], done: Callable[[], bool]) -> None:
