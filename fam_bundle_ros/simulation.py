@@ -286,7 +286,8 @@ class Run:
         self._reasons = np.zeros((self.ticks, ROW))
         self._models: Any = (rig.model, controller.model, loop.model.model(False))
         self._step: Any = closed_loop
-        self.compiled = loop.compiled is not False and kernels.numba() is not None
+        self.compiled = bool(loop.compiled) or (loop.compiled is None
+                                                and kernels.numba() is not None)
         if self.compiled:
             self._compile(loop, controller, rig.model)
         if not self.compiled:

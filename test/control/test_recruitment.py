@@ -190,6 +190,38 @@ def test_a_ramp_shows_its_rate_whatever_the_sample_times(steps, slope, bandwidth
     assert acceleration == pytest.approx(0.0, abs=0.1)
 
 
+def test_nothing_is_learnt_while_a_unit_is_crossed(paper_bundle):
+    """The bias stands still until the pressures are those of the model again."""
+    bench = Bench(paper_bundle, 0.16)
+    bench.bundle = paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.2)
+    bench.hold(20.0, 1.0)
+    memory, moved = bench.controller.memory, {True: [], False: []}
+    for force in np.linspace(20.0, 70.0, 600):
+        before = memory.outer.bias
+        crossing = memory.crossings.count > 0 or memory.since_crossing <= 0.05
+        bench.update(float(force), 50.0 / 3.0)
+        moved[crossing].append(memory.outer.bias - before)
+    assert len(moved[True]) > 5
+    assert not np.any(moved[True])
+    assert np.any(moved[False])
+
+
+def test_the_model_is_asked_for_the_rate_that_a_strain_reference_says(paper_bundle):
+    """And with a force reference for the rate that is measured, without its noise."""
+    bench = Bench(paper_bundle, 0.1)
+    for kind, value, rate, asked in (('strain', 0.1, 0.07, 0.07), ('force', 40.0, 5.0, 0.0)):
+        for _ in range(20):
+            bench.update(value, rate, kind)
+        assert bench.controller.memory.table.moment.strain_rate == asked
+
+
+def test_units_with_different_limits_share_one_grid(bundles):
+    """Common pressures in ``batch``: the table has them for every unit, cut at its limit."""
+    allocator = Allocator(bundles[3], max_pressure=(100e3, 200e3, 300e3))
+    assert allocator.grid[0] == [min(p, 100e3) for p in allocator.grid[2]]
+    assert max(allocator.grid[1]) == 200e3
+
+
 def test_a_step_beyond_the_present_state_is_met_as_fast_as_the_valves_go(paper_bundle):
     """Where nobody can make up for the push-back, the next unit is not brought in gently."""
     bench = Bench(paper_bundle, 0.16, outer=OPEN)

@@ -59,13 +59,14 @@ def test_foreign_plant_lifts_a_mass_to_where_it_balances():
 
 def test_memory_is_read_and_written_by_motor_unit():
     """Each unit counts its own samples from the start on; other units' are left alone."""
-    def force(unit, start, memory, after):
+    def force(unit, strain_rate, start, memory, after):
         after[0] = 1.0 + unit if start else memory[0] + 1.0 + unit
         after[1] = 7.0
-        return after[0]
+        return after[0] - 50.0 * strain_rate
 
+    # The force is asked several times a step for its rate: only the last one counts.
     plant = ForeignPlant(force, bellows_volume, LENGTH, [3e5, 3e5], memory=2)
-    rig = Rig(plant, RigConfig(step=1e-3))
+    rig = Rig(plant, RigConfig(load=MassSpring(mass=0.1), step=1e-3))
     rig.step([0.0, 0.0], 5e-3)
     assert rig.model.memory == [[6.0, 7.0], [12.0, 7.0]]
     rig.reset()

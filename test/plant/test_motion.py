@@ -52,8 +52,8 @@ def curved_volume(strain):
 
 
 def swelling_volume(strain, pressure, unit):
-    """The same, in a muscle that swells with pressure."""
-    return (9e-6 + 50e-6 * strain) * (1.0 + pressure[unit] / 2e6)
+    """The same, in a muscle that swells with pressure, less and less."""
+    return (9e-6 + 50e-6 * strain) * (1.0 + 0.4 * pressure[unit] / (3e5 + pressure[unit]))
 
 
 def make(load, force=smooth_force, volume=curved_volume, units=1, **values):
@@ -142,6 +142,18 @@ def test_swelling_chambers_keep_their_air():
     assert rig.truth.strain > 0.02
 
 
+def test_filling_of_a_swelling_chamber_does_not_depend_on_the_step():
+    """The chamber swells while it fills, not after each step."""
+    def pressure(step):
+        rig = make(Dynamometer(0.1), volume=swelling_volume, valve=QUICK, supply=STIFF, step=step)
+        rig.state.air.spool = [0.3]
+        return [float(rig.step([0.3], 0.01).pressure[0]) for _ in range(8)]
+
+    coarse, fine = pressure(1e-2), pressure(5e-4)
+    assert fine[-1] > 250e3
+    assert coarse == pytest.approx(fine, abs=50.0)
+
+
 def test_swelling_makes_a_chamber_softer():
     """With the valve shut p V^1.2 stays as it is, the volume that of strain and pressure."""
     rig = make(Dynamometer(0.1), volume=swelling_volume)
@@ -159,16 +171,41 @@ def test_swelling_makes_a_chamber_softer():
     assert constant() == pytest.approx(before, rel=1e-8)
 
 
-def test_stiff_drag_of_a_load_does_not_swing_its_rate():
-    """A damping that stops the mass within a tenth of a step brings the rate down at once."""
-    rig = make(MassSpring(mass=1.0, damping=1e4, stops=(-0.15, 0.5)))
-    rig.state.motion.strain_rate = 0.5
+@pytest.mark.parametrize('load', [
+    MassSpring(mass=1.0, damping=1e4, stops=(-0.15, 0.5)),
+    SeriesSpringMass(fitting_mass=0.1, spring_damping=1e3, stops=(-0.15, 0.5))],
+    ids=['guide', 'tendon'])
+def test_stiff_damping_of_a_load_does_not_swing_its_rate(load):
+    """Damping that stops the end of the muscle in a tenth of a step brings it down at once."""
+    rig = make(load)
+    motion = rig.state.motion
+    motion.strain, motion.strain_rate, motion.place = 0.05, 0.5, 0.05 * LENGTH - 1e-4
     rates = []
     for _ in range(5):
         rig.step([0.0], 1e-3)
         rates.append(rig.truth.strain_rate)
     assert abs(rates[0]) < 0.1
-    assert np.all(np.abs(np.diff(rates)) < 0.05)
+    assert np.all(np.abs(np.diff(rates)) < 0.15)
+
+
+def test_stiff_drag_of_a_muscle_does_not_swing_its_rate():
+    """A load that moves at the speed of a strong drag stays there, step by step."""
+    rig = make(MassSpring(mass=1.0, damping=0.0, gravity=0.0, stops=(-0.15, 0.5)),
+               force=lambda strain_rate: 50.0 - 2000.0 * strain_rate)
+    rig.state.motion.strain_rate = 0.04
+    for _ in range(4):
+        rig.step([0.0], 1e-3)
+    assert rig.truth.strain_rate == pytest.approx(0.025, abs=1e-4)
+
+
+def test_force_of_time_acts_at_its_time():
+    """A force that grows with time gives the speed of its integral."""
+    rig = make(MassSpring(mass=2.0, damping=0.0, gravity=0.0, stops=(-0.15, 0.5)),
+               force=lambda time: 100.0 * time)
+    for _ in range(10):
+        rig.step([0.0], 10e-3)
+    assert rig.truth.strain_rate * LENGTH == pytest.approx(0.5 * 100.0 * 0.1 ** 2 / 2.0)
+    assert rig.truth.force == pytest.approx(10.0)
 
 
 # --- the compiled way --------------------------------------------------------------------------
