@@ -13,6 +13,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fam_bundle_ros.control.adaptation import (
+    adaptation_settings,
+    AdaptationConfig,
+    forget_adaptation,
+)
 from fam_bundle_ros.control.allocation import Allocator
 from fam_bundle_ros.control.belief import Belief, belief_of
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
@@ -73,6 +78,7 @@ class ControllerConfig:
     switching: SwitchingConfig = field(default_factory=SwitchingConfig)
     outer: OuterConfig = field(default_factory=OuterConfig)
     load: LoadModel = field(default_factory=LoadModel)
+    adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
     still: float = 400.0
     hold_time: float = 0.2
 
@@ -123,6 +129,7 @@ class RecruitmentController:
         #: The records that `recruitment_step` takes.
         self.memory = recruitment_state(self.order, self._allocator.grid,
                                         self._allocator.pushes_back)
+        forget_adaptation(self.settings.adaptation, self.memory.adaptation)
         self.model = belief_of(self._allocator.inverted, self._allocator.grid)
         self._record = command_record(self.bundle.n)
         start_recruitment(self.settings, self.memory, self._record)
@@ -212,4 +219,5 @@ def controller_settings(bundle: Bundle, config: ControllerConfig) -> Recruitment
         bundle.max_pressure, config.max_pressure)
     return RecruitmentSettings(
         SCHEMES.index(config.scheme), config.still, config.hold_time, limit.tolist(),
-        switching_settings(config.switching), outer_settings(config.outer, config.load, bundle))
+        switching_settings(config.switching), outer_settings(config.outer, config.load, bundle),
+        adaptation_settings(config.adaptation, bundle))

@@ -53,6 +53,8 @@ class CurveTable:
     pushes_back : bool
         False for a controller that reckons without resistive forces: none below zero.
     moment : Moment
+    pull, push : list (n,)
+        What the model's tension and push-back of each unit are multiplied with.
     grid, force : list (n, m), Pa (gauge) and N
         From 0 to each unit's limit.
     rest_force : list (n,), N
@@ -72,13 +74,21 @@ class CurveTable:
     crossing : list (n,), N
         Largest demands at which RSk -> RSk+1 needs no dip: up to there the units before the next
         have the room to make up for its push-back.
+    hold_force, hold_pressure : list (n,), N and Pa
+        Where a unit is held at least while others can make up for it: above the bottom by
+        ``reach``, since the true bottom may lie higher, and a unit below it answers with the
+        wrong sign.
     found : list (9,), N
         Room for forces within one cell.
+    reach : float, N
+        How far off the model may be.
     """
 
     order: list
     pushes_back: bool
     moment: Moment
+    pull: list
+    push: list
     grid: list
     force: list
     rest_force: list
@@ -91,7 +101,10 @@ class CurveTable:
     top: list
     floor: list
     crossing: list
+    hold_force: list
+    hold_pressure: list
     found: list
+    reach: float = 0.0
 
 
 def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
@@ -100,9 +113,10 @@ def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
 
     def zeros(count):
         return [0.0] * count
-    return CurveTable(list(order), pushes_back, Moment(), grid, [
+    return CurveTable(list(order), pushes_back, Moment(), [1.0] * n, [1.0] * n, grid, [
         zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
-                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), zeros(PARTS + 1))
+                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), zeros(n),
+                      zeros(n), zeros(PARTS + 1))
 
 
 # --- the curves ----------------------------------------------------------------------------------
@@ -114,7 +128,14 @@ def unit_force(table: Any, model: Any, unit: int, pressure: float) -> float:
     force = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt,
                         now.start, model.shape, model.parameters, model.tables, model.memory,
                         model.after)
-    return force if table.pushes_back else max(force, 0.0)
+    return adapted(table, unit, force)
+
+
+def adapted(table: Any, unit: int, force: float) -> float:
+    """Return the force of the adapted model for a force of the model, N."""
+    if force > 0.0:
+        return table.pull[unit] * force
+    return table.push[unit] * force if table.pushes_back else 0.0
 
 
 def _by_unit(table: Any, model: Any) -> None:
@@ -136,8 +157,8 @@ def _by_rows(table: Any, model: Any) -> None:
         _by_unit(table, model)
         return
     force = model.rows(table.moment, model.memory)
-    if not table.pushes_back:
-        force = np.maximum(force, 0.0)
+    push = np.array(table.push) if table.pushes_back else 0.0
+    force = np.where(force > 0.0, np.array(table.pull), push) * force
     tied = force <= force.min(axis=0) + FLAT
     table.bottom[:] = (len(force) - 1 - tied[::-1].argmax(axis=0)).tolist()
     table.force[:] = force.T.tolist()
@@ -172,6 +193,7 @@ def find_branches(table: Any, asleep: Any) -> None:
             table.grid[unit][bottom]
         table.top_force[unit] = curve[last] if useful else rest
         table.dip[unit] = rest - curve[bottom]
+        find_hold(table, unit)
         total += rest
     table.top[0] = table.floor[0] = total
     gain = dips = 0.0
@@ -181,6 +203,23 @@ def find_branches(table: Any, asleep: Any) -> None:
         dips += table.dip[unit]
         table.top[k + 1], table.floor[k + 1] = total + gain, total - dips
         table.crossing[k] = table.top[k] - table.dip[unit]
+
+
+def find_hold(table: Any, unit: int) -> None:
+    """
+    Find where a unit is held at least: `CurveTable.hold_pressure`.
+
+    A model that errs by more than the dip says nothing of the dip: more is not asked for.
+    """
+    grid, curve, k = table.grid[unit], table.force[unit], table.bottom[unit]
+    wanted = min(table.bottom_force[unit] + min(table.reach, max(table.dip[unit], 0.0)),
+                 table.top_force[unit])
+    while k < len(grid) - 1 and curve[k + 1] < wanted:
+        k += 1
+    table.hold_force[unit], table.hold_pressure[unit] = wanted, grid[k]
+    if k < len(grid) - 1 and curve[k + 1] > curve[k]:
+        table.hold_pressure[unit] += (grid[k + 1] - grid[k]) * max(
+            wanted - curve[k], 0.0) / (curve[k + 1] - curve[k])
 
 
 def points_up_to(grid: Any, pressure: float) -> int:

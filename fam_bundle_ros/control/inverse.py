@@ -124,32 +124,45 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
     pressure, force = shares.pressure, shares.force
     for k in range(count):
         unit = units[k]
-        pressure[unit], force[unit] = table.bottom_pressure[unit], table.bottom_force[unit]
+        if k == 0:
+            pressure[unit], force[unit] = table.bottom_pressure[unit], table.bottom_force[unit]
+        else:
+            pressure[unit], force[unit] = table.hold_pressure[unit], table.hold_force[unit]
     missing = demand - total_of(force)
+    # Only a demand that nothing else can give is worth going below.
+    for k in range(count - 1, 0, -1):
+        if missing < 0.0:
+            missing = give(table, model, units, k, missing, shares)
     for k in range(count):
-        unit = units[k]
-        if missing <= 0.0:
-            break
-        room = table.top_force[unit] - table.bottom_force[unit]
-        grid, curve = table.grid[unit], table.force[unit]
-        if missing >= room:
-            if room > 0.0:
-                pressure[unit], force[unit] = grid[-1], table.top_force[unit]
-                missing -= room
-            continue
-        wanted = table.bottom_force[unit] + missing
-        bottom = table.bottom[unit]
-        i, below = len(grid) - 1, bottom
-        while i - below > 1:
-            middle = (below + i) // 2
-            if curve[middle] < wanted:
-                below = middle
-            else:
-                i = middle
-        pressure[unit] = invert(table, model, units, k, k + 1, wanted, grid[i - 1], grid[i],
-                                curve[i - 1], curve[i], i == bottom + 1)
-        force[unit], missing = wanted, 0.0
+        if missing > 0.0:
+            missing = give(table, model, units, k, missing, shares)
     shares.missing = missing
+
+
+def give(table: Any, model: Any, units: Any, k: int, missing: float, shares: Any) -> float:
+    """Let one unit give what is missing (N) on its rising branch; return what is left of it."""
+    unit, force = units[k], shares.force[units[k]]
+    grid, curve, bottom = table.grid[unit], table.force[unit], table.bottom[unit]
+    wanted = force + missing
+    if wanted >= table.top_force[unit]:
+        if table.top_force[unit] > table.bottom_force[unit]:
+            shares.pressure[unit], shares.force[unit] = grid[-1], table.top_force[unit]
+        return wanted - max(table.top_force[unit], force)
+    if wanted <= table.bottom_force[unit]:
+        shares.pressure[unit], shares.force[unit] = table.bottom_pressure[unit], \
+            table.bottom_force[unit]
+        return wanted - table.bottom_force[unit]
+    i, below = len(grid) - 1, bottom
+    while i - below > 1:
+        middle = (below + i) // 2
+        if curve[middle] < wanted:
+            below = middle
+        else:
+            i = middle
+    shares.pressure[unit] = invert(table, model, units, k, k + 1, wanted, grid[i - 1], grid[i],
+                                   curve[i - 1], curve[i], i == bottom + 1)
+    shares.force[unit] = wanted
+    return 0.0
 
 
 def share(table: Any, model: Any, demand: float, units: Any, count: int, fixed: Any, shares: Any

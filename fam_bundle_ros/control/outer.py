@@ -88,8 +88,16 @@ class OuterConfig:
 
     feed_forward: bool = True
     feedback: bool = True
-    bias_time: float = 0.5
-    force_gain: float = 0.0
+    bias_time: float | None = None
+    delay: float = 5e-3
+    x1: float = 5.5e-3
+    x2: float = 1.0
+    x3: float = 1.0
+    x4: float = 1.0
+    x5: float = 4.0
+    x6: float = 1.0
+    x7: float = 1.0
+    force_gain: float = 0.42
     force_integral: float = 12.0
     strain_gain: float = 400.0
     strain_integral: float = 2000.0
@@ -104,7 +112,7 @@ class OuterConfig:
         """Refuse what cannot be meant."""
         if not (self.feed_forward or self.feedback):
             raise InputError('feed_forward and feedback are both off; expected one at least')
-        for name in ('bias_time', 'filter_time', 'fade_time'):
+        for name in ('filter_time', 'fade_time'):
             if not getattr(self, name) > 0.0:
                 raise InputError(f'{name} is {getattr(self, name)}; expected more than 0 s')
         for name in ('force_gain', 'force_integral', 'strain_gain', 'strain_integral',

@@ -27,6 +27,7 @@ _DAMPING_RATIO = 0.5
 _USUAL_INERTIA = 0.3
 #: s: filter of the acceleration of a reference; in which noise is learnt.
 _BEND_TIME, _LEARN_TIME = 0.01, 1.0
+_DOUBT_TIME = 5.0
 #: Tables of loads are as long as a multiple of this, so that most have records of one kind.
 _TABLE = 16
 
@@ -38,6 +39,14 @@ class OuterSettings:
     feed_forward: bool
     feedback: bool
     bias_time: float
+    delay: float
+    x1: float
+    x2: float
+    x3: float
+    x4: float
+    x5: float
+    x6: float
+    x7: float
     force_gain: float
     force_integral: float
     strain_gain: float
@@ -107,6 +116,22 @@ class OuterState:
     """
 
     bias: float = 0.0
+    slow: float = 0.0
+    quick: float = 0.0
+    patient: float = 0.0
+    slow_power: float = 0.0
+    power: float = 0.0
+    weight: float = 0.0
+    doubt: float = 0.0
+    before: float = 0.0
+    before2: float = 0.0
+    spread: float = 0.0
+    noise: float = 0.0
+    seen: int = 0
+    held: float = 0.0
+    late: float = 0.0
+    lead: float = 0.0
+    measured: float = 0.0
     integral: float = 0.0
     kept: float = 0.0
     filtered: float = 0.0
@@ -134,7 +159,7 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     strains, forces = map(list, zip(*load.table)) if load.table else ([], [])
     spare = [0.0] * (-len(strains) % _TABLE if strains else _TABLE)
     return OuterSettings(**{
-        **vars(config), 'strain_damping': damping, 'model_error': bundle.error,
+        **vars(config), 'bias_time': math.nan if config.bias_time is None else config.bias_time, 'strain_damping': damping, 'model_error': bundle.error,
         'load_known': load.known, 'load_force': load.force, 'load_stiffness': load.stiffness,
         'load_inertia': load.inertia, 'load_damping': load.damping, 'load_points': len(strains),
         'load_strains': strains + spare, 'load_forces': forces + spare})
@@ -172,7 +197,8 @@ def low_pass(dt: float, time: float) -> float:
 
 
 def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kind: int,
-               value: float, rate: float, settled: bool, saturated: int, dt: float) -> None:
+               value: float, rate: float, settled: bool, saturated: int, lag: float,
+               lag_doubt: float, dt: float) -> None:
     """
     Work out what is to be allocated in this tick: `OuterState.target`.
 
@@ -194,15 +220,17 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kin
     share = low_pass(dt, settings.filter_time) if state.started else 1.0
     state.started = True
     state.filtered += share * (force - state.filtered)
+    state.measured = force
     if settings.feedback and settled:
-        state.bias += low_pass(dt, settings.bias_time) * (force - believed - state.bias)
+        observe(settings, state, force - believed, lag + lag_doubt, dt)
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
     target = state.target
-    target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
+    target.strain = measurement.strain
+    target.strain_rate = measurement.strain_rate
     if kind == FORCE:
-        known, correction = force_loop(settings, state, value, rate, saturated, dt)
+        known, correction = force_loop(settings, state, value, rate, saturated, lag, lag_doubt, dt)
     else:
         known, correction = strain_loop(settings, state, measurement, value, rate, saturated, dt)
     held = state.demand
@@ -225,17 +253,68 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kin
     target.force = state.demand = known + state.fade + correction
 
 
-def force_loop(settings: Any, state: Any, value: float, rate: float, saturated: int, dt: float
-               ) -> tuple[float, float]:
+def observe(settings: Any, state: Any, error: float, lag: float, dt: float) -> None:
+    time = settings.bias_time
+    if math.isnan(time):
+        time = settings.x2 * (settings.delay + settings.x1 + dt + lag)
+    learn_noise(state, error, dt)
+    gain, slow = low_pass(dt, time), low_pass(dt, settings.x4)
+    if state.seen == 1:
+        state.quick = state.patient = 0.0
+    state.quick += gain * (error - state.quick)
+    state.patient += slow * (error - state.patient)
+    noise = state.noise * state.noise
+    state.slow_power += low_pass(dt, 5.0 * settings.x4) * (state.patient * state.patient - state.slow_power)
+    kept = weight(state.slow_power, settings.x5 * noise * slow / (2.0 - slow)) * state.patient
+    rest = state.quick - kept
+    state.power += low_pass(dt, _LEARN_TIME) * (rest * rest - state.power)
+    state.weight = weight(state.power, settings.x5 * noise * gain / (2.0 - gain))
+    state.bias = kept + state.weight * rest
+    state.doubt += low_pass(dt, 5.0 * settings.x4) * (state.bias * state.bias - state.doubt)
+
+
+def weight(power: float, noise: float) -> float:
+    """Wiener."""
+    return max(1.0 - noise / power, 0.0) if power > 0.0 else 0.0
+
+
+def learn_noise(state: Any, error: float, dt: float) -> None:
+    change = abs(error - 2.0 * state.before + state.before2)
+    state.before2, state.before = state.before, error
+    state.seen += 1
+    if state.seen < 4:
+        state.spread = 0.0 if state.seen < 3 else change
+    else:
+        state.spread += max(low_pass(dt, _LEARN_TIME), 1.0 / state.seen) * (
+            min(change, 4.0 * state.spread + 0.1) - state.spread)
+    state.noise = state.spread * math.sqrt(0.5 * math.pi / 6.0)
+
+
+def observer_time(lag: float, error: float) -> float:
+    """Tq for gain margin 2.5 with a loop error * exp(-s lag)/(1 + s Tq)."""
+    x = math.sqrt((2.5 * error) ** 2 - 1.0)
+    return x * lag / (math.pi - math.atan(x))
+
+
+def force_loop(settings: Any, state: Any, value: float, rate: float, saturated: int, lag: float,
+               lag_doubt: float, dt: float) -> tuple[float, float]:
     """Return feed-forward and correction of the force loop, N."""
-    known = value + settings.lead_time * rate if settings.feed_forward else 0.0
+    known = value + (settings.lead_time + lag + state.lead) * rate if settings.feed_forward else 0.0
     correction = 0.0
     if settings.feedback:
-        error = value - state.filtered
-        correction = settings.force_gain * error
         if settings.feed_forward:
-            correction -= state.bias
+            due = value - settings.delay * rate
+            share = low_pass(dt, settings.delay + settings.x1 + dt + lag + lag_doubt)
+            state.late += share * (due - state.measured - state.late)
+            correction = settings.force_gain * state.weight * state.late - state.bias
+            if state.weight > 0.0 and saturated == FREE:
+                noise = 2.0 * settings.x3 ** 2 * 1.0 / dt
+                p = 4e-4
+                state.lead += state.weight * p * rate / (noise + p * rate * rate) * (due - state.measured)
+                state.lead = min(max(state.lead, -0.02), 0.05)
         else:
+            error = value - state.filtered
+            correction = settings.force_gain * error
             integrate_error(state, settings.force_integral * error * dt, saturated)
             known = state.integral
     return known, correction

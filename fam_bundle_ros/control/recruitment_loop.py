@@ -19,7 +19,14 @@ from fam_bundle_ros.control.crossing import (
     Crossings,
     no_crossings,
 )
-from fam_bundle_ros.control.curves import curve_table, CurveTable, find_branches, tabulate
+from fam_bundle_ros.control.adaptation import (
+    adaptation_state,
+    lagged,
+    adaptation_step,
+    AdaptationSettings,
+    AdaptationState,
+)
+from fam_bundle_ros.control.curves import adapted, curve_table, CurveTable, find_branches, tabulate
 from fam_bundle_ros.control.heading import (
     follow_heading,
     heading_now,
@@ -70,6 +77,7 @@ class RecruitmentSettings:
     max_pressure: list
     switching: SwitchingSettings
     outer: OuterSettings
+    adaptation: AdaptationSettings
 
 
 @dataclass
@@ -108,6 +116,7 @@ class RecruitmentState:
     fixed: list
     final: Shares
     shares: Shares
+    adaptation: AdaptationState
     rate: RateState = field(default_factory=RateState)
     outer: OuterState = field(default_factory=OuterState)
     demand: Demand = field(default_factory=Demand)
@@ -127,7 +136,7 @@ def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentSt
     return RecruitmentState(
         curve_table(order, grid, pushes_back), [0] * n, heading_of(1), heading_of(n + 1),
         MachineState([0.0] * n, [1] * n), no_crossings(n), [0] * n, [math.nan] * n, shares(),
-        shares())
+        shares(), adaptation_state(n))
 
 
 def start_recruitment(settings: Any, state: Any, command: Any) -> None:
@@ -205,15 +214,21 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     start = not state.begun
     state.begun = True
     ask(table, measurement.strain, strain_rate, state.clock, dt, start)
-    believed = believed_force(table, model, measurement.pressure)
+    believed = lagged(state.adaptation, believed_force(
+        table, model, measurement.pressure, state.adaptation.force), dt)
+    adapt(settings.adaptation, state, measurement.force, dt)
     settled = state.crossings.count == 0 and state.since_crossing > _SETTLING
     outer_step(settings.outer, outer, measurement, believed, kind, value, rate, settled,
-               command.saturated, dt)
+               command.saturated, state.adaptation.error[-1],
+               settings.outer.x7 * math.sqrt(state.adaptation.covariance[-1][-1]), dt)
     # A force reference says nothing of the strain: there it is the measured rate that counts.
     if kind == STRAIN and settings.outer.feed_forward:
         strain_rate = outer.target.strain_rate
+    if kind != STRAIN:
+        outer.target.strain += (settings.outer.delay + settings.outer.lead_time) * strain_rate
     ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
     tabulate(table, model)
+    table.reach = settings.outer.x6 * math.sqrt(state.outer.doubt)
     find_branches(table, state.asleep)
     if settings.scheme != ALL_ON:
         see_demand(settings, state, kind, rate, dt)
@@ -232,17 +247,32 @@ def ask(table: Any, strain: float, strain_rate: float, time: float, dt: float, s
     now.strain, now.strain_rate, now.time, now.dt, now.start = strain, strain_rate, time, dt, start
 
 
-def believed_force(table: Any, model: Any, pressure: Any) -> float:
-    """Return the force that the model gives at the measured pressures, N; note its memory."""
+def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
+    """
+    Return the force of the adapted model at the measured pressures, N; note its memory.
+
+    Those of the unadapted model go into ``forces`` (n,).
+    """
     now, total = table.moment, 0.0
     for unit in range(len(table.order)):
         model.pressure[unit] = pressure[unit]
     for unit in range(len(table.order)):
-        force = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt,
-                            now.start, model.shape, model.parameters, model.tables, model.memory,
-                            model.next)
-        total += force if table.pushes_back else max(force, 0.0)
+        forces[unit] = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time,
+                                   now.dt, now.start, model.shape, model.parameters,
+                                   model.tables, model.memory, model.next)
+        total += adapted(table, unit, forces[unit])
     return total
+
+
+def adapt(settings: Any, state: Any, measured: float, dt: float) -> None:
+    """Let the model learn from the measured force, and use what was learnt from now on."""
+    if not settings.enabled:
+        return
+    learnt, table = state.adaptation, state.table
+    adaptation_step(settings, learnt, measured, dt)
+    n = len(table.pull)
+    for unit in range(n):
+        table.pull[unit], table.push[unit] = 1.0 + learnt.error[unit], 1.0 + learnt.error[n]
 
 
 def keep_memory(model: Any) -> None:
