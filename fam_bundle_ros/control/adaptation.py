@@ -18,8 +18,13 @@ from fam_bundle_ros.errors import InputError
 #: Error of a model that nobody has measured, as sd: of tension, push-back and zero (the last as a
 #: share of the largest force); the same share is left by what gains cannot mend.
 USUAL_PULL, USUAL_PUSH, USUAL_FORCE = 0.15, 0.5, 0.02
+#: s, sd: of the force behind what the pressures let believe (air behind a tube, sensors that
+#: differ), and of a tracked reference besides.
 USUAL_LAG = 0.02
+#: s: of the filter that all signals pass before they are compared, for the sake of their slopes.
 _FILTER_TIME = 0.02
+#: Share of `AdaptationConfig.rest_error` that feedback leaves in the tracking error.
+_LEFT = 0.3
 #: Estimates stay within so many sd of the model.
 _BOUND = 2.7
 
@@ -60,7 +65,7 @@ class AdaptationConfig:
 
 @dataclass
 class AdaptationSettings:
-    """`AdaptationConfig` as kernels take it; ``spread`` (n + 2,): sd of each estimate."""
+    """`AdaptationConfig` as kernels take it; ``spread`` (n + 3,): sd of each estimate."""
 
     enabled: bool
     spread: list
@@ -75,10 +80,10 @@ class AdaptationState:
 
     Attributes
     ----------
-    error : list (n + 2,)
-        Relative error of each unit's tension, of the push-back; bias in N.
-    covariance : list (n + 2, n + 2)
-    regressor, product, prior : list (n + 2,)
+    error : list (n + 3,)
+        Relative error of each unit's tension, of the push-back; bias in N; lag in s.
+    covariance : list (n + 3, n + 3)
+    regressor, product, prior : list (n + 3,)
         Room to work in.
     force, slow : list (n,), N
         What the unadapted model gives for each unit at the measured pressures; filtered.
@@ -86,6 +91,8 @@ class AdaptationState:
         Measured force, filtered alike.
     believed : float, N
         Force of the adapted model, with the lag that was learnt.
+    lead : float, s
+        By how much the force came later than the reference, beyond that lag.
     """
 
     error: list
@@ -97,6 +104,7 @@ class AdaptationState:
     slow: list
     measured: float = 0.0
     believed: float = 0.0
+    lead: float = 0.0
     started: bool = False
 
 
@@ -121,6 +129,7 @@ def adaptation_state(n: int) -> AdaptationState:
 
 def forget_adaptation(settings: Any, state: Any) -> None:
     """Go back to the model as it is in its file."""
+    state.lead, state.started = 0.0, False
     for i in range(len(state.error)):
         state.error[i] = 0.0
         for j in range(len(state.error)):
@@ -129,10 +138,37 @@ def forget_adaptation(settings: Any, state: Any) -> None:
 
 def lagged(state: Any, force: float, dt: float) -> float:
     """Return the force of the adapted model (N) behind the lag that was learnt."""
-    lag = state.error[len(state.force) + 2]
+    lag = lag_of(state)
     share = 1.0 - math.exp(-dt / lag) if state.started and lag > 1e-6 else 1.0
     state.believed += share * (force - state.believed)
     return state.believed
+
+
+def lag_of(state: Any) -> float:
+    """Return by how much the force is later than the pressures let believe, s."""
+    return state.error[len(state.force) + 2]
+
+
+def lag_doubt(state: Any) -> float:
+    """Return the standard deviation of the lag, s."""
+    k = len(state.force) + 2
+    return math.sqrt(max(state.covariance[k][k], 0.0))
+
+
+def learn_lead(settings: Any, state: Any, weight: float, error: float, rate: float, dt: float
+               ) -> None:
+    """
+    Learn how much earlier a moving reference must be asked for.
+
+    An error (N) of the tracked force that goes with the rate (N/s) of the reference is lateness;
+    least squares as in `adaptation_step`, as far as the error is more than noise (``weight``).
+    """
+    if not settings.enabled:
+        return
+    rest = _LEFT * settings.rest_error
+    noise, spread = 2.0 * rest * rest * settings.memory / dt, USUAL_LAG * USUAL_LAG
+    step = weight * spread * rate / (noise + spread * rate * rate) * error
+    state.lead = min(max(state.lead + step, -USUAL_LAG), _BOUND * USUAL_LAG)
 
 
 def adaptation_step(settings: Any, state: Any, measured: float, dt: float) -> None:

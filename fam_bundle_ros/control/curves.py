@@ -20,8 +20,6 @@ from fam_bundle_ros.kernels import Alternative
 #: A unit that could only pull less than when vented comes back when it could pull more by this
 #: share of its push-back, and by so many N: strain noise must not fill and empty it in turn.
 _WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
-#: A cell of the table is searched in so many parts.
-PARTS = 8
 #: N: forces that differ by less are one bottom: where a slack or threshold makes a curve flat.
 FLAT = 1e-9
 
@@ -74,14 +72,6 @@ class CurveTable:
     crossing : list (n,), N
         Largest demands at which RSk -> RSk+1 needs no dip: up to there the units before the next
         have the room to make up for its push-back.
-    hold_force, hold_pressure : list (n,), N and Pa
-        Where a unit is held at least while others can make up for it: above the bottom by
-        ``reach``, since the true bottom may lie higher, and a unit below it answers with the
-        wrong sign.
-    found : list (9,), N
-        Room for forces within one cell.
-    reach : float, N
-        How far off the model may be.
     """
 
     order: list
@@ -101,10 +91,6 @@ class CurveTable:
     top: list
     floor: list
     crossing: list
-    hold_force: list
-    hold_pressure: list
-    found: list
-    reach: float = 0.0
 
 
 def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
@@ -115,8 +101,7 @@ def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
         return [0.0] * count
     return CurveTable(list(order), pushes_back, Moment(), [1.0] * n, [1.0] * n, grid, [
         zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
-                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), zeros(n),
-                      zeros(n), zeros(PARTS + 1))
+                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n))
 
 
 # --- the curves ----------------------------------------------------------------------------------
@@ -140,11 +125,19 @@ def adapted(table: Any, unit: int, force: float) -> float:
 
 def _by_unit(table: Any, model: Any) -> None:
     """Fill the table pressure by pressure, and find the last of the smallest forces."""
+    now = table.moment
+    # Outside of the loop: compiled, an array that is taken from the model costs as much as the
+    # force itself.
+    pressure, shape, parameters, tables, memory, after = (
+        model.pressure, model.shape, model.parameters, model.tables, model.memory, model.after)
     for unit in range(len(table.order)):
         grid, curve = table.grid[unit], table.force[unit]
         least = math.inf
         for k in range(len(grid)):
-            curve[k] = unit_force(table, model, unit, grid[k])
+            pressure[unit] = grid[k]
+            force = model.force(unit, now.strain, now.strain_rate, pressure, now.time, now.dt,
+                                now.start, shape, parameters, tables, memory, after)
+            curve[k] = adapted(table, unit, force)
             least = min(least, curve[k])
         for k in range(len(grid)):
             if curve[k] <= least + FLAT:
@@ -193,7 +186,6 @@ def find_branches(table: Any, asleep: Any) -> None:
             table.grid[unit][bottom]
         table.top_force[unit] = curve[last] if useful else rest
         table.dip[unit] = rest - curve[bottom]
-        find_hold(table, unit)
         total += rest
     table.top[0] = table.floor[0] = total
     gain = dips = 0.0
@@ -203,23 +195,6 @@ def find_branches(table: Any, asleep: Any) -> None:
         dips += table.dip[unit]
         table.top[k + 1], table.floor[k + 1] = total + gain, total - dips
         table.crossing[k] = table.top[k] - table.dip[unit]
-
-
-def find_hold(table: Any, unit: int) -> None:
-    """
-    Find where a unit is held at least: `CurveTable.hold_pressure`.
-
-    A model that errs by more than the dip says nothing of the dip: more is not asked for.
-    """
-    grid, curve, k = table.grid[unit], table.force[unit], table.bottom[unit]
-    wanted = min(table.bottom_force[unit] + min(table.reach, max(table.dip[unit], 0.0)),
-                 table.top_force[unit])
-    while k < len(grid) - 1 and curve[k + 1] < wanted:
-        k += 1
-    table.hold_force[unit], table.hold_pressure[unit] = wanted, grid[k]
-    if k < len(grid) - 1 and curve[k + 1] > curve[k]:
-        table.hold_pressure[unit] += (grid[k + 1] - grid[k]) * max(
-            wanted - curve[k], 0.0) / (curve[k + 1] - curve[k])
 
 
 def points_up_to(grid: Any, pressure: float) -> int:

@@ -21,10 +21,13 @@ from fam_bundle_ros.control.crossing import (
 )
 from fam_bundle_ros.control.adaptation import (
     adaptation_state,
-    lagged,
     adaptation_step,
     AdaptationSettings,
     AdaptationState,
+    lag_doubt,
+    lag_of,
+    lagged,
+    learn_lead,
 )
 from fam_bundle_ros.control.curves import adapted, curve_table, CurveTable, find_branches, tabulate
 from fam_bundle_ros.control.heading import (
@@ -36,6 +39,7 @@ from fam_bundle_ros.control.heading import (
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
 from fam_bundle_ros.control.outer_loop import (
+    FORCE,
     forget_outer,
     FREE,
     GAP,
@@ -63,8 +67,6 @@ from fam_bundle_ros.control.switching import (
 _STEP = 2.0
 #: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
 _BRISK, _SLOW = 80.0, 12.0
-#: s: after a crossing the pressures take so long to be those of the model again.
-_SETTLING = 0.05
 
 
 @dataclass
@@ -99,7 +101,6 @@ class RecruitmentState:
         Of the model; ``begun`` is false before the first tick.
     lost : float, s
         Without a usable reading for so long.
-    since_crossing : float, s
     units, fixed : list (n,)
         Units to be filled in turn; pressures that are given, nan elsewhere.
     final, shares : Shares
@@ -124,7 +125,6 @@ class RecruitmentState:
     clock: float = 0.0
     begun: bool = False
     lost: float = 0.0
-    since_crossing: float = math.inf
 
 
 def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentState:
@@ -147,7 +147,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     forget_rate(state.rate)
     for unit in range(n):
         state.asleep[unit] = 0
-    state.crossings.count, state.since_crossing = 0, math.inf
+    state.crossings.count = 0
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
 
@@ -217,18 +217,20 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     believed = lagged(state.adaptation, believed_force(
         table, model, measurement.pressure, state.adaptation.force), dt)
     adapt(settings.adaptation, state, measurement.force, dt)
-    settled = state.crossings.count == 0 and state.since_crossing > _SETTLING
-    outer_step(settings.outer, outer, measurement, believed, kind, value, rate, settled,
-               command.saturated, state.adaptation.error[-1],
-               settings.outer.x7 * math.sqrt(state.adaptation.covariance[-1][-1]), dt)
+    learnt = state.adaptation
+    outer_step(settings.outer, outer, measurement, believed, kind, value, rate,
+               command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+    if kind == FORCE and command.saturated == FREE:
+        learn_lead(settings.adaptation, learnt, outer.observer.weight,
+                   value - settings.outer.delay * rate - measurement.force, rate, dt)
     # A force reference says nothing of the strain: there it is the measured rate that counts.
     if kind == STRAIN and settings.outer.feed_forward:
         strain_rate = outer.target.strain_rate
     if kind != STRAIN:
+        # Where the strain will be when the pressures are there.
         outer.target.strain += (settings.outer.delay + settings.outer.lead_time) * strain_rate
     ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
     tabulate(table, model)
-    table.reach = settings.outer.x6 * math.sqrt(state.outer.doubt)
     find_branches(table, state.asleep)
     if settings.scheme != ALL_ON:
         see_demand(settings, state, kind, rate, dt)
