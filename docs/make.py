@@ -80,10 +80,12 @@ def effects() -> str:
              'them. `fam_bundle effects NAME` shows the same in the terminal.\n']
     for name in catalogue.names():
         effect = catalogue.get(name)
-        parts += [f'\n## {name}\n\n', f'{_sentence(effect.summary)}\n\n',
+        formula = inspect.cleandoc(effect.__doc__ or '')
+        parts += [f'\n## {name}\n\n{_sentence(effect.summary)}\n\n```text\n{formula}\n```\n\n',
                   f'- acts on: {effect.place.value}; family: {effect.family}'
                   + (f'; another shape of `{effect.variant_of}`' if effect.variant_of else ''),
-                  f'\n- source: {effect.source}\n- sign that it is missing: {effect.signature}\n']
+                  f'\n- source: {effect.source}\n- sign that it is missing: {effect.signature}\n'
+                  f'- code: `{effect.__module__.replace(".", "/")}.py`\n']
         if effect.parameters:
             parts += ['\n', _rows(('parameter', 'default', 'from', 'to', 'unit', 'meaning'), (
                 (f'`{p.name}`', f'{p.default:g}', f'{p.lower:g}', f'{p.upper:g}',

@@ -175,7 +175,9 @@ class NotCompiled(RuntimeError):
 @cache
 def _pointer_type():
     """Return the class of first-class functions; made late, because it needs numba."""
-    class Pointer(numba().types.WrapperAddressProtocol):
+    protocol: Any = numba().types.WrapperAddressProtocol
+
+    class Pointer(protocol):
         def __init__(self, made):
             self._made = made
 
@@ -197,7 +199,7 @@ def _rebound(function):
             names[name] = value.compiled_names()
     names['__name__'] = function.__module__
     return types.FunctionType(function.__code__, names, function.__name__,
-                              function.__defaults__)
+                              function.__defaults__, function.__closure__)
 
 
 class Alternative:

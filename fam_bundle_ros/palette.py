@@ -45,43 +45,10 @@ _TEAL = Colour('#1F7F86', '#63C6CC')
 _BROWN = Colour('#80583A', '#C9A083')
 _GREY = Colour('#6E757B', '#99A1A8')
 
-#: Colour and dash of each effect. Where two that can stand in one figure share a hue, the dash
-#: differs. A name that is not here (a user's own effect) is drawn in `_OWN`.
-_EFFECTS = {
-    'mesh': (_BLUE, 'solid'),
-    'bladder_elasticity': (_GREEN, 'solid'),
-    'bladder_polynomial': (_GREEN, 'dash'),
-    'bladder_ogden': (_GREEN, 'dot'),
-    'softening': (_GREEN, 'dashdot'),
-    'softening_lifetime': (_GREEN, 'longdash'),
-    'resistive_buckling': (_VERMILLION, 'solid'),
-    'resistive_plateau': (_VERMILLION, 'dash'),
-    'tendon_slack': (_BROWN, 'solid'),
-    'temperature': (_BROWN, 'dash'),
-    'coulomb_friction': (_PURPLE, 'solid'),
-    'presliding_hysteresis': (_WINE, 'solid'),
-    'presliding_dahl': (_WINE, 'dash'),
-    'viscous_damping': (_SKY, 'solid'),
-    'viscous_power': (_SKY, 'dash'),
-    'viscoelastic_relaxation': (_INDIGO, 'solid'),
-    'relaxation_prony': (_INDIGO, 'dash'),
-    'relaxation_rubber': (_INDIGO, 'longdash'),
-    'motor_unit_mismatch': (_INDIGO, 'dot'),
-    'measured_surface': (_INDIGO, 'dashdot'),
-    'end_caps': (_OLIVE, 'solid'),
-    'tondu_factor': (_OLIVE, 'dash'),
-    'strain_sensor_offset': (_OLIVE, 'dot'),
-    'braid_elasticity': (_TEAL, 'solid'),
-    'pressure_line_lag': (_TEAL, 'dash'),
-    'threshold_pressure': (_ORANGE, 'solid'),
-    'soft_threshold': (_ORANGE, 'dash'),
-    'pressure_sensor_bias': (_ORANGE, 'dot'),
-    'pressure_sensor_gain': (_ORANGE, 'dashdot'),
-    'force_sensor_bias': (_GREY, 'solid'),
-    'force_sensor_gain': (_GREY, 'dash'),
-    'leak': (_SKY, 'dot'),
-    'supply_droop': (_BLUE, 'dot'),
-}
+#: What a law of the catalogue may name as its hue.
+_HUES = {'blue': _BLUE, 'green': _GREEN, 'orange': _ORANGE, 'vermillion': _VERMILLION,
+         'purple': _PURPLE, 'sky': _SKY, 'olive': _OLIVE, 'indigo': _INDIGO, 'wine': _WINE,
+         'teal': _TEAL, 'brown': _BROWN, 'grey': _GREY}
 _OWN = Colour('#A0343C', '#F08A8F')
 _STATES = (_GREY, _BLUE, _ORANGE, _GREEN, _PURPLE, _SKY, _VERMILLION)
 
@@ -97,12 +64,19 @@ _RAMP_STEPS = 49
 
 def effect(name: str) -> Colour:
     """Return the colour of an effect of the catalogue, or that of users' own effects."""
-    return _EFFECTS.get(name, (_OWN, 'solid'))[0]
+    return _HUES.get(_look(name)[0], _OWN)
 
 
 def dash(name: str) -> str:
     """Return the dash of an effect's line, as plotly names it."""
-    return _EFFECTS.get(name, (_OWN, 'solid'))[1]
+    return _look(name)[1]
+
+
+def _look(name: str) -> tuple[str, str]:
+    # here, not above: the catalogue looks for entry points, which takes time
+    from fam_bundle_ros.model import catalogue
+    law = catalogue.available().get(name)
+    return law.look if law is not None else ('', 'solid')
 
 
 def recruitment_state(state: int) -> Colour:
@@ -138,7 +112,7 @@ def by_page() -> dict[str, str]:
 
     Fills made by `fade` change with their first seven characters.
     """
-    colours = [*NEUTRAL.values(), *(colour for colour, _ in _EFFECTS.values()), *_STATES, _OWN,
+    colours = [*NEUTRAL.values(), *_HUES.values(), *_STATES, _OWN,
                *(isobar(step / (_RAMP_STEPS - 1)) for step in range(_RAMP_STEPS))]
     return {colour.light: colour.dark for colour in colours}
 

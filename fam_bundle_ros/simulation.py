@@ -32,6 +32,7 @@ from fam_bundle_ros.control.pid import pid_settings, PidConfig, PidGains
 from fam_bundle_ros.control.pressure_loop import PidState
 from fam_bundle_ros.control.reasons import from_row, ROW, sentence
 from fam_bundle_ros.control.signals import command_record, MeasurementRecord
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, Faults, Load, RigConfig
 from fam_bundle_ros.plant.rig import changed_load, fault_record, Rig
@@ -58,10 +59,10 @@ class Trajectory:
         Strain over time that a dynamometer imposes.
     events : tuple of (time, dict)
         Changes of the load in motion, say ``(2.0, {'mass': 8.0})``.
-    faults : tuple of (time, Faults)
-        What is broken from a time on, instead of what was before.
     prepare : float, s
         Time before 0 in which the start of the trajectory is taken up gently, not logged.
+    faults : tuple of (time, Faults)
+        What is broken from a time on, instead of what was before.
     """
 
     name: str
@@ -72,8 +73,8 @@ class Trajectory:
     load: Load = field(default_factory=Dynamometer)
     imposed: Callable[[float], float] | None = None
     events: tuple[tuple[float, dict[str, float]], ...] = ()
-    faults: tuple[tuple[float, Faults], ...] = ()
     prepare: float = 0.0
+    faults: tuple[tuple[float, Faults], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -193,6 +194,9 @@ class ClosedLoop:
                  gains: PidGains = PidGains(), pid: PidConfig | None = None,
                  noise_factor: float = 1.0, seed: int = 0, compiled: bool | None = None):
         self.plant, self.model = plant, model or plant
+        if not isinstance(self.model, Bundle):
+            raise InputError(f'{type(plant).__name__} is no model that a controller can invert; '
+                             'expected model=, a Bundle')
         self.controller_config, self.rig_config = controller, rig
         self.ticks = max(1, round(period / pid_period))
         self.pid_period = pid_period
@@ -309,14 +313,15 @@ class Run:
             for target in imposed:
                 Dynamometer(strain=target)
         normal, chance = rig.draws.rows(self.ticks * ticks)
-        return Plan(KINDS.index(trajectory.kind), *zip(*references) if references else ((), ()),
-                    imposed, which_load.tolist(), which_fault.tolist(), normal.tolist(),
-                    chance.tolist(), sum(t < 0.0 for t in times))
+        values, rates = zip(*references) if references else ((), ())
+        return Plan(KINDS.index(trajectory.kind), values, rates, imposed,
+                    which_load.tolist(), which_fault.tolist(), normal.tolist(), chance.tolist(),
+                    sum(t < 0.0 for t in times))
 
     def _compile(self, loop, controller, begun) -> None:
         """Turn records and lists into those of compiled code, where everything compiles."""
         try:
-            plant, belief, gas = (loop.plant.model(True), controller.compiled_model(),
+            plant, belief, gas = (loop.plant.model(True), controller.belief(True),
                                   loop.model.model(True))
         except kernels.NotCompiled:
             if loop.compiled:
@@ -342,16 +347,16 @@ class Run:
         """Return what happened in the ticks that are done."""
         trajectory, start = self.trajectory, self._plan.logged
         rows = self._log[:max(self.done - start, 0)]
-        times = self._times()[start:self.done]
+        times = self._times()[start:self.done] + self.period
         found = columns(rows, self._units)
         overlap = np.stack([found.pop('overlap_low'), found.pop('overlap_high')], axis=-1)
         found['state'] = found['state'].astype(int)
         found['saturated'] = np.array(SATURATION)[found['saturated'].astype(int)]
-        reference = np.array([trajectory.value(float(t)) for t in times + self.period])
+        reference = np.array([trajectory.value(float(t)) for t in times])
         decided = np.flatnonzero(self._reasons[:self.done, 0])
         decisions = [(float(self._times()[k]), sentence(from_row(self._reasons[k]), self._names))
                      for k in decided]
-        return Log(time=times + self.period, reference=reference, overlap=overlap,
+        return Log(time=times, reference=reference, overlap=overlap,
                    decisions=decisions, kind=trajectory.kind, **found)
 
 

@@ -15,9 +15,10 @@ from hypothesis import settings
 import pytest
 
 # In CI the same examples each time: a failure there must be the change's own. Elsewhere new ones.
-settings.register_profile('ci', derandomize=True)
-if os.environ.get('CI'):
-    settings.load_profile('ci')
+# No example has a deadline: the machine may be busy.
+settings.register_profile('own', deadline=None)
+settings.register_profile('ci', derandomize=True, deadline=None)
+settings.load_profile('ci' if os.environ.get('CI') else 'own')
 
 # All are read when rclpy or a message is first imported, in this process or in one it starts.
 # Jazzy's messages check the types of their fields only when asked to.

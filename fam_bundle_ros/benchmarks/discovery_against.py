@@ -20,6 +20,7 @@ from fam_bundle_ros.benchmarks import discovery_cases as make
 from fam_bundle_ros.discovery import candidates as cand
 from fam_bundle_ros.discovery.fit import Problem
 from fam_bundle_ros.discovery.search import Search
+from fam_bundle_ros.model import Place
 
 _Dictionary = tuple[list[str], np.ndarray, np.ndarray]
 
@@ -36,8 +37,7 @@ def dictionary(case: make.Case) -> _Dictionary:
         columns.append(base.jacobian[:, j])
     for name, effect in search.effects.items():
         lively = effect
-        if name in ('force_sensor_bias', 'force_sensor_gain', 'pressure_sensor_bias',
-                    'pressure_sensor_gain', 'strain_sensor_offset'):
+        if effect.place is Place.SENSOR:
             first = effect.parameters[0]
             lively = effect.replace(**{first.name: 0.1 * first.upper * first.scale})
         with_it = problem.residual(base.model.with_effect(lively))

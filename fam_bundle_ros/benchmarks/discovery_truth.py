@@ -157,9 +157,10 @@ def make_hidden(name: str, form: str, rng: np.random.Generator, size: float = 1.
                 soft = np.where(force < 0, -top * np.tanh(-force / top), force)
                 fallen = 1.0 / (1.0 + np.exp(-(e - e0 - s * p) / 0.006))
                 return np.where(force < 0, soft * (1.0 - 0.6 * fallen), force)
-            bend = np.arccos(np.clip((1 - e) / np.maximum(1 - e0 - s * p, 0.05), -1, 1))
+            folded = np.maximum(1 - e0 - s * p, 0.05)
+            bend = np.arccos(np.clip((1 - e) / folded, -1, 1))
             hinge = 4 * (m0 + m1 * np.pi * p * RADIUS ** 3) / (
-                LENGTH * np.maximum(np.sin(bend), 1e-6))
+                LENGTH * folded * np.maximum(np.sin(bend), 1e-6))
             floor = np.where(e > e0 + s * p, np.minimum(top, hinge), top)
             return np.maximum(force, -floor)
         return Hidden(name, form, {'euler_load': f0, 'pressure_share': c}, limit=limit)

@@ -130,10 +130,21 @@ class RecruitmentController:
         self.memory = recruitment_state(self.order, self._allocator.grid,
                                         self._allocator.pushes_back)
         forget_adaptation(self.settings.adaptation, self.memory.adaptation)
-        self.model = belief_of(self._allocator.inverted, self._allocator.grid)
+        self.model = self.belief()
         self._record = command_record(self.bundle.n)
         start_recruitment(self.settings, self.memory, self._record)
         self._command = self._told()
+
+    def belief(self, compiled: bool = False) -> Belief:
+        """
+        Return the inverted model for `recruitment_step`, with fresh memory.
+
+        Raises
+        ------
+        fam_bundle_ros.kernels.NotCompiled
+            Where numba is not there, or cannot compile a user's effect.
+        """
+        return belief_of(self._allocator.inverted, self._allocator.grid, compiled)
 
     @property
     def state(self) -> int:
@@ -185,17 +196,6 @@ class RecruitmentController:
                              self._record)
             self._command = self._told()
         return self._command
-
-    def compiled_model(self) -> Belief:
-        """
-        Return the model that is inverted as compiled kernels take it, with fresh memory.
-
-        Raises
-        ------
-        fam_bundle_ros.kernels.NotCompiled
-            Where numba is not there, or cannot compile a user's effect.
-        """
-        return belief_of(self._allocator.inverted, self._allocator.grid, compiled=True)
 
     def _read(self, measurement):
         pressure = np.asarray(measurement.pressure, float)

@@ -10,15 +10,14 @@ import numpy as np
 
 from fam_bundle_ros.discovery.fit import effect_terms
 from fam_bundle_ros.discovery.measurement import Measurement
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
 
 
 @lru_cache(maxsize=1)
 def _identities() -> dict[str, tuple[str, str]]:
     """Return head and family by name; the catalogue looks through entry points each time."""
-    return {name: (kind.variant_of or name, kind.family)
-            for name, kind in catalogue.available().items()}
+    return {name: (law.variant_of or name, law.family)
+            for name, law in catalogue.available().items()}
 
 
 def head(name: str) -> str:
@@ -36,6 +35,13 @@ def family(name: str) -> str:
     return _identities().get(name, (name, 'user'))[1]
 
 
+@lru_cache(maxsize=64)
+def makers(kind: str) -> tuple[str, ...]:
+    """Return the families of the catalogue that leave a kind of shape in an error."""
+    return tuple(dict.fromkeys(law.family for law in catalogue.available().values()
+                               if kind in law.leaves))
+
+
 def candidates(model: Bundle, data: Measurement) -> dict[str, Effect]:
     """
     Return the effects that the data could show and the model does not have, by name.
@@ -47,16 +53,13 @@ def candidates(model: Bundle, data: Measurement) -> dict[str, Effect]:
     found = {}
     have = {effect.name for effect in model.effects}
     heads = {head(name) for name in have}
-    for name, kind in catalogue.available().items():
-        if head(name) in heads or kind.place is Place.PNEUMATICS or name == 'mesh':
+    for name, law in catalogue.available().items():
+        if head(name) in heads or not law.candidate:
             continue
-        try:
-            effect = kind()
-        except (InputError, TypeError):  # needs more than numbers, such as a table
+        effect = law()
+        if law.parameters and not effect_terms(effect, model.n):
             continue
-        if kind.parameters and not effect_terms(effect, model.n):
-            continue
-        if kind.family == 'force_sensor' and force_hardly_changes(data):
+        if law.parts[0].changes == 'force' and force_hardly_changes(data):
             continue
         if data.is_static and _silent(model, effect, data):
             continue
@@ -71,7 +74,7 @@ def force_hardly_changes(data: Measurement) -> bool:
 
 def _silent(model: Bundle, effect: Effect, data: Measurement) -> bool:
     """Return whether an effect with parameters away from zero changes nothing in a static map."""
-    if effect.memory or effect.name in ('temperature',):
+    if effect.needs_time:
         return True
     away = {p.name: max(abs(effect.values[p.name]), 0.1 * (p.upper - p.lower) * p.scale)
             for p in effect.parameters}
@@ -87,14 +90,14 @@ def _silent(model: Bundle, effect: Effect, data: Measurement) -> bool:
 
 def shapes_of(name: str) -> list[Effect]:
     """Return the other shapes that a head stands for; none for the name of a single shape."""
-    return [kind() for other, kind in catalogue.available().items()
+    return [law() for other, law in catalogue.available().items()
             if other != name and head(other) == name]
 
 
 def other_shapes(model: Bundle) -> list[tuple[str, Effect]]:
     """Return the other shapes of the effects that a model has: (name of its effect, shape)."""
     have = {effect.name for effect in model.effects}
-    return [(name, kind()) for name in have for other, kind in catalogue.available().items()
+    return [(name, law()) for name in have for other, law in catalogue.available().items()
             if other != name and other not in have and head(other) == head(name)]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from fam_bundle_ros.discovery.fit import Fit, Problem
 from fam_bundle_ros.discovery.search import Scale
-from fam_bundle_ros.model import Bundle, Motion
+from fam_bundle_ros.model import Bundle, catalogue, Motion
 
 #: Below this many noise standard deviations (summed squares) an experiment tells nothing.
 _USELESS = 9.0
@@ -99,14 +99,9 @@ def best_experiment(problem: Problem, first: Fit, second: Fit, scale: Scale,
 
 def without_force(first: str, second: str) -> str:
     """Return what tells two effects apart where no force test does."""
-    pair = {first, second}
-    if any('pressure_sensor' in name for name in pair):
-        return 'vent the muscle and read the pressure gauge'
-    if any('force_sensor' in name for name in pair):
-        return 'hang a known weight on the load cell'
-    if pair & {'strain_sensor_offset', 'end_caps', 'tondu_factor'}:
-        return 'measure the rest length and the clamped ends with a calliper'
-    return 'measure radius and braid angle with a calliper'
+    laws = catalogue.available()
+    remedies = {laws[name].remedy for name in (first, second) if name in laws} - {''}
+    return ' or '.join(sorted(remedies)) or 'measure radius and braid angle with a calliper'
 
 
 def _sweeps(low: float, high: float, top: np.ndarray, levels: np.ndarray, rate: float) -> Motion:

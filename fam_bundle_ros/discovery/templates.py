@@ -16,21 +16,14 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.discovery.candidates import makers
 from fam_bundle_ros.discovery.fit import base_terms, Fit, Problem
 from fam_bundle_ros.discovery.grouping import pressure_levels
 from fam_bundle_ros.discovery.measurement import pressure_labels
 from fam_bundle_ros.discovery.noise import autocorrelation_time, what_does_not_repeat
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect, Parameter
-from fam_bundle_ros.model.effects.expression import expression_class
-
-#: Families that could make a shape; () where none in the catalogue can.
-_ODD = ('dry_friction',)
-_SMOOTH = {  # power of P: families whose even, smooth error looks so
-    0: ('bladder', 'temperature', 'force_sensor', 'strain_sensor'),
-    1: ('end_caps', 'strain_sensor', 'pressure_sensor', 'force_sensor', 'threshold', 'mismatch'),
-    2: ('braid', 'pressure_sensor', 'threshold'),
-}
+from fam_bundle_ros.model.expression import expression_law
 
 
 @dataclass(frozen=True)
@@ -88,10 +81,10 @@ class Template:
             raise InputError(f"'{self.words}' cannot be written as a formula of a model file")
         size = abs(self.coefficient) or 1.0
         unit = self.unit or '1'
-        coefficient = Parameter('k', unit, self.coefficient, -100.0 * size, 100.0 * size,
-                                self.words)
+        coefficient = Parameter(self.coefficient, unit, -100.0 * size, 100.0 * size,
+                                self.words, name='k')
         place = 'loss' if 'strain_rate' in self.expression else 'force'
-        return expression_class(name, self.expression, place, (coefficient,))()
+        return expression_law(name, self.expression, place, (coefficient,))()
 
 
 @dataclass(frozen=True)
@@ -133,7 +126,7 @@ def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
         def text(formula: str, g_text: str | None = g_text) -> str | None:
             return None if g_text is None else f'k * {formula}{g_text}'
         for h, words, formula in smooth:
-            add(h * g, words + g_words, 'N' + g_unit, _SMOOTH[power], text(formula),
+            add(h * g, words + g_words, 'N' + g_unit, makers(f'smooth{power}'), text(formula),
                 f'smooth{power}')
         for onset in np.linspace(low + 0.12 * span, high - 0.08 * span, 25):
             add(np.maximum(e - onset, 0) * g, f'starts at strain {onset:.3f} and grows{g_words}',
@@ -179,13 +172,13 @@ def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
                 if single else None, 'one_isobar', 1)
     below = np.minimum(force, 0.0)
     if (below < 0).mean() > 0.01:
-        resistive = ('resistive', 'slack', 'bladder')
+        resistive = makers('past_free')
         add(below, 'past free strain, with the push-back', '', resistive, None, 'past_free')
         add((below < 0).astype(float), 'past free strain, constant', 'N', resistive, None,
             'past_free')
         add((below < 0) * total, 'past free strain, with pressure', 'N/Pa', resistive, None,
             'past_free')
-    add(force, 'in proportion to the force', '', ('force_sensor',), None, 'force')
+    add(force, 'in proportion to the force', '', makers('force'), None, 'force')
     add(force ** 2, 'with the square of the force', '1/N', (), None, 'force_squared')
     reach = float(np.abs(force).max())
     for share in (0.5, 0.65, 0.8):
@@ -202,20 +195,21 @@ def _add_motion(add: Any, problem: Problem, residual: np.ndarray, e: np.ndarray,
     data = problem.data
     rate, way = data.strain_rate, data.direction.astype(float)
     sign = 'tanh(strain_rate / 0.002)'
+    dry, viscous, slow = makers('friction'), makers('speed'), makers('drift')
     on = ' * pressure' if single else None
-    add(-way, 'against the motion, constant', 'N', _ODD, f'-k * {sign}', 'friction')
-    add(-way * total, 'against the motion, with pressure', 'N/Pa', _ODD,
+    add(-way, 'against the motion, constant', 'N', dry, f'-k * {sign}', 'friction')
+    add(-way * total, 'against the motion, with pressure', 'N/Pa', dry,
         f'-k * {sign}{on}' if on else None, 'friction')
-    add(-way * np.abs(force), 'against the motion, with the force', '', _ODD,
+    add(-way * np.abs(force), 'against the motion, with the force', '', dry,
         f'-k * {sign} * abs(force)', 'friction')
-    add(-way * e, 'against the motion, with strain', 'N', _ODD, f'-k * {sign} * strain',
+    add(-way * e, 'against the motion, with strain', 'N', dry, f'-k * {sign} * strain',
         'friction_strain')
-    add(-way * e * total, 'against the motion, with strain and pressure', 'N/Pa', _ODD,
+    add(-way * e * total, 'against the motion, with strain and pressure', 'N/Pa', dry,
         f'-k * {sign} * strain{on}' if on else None, 'friction_strain')
-    add(-rate, 'against the motion, with speed', 'N*s', ('viscous',), '-k * strain_rate', 'speed')
-    add(-rate * np.abs(rate), 'against the motion, with speed squared', 'N*s**2', ('viscous',),
+    add(-rate, 'against the motion, with speed', 'N*s', viscous, '-k * strain_rate', 'speed')
+    add(-rate * np.abs(rate), 'against the motion, with speed squared', 'N*s**2', viscous,
         '-k * strain_rate * abs(strain_rate)', 'speed')
-    add(-rate * total, 'against the motion, with speed and pressure', 'N*s/Pa', ('viscous',),
+    add(-rate * total, 'against the motion, with speed and pressure', 'N*s/Pa', viscous,
         f'-k * strain_rate{on}' if on else None, 'speed')
     add(np.abs(rate), 'with speed, whichever way', 'N*s', (), 'k * abs(strain_rate)',
         'even_speed')
@@ -226,26 +220,25 @@ def _add_motion(add: Any, problem: Problem, residual: np.ndarray, e: np.ndarray,
     overall = time - time[0] if continuing else own
     if np.ptp(overall) > 0:
         t = overall / np.ptp(overall)
-        slow = ('temperature', 'softening', 'relaxation')
         add(t, 'grows with the time of the log', 'N', slow, None, 'drift')
         add(t * force, 'grows with the time of the log, with the force', '', slow, None, 'drift')
         add(t ** 2, 'grows with the square of the time of the log', 'N', slow, None, 'drift')
     if continuing and np.ptp(own) > 0:
         add(own / np.ptp(own), 'grows with the time of each trial', 'N',
-            ('relaxation', 'softening'), None, 'drift_trial')
+            makers('drift_trial'), None, 'drift_trial')
     dt = np.diff(time, prepend=time[0])
     usual = float(np.median(dt[~data.start])) if (~data.start).any() else 1.0
     speed = np.zeros_like(total)
     moving = ~data.start
     speed[moving] = np.diff(total)[moving[1:]] / np.maximum(dt[moving], 1e-9)
-    add(speed, 'with how fast the pressure changes', 'N*s/Pa', ('line_lag', 'relaxation'), None,
+    add(speed, 'with how fast the pressure changes', 'N*s/Pa', makers('pressure_rate'), None,
         'pressure_rate')
     names = ((e, 'strain', 'N'), (total, 'pressure', 'N/Pa'), (force, 'force', ''))
     for signal, words, unit in names:
         for steps in (4, 16, 64, 256, 1024):
             slow_part = _lagged(signal, data.start, steps)
             add(slow_part - signal, f'decays over {steps * usual:.2g} s after {words} changes',
-                unit, ('relaxation', 'line_lag', 'dry_friction'), None, 'decay', 1)
+                unit, makers('decay'), None, 'decay', 1)
     _add_hum(add, problem, residual, time if continuing else own)
     count = len(data.trial_names)
     if 4 <= count <= 60:

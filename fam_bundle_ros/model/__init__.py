@@ -6,7 +6,7 @@ from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.geometry import Geometry
-from fam_bundle_ros.model.laws.base import law, Law, Parameter, Place
+from fam_bundle_ros.model.laws.base import Law, law, Parameter, Place
 from fam_bundle_ros.model.modelfile import dumps_model, load_model, loads_model, save_model
 from fam_bundle_ros.model.parts import Motion, MotorUnit, Overlap
 

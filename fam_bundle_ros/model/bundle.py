@@ -20,7 +20,7 @@ from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.geometry import Geometry
 from fam_bundle_ros.model.laws.base import Place
 from fam_bundle_ros.model.muscles import Muscles
-from fam_bundle_ros.model.parts import Motion, MotorUnit, Overlap, Pneumatics, SensorError
+from fam_bundle_ros.model.parts import Motion, MotorUnit, Pneumatics, SensorError
 from fam_bundle_ros.model.seam import Model
 
 #: Rest lengths within 2 % are equal but for how they were measured.
@@ -216,11 +216,10 @@ class Bundle:
         """How the gauges of this model differ from the truth; their laws are linear."""
         total: dict[str, float] = {}
         for _, law, part in self._muscles.laws.at(Place.SENSOR):
-            values = self._arguments(law)
-            bias, at_one = (part.function(**values, **{
-                part.changes: at for _ in range(part.changes in part.arguments)})
-                for at in (0.0, 1.0))
-            for name, value in (('bias', bias), ('gain', at_one - bias)):
+            def shown(true, part=part, values=self._arguments(law)):
+                read = {name: true for name in part.arguments if name == part.changes}
+                return part.function(**values, **read)
+            for name, value in (('bias', shown(0.0)), ('gain', shown(1.0) - shown(0.0))):
                 key = f'{part.changes}_{name}'
                 total[key] = total.get(key, 0.0) + value
         return SensorError(**total)
@@ -232,6 +231,12 @@ class Bundle:
                 strain * (1.0 + s.strain_gain) + s.strain_bias,
                 pressure * (1.0 + s.pressure_gain) + s.pressure_bias)
 
+    def felt(self, strain, pressure):
+        """Return the true strain and pressure for what the gauges show."""
+        s = self.sensor_error
+        return ((strain - s.strain_bias) / (1.0 + s.strain_gain),
+                (pressure - s.pressure_bias) / (1.0 + s.pressure_gain))
+
     def predict(self, motion: Motion) -> np.ndarray:
         """
         Return the force that the load cell would show over a record of readings, N, shape (T,).
@@ -241,10 +246,9 @@ class Bundle:
         """
         if not self.sensors:
             return self.simulate(motion).sum(axis=-1)
-        s = self.sensor_error
-        felt = replace(motion, strain=(motion.strain - s.strain_bias) / (1.0 + s.strain_gain),
-                       pressure=(motion.pressure - s.pressure_bias) / (1.0 + s.pressure_gain))
-        return self.simulate(felt).sum(axis=-1) * (1.0 + s.force_gain) + s.force_bias
+        strain, pressure = self.felt(motion.strain, motion.pressure)
+        force = self.simulate(replace(motion, strain=strain, pressure=pressure)).sum(axis=-1)
+        return self.readings(force, strain, pressure)[0]
 
     # --- gas -----------------------------------------------------------------------------------
 
@@ -353,22 +357,11 @@ class Bundle:
 
     # --- what the bundle can do (see `fam_bundle_ros.model.reach`) -----------------------------
 
-    def free_strain(self, pressure: ArrayLike, highest: float = 0.45) -> np.ndarray:
-        """Return the strain (...) at which the force first falls to zero; `reach.free_strain`."""
-        return reach.free_strain(self, pressure, highest)
+    free_strain = reach.free_strain
+    state_pressures = reach.state_pressures
+    overlap = reach.overlap
+    onset_pressure = reach.onset_pressure
 
     def blocked_force(self, pressure: ArrayLike) -> np.ndarray:
         """Return the force at zero strain, N, shape (...); ``pressure`` has shape (..., n)."""
         return self.force(0.0, pressure)
-
-    def state_pressures(self, state: int, last: ArrayLike) -> np.ndarray:
-        """Return pressures (..., n) of recruitment state RSk; `reach.state_pressures`."""
-        return reach.state_pressures(self, state, last)
-
-    def overlap(self, strain: float, state: int, points: int = 257) -> Overlap:
-        """Return the forces that RSk and RSk+1 can both give at a strain; `reach.overlap`."""
-        return reach.overlap(self, strain, state, points)
-
-    def onset_pressure(self, strain: float, unit: int, points: int = 257) -> float:
-        """Return from where on a motor unit helps the bundle, Pa; `reach.onset_pressure`."""
-        return reach.onset_pressure(self, strain, unit, points)

@@ -33,9 +33,10 @@ from fam_bundle_ros.model.vocabulary import bound, runs_along_time
 
 #: Column of the shape array that holds the number of muscles; before it the fields `SHAPE`.
 MUSCLES = len(SHAPE)
-#: Gauss-Legendre nodes and weights on [0, 1].
-_GAUSS = tuple((0.5 + 0.5 * float(x), 0.5 * float(w))
-               for x, w in zip(*np.polynomial.legendre.leggauss(5)))
+#: Nodes and weights of Gauss-Legendre's rule on [0, 1], exact for polynomials up to degree 9.
+_GAUSS = ((0.04691007703066800, 0.11846344252809454), (0.23076534494715845, 0.23931433524968324),
+          (0.5, 0.28444444444444444), (0.76923465505284155, 0.23931433524968324),
+          (0.95308992296933200, 0.11846344252809454))
 _RESERVED = {*FELT, *SHAPE, *STEPPING, *TABLES, 'np', 'shape', 'parameters', 'memory', 'after',
              'muscle', 'muscle_at_rest', 'volume', 'volume_slope', 'grown', 'stretched', 'felt',
              'whole', 'bracket', 'inside', 'node', 'weight', 'int', 'one'}
@@ -114,9 +115,7 @@ class Composition:
     @cached_property
     def runs_along_time(self) -> bool:
         """Whether a whole record can be computed in one call, memory included."""
-        return all(runs_along_time(part.function, tuple(f for f in law.memory
-                                                        if f in part.arguments))
-                   for law in self.laws for part in law.parts)
+        return all(runs_along_time(law.function, law.memory) for law in self.laws)
 
     def at(self, place: Place) -> list[tuple[str, Law, Part]]:
         """Return what acts at a place: name in the text, law, part."""
@@ -152,7 +151,7 @@ class Composition:
         return f'by_{called}{"".join(after)} = {call}'
 
     def _calls(self, parts, static=True):
-        return [self._call(*part, static) for part in parts]
+        return [self._call(called, law, part, static) for called, law, part in parts]
 
     def _used(self, *places):
         """Return the names that the laws at some places ask for."""
@@ -320,8 +319,8 @@ def _never_raises(plain, on_arrays):
         except (ArithmeticError, ValueError, TypeError):
             unit, *others = arguments
             after = others[-1] if isinstance(others[-1], list) and len(others) > 7 else None
-            given = [np.asarray(item, float)[()] if not isinstance(item, bool) else item
-                     for item in others]
+            given: list[Any] = [item if isinstance(item, bool) else np.asarray(item, float)[()]
+                                for item in others]
             with np.errstate(all='ignore'):
                 value = float(on_arrays(unit, *given))
             if after is not None:
@@ -331,7 +330,7 @@ def _never_raises(plain, on_arrays):
 
 
 def _written(text):
-    """Return the path of a file in the cache folder that holds a text; empty when there is none."""
+    """Return the path of a file in the cache folder that holds a text; empty when none."""
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
     path = kernels.cache_root() / 'models' / f'laws_{digest}.py'
     if not path.exists():

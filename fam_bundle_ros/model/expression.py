@@ -166,7 +166,8 @@ def _check(name, node, names, depth):
         raise InputError(f'{name}: expression is nested more than {_MAX_DEPTH} deep')
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
         if isinstance(node.op, ast.Pow):
-            power = node.right.operand if isinstance(node.right, ast.UnaryOp) else node.right
+            power: Any = node.right
+            power = power.operand if isinstance(power, ast.UnaryOp) else power
             if not (_is_number(power) and abs(power.value) <= _MAX_POWER):
                 raise InputError(f'{name}: a power must be a number of at most {_MAX_POWER}')
         _check(name, node.left, names, depth - 1)

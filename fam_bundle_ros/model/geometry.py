@@ -1,10 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Geometry of one McKibben muscle: radius, volume, lengths.
+Dimensions of one McKibben muscle, in SI units.
 
-All functions take the strain e = (L0 - L)/L0 (positive when shorter) as an array of any shape,
-and a `Geometry` whose fields are floats or arrays that broadcast with it. SI units.
+Strain is e = (L0 - L)/L0, positive when shorter.
 """
 
 from dataclasses import dataclass, field, fields
@@ -66,39 +65,6 @@ class Geometry:
         """Return one Geometry with array fields (n,) from n geometries."""
         names = [item.name for item in fields(cls) if item.init]
         return cls(*(np.array([getattr(g, name) for g in geometries], float) for name in names))
-
-
-def radius(geometry, strain, braid=1.0):
-    """
-    Return the radius of the muscle, r0 sqrt(B - l^2 cos^2 a0)/sin a0, in m.
-
-    ``braid`` is B, the square of the thread's stretch (1 for a stiff thread): the kinematics of
-    threads of length b = L0/cos a0 wound n times [CH96].
-    """
-    stretch = 1.0 - strain
-    return geometry.radius * np.sqrt((braid - stretch * stretch * geometry.cos2) / geometry.sin2)
-
-
-def volume(geometry, strain):
-    """
-    Return the volume inside the braid, pi r0^2 L0 (l - l^3 cos^2 a0)/sin^2 a0, in m^3 [CH96].
-
-    Examples
-    --------
-    >>> paper = Geometry(6.35e-3, 0.127, np.radians(33), 1.59e-3)
-    >>> print(f'{1e6 * volume(paper, 0.0):.2f} mL')
-    16.09 mL
-    """
-    stretch = 1.0 - strain
-    cubic = stretch * (1.0 - stretch * stretch * geometry.cos2)
-    return geometry.area * geometry.length * cubic / geometry.sin2
-
-
-def volume_slope(geometry, strain):
-    """Return dV/de in m^3: how fast the volume grows as the muscle shortens."""
-    stretch = 1.0 - strain
-    return -geometry.area * geometry.length * (
-        1.0 - 3.0 * stretch * stretch * geometry.cos2) / geometry.sin2
 
 
 def ideal_free_strain(geometry):

@@ -114,7 +114,7 @@ class Muscles:
     def record(self, motion: Motion) -> np.ndarray:
         """Return the forces (T, n) over a record with time."""
         strain, pressure, rate = _columns(motion.strain, motion.pressure, motion.strain_rate)
-        time = np.subtract(motion.time, motion.time[0])  # type: ignore[index]
+        time = np.asarray(motion.time, float) - np.asarray(motion.time, float)[0]
         if not self.laws.has_memory:
             return self.at_rest(motion.strain, motion.pressure, motion.strain_rate,
                                 time[:, None])

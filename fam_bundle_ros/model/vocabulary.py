@@ -14,13 +14,9 @@ words bound for one way to run it:
 - ``'kernels'``: plain numbers, ready for `fam_bundle_ros.kernels` to be compiled
 """
 
-import ast
-import bisect
 from collections.abc import Callable
 from functools import cache
-import inspect
 import math
-import textwrap
 import types
 from typing import Any
 
@@ -96,11 +92,6 @@ def _sign(value):
     return 1.0 if value > 0.0 else -1.0 if value < 0.0 else 0.0 * value
 
 
-def _cell_bisect(grid, first, count, value):
-    found = bisect.bisect_right(grid, value, first, first + count) - first - 1
-    return min(max(found, 0), count - 2)
-
-
 def _cell_search(grid, first, count, value):
     low, high = first, first + count
     while low < high:
@@ -153,11 +144,9 @@ def _before_scan(memory, signal):
 _SWAPS: dict[str, dict[Any, Any]] = {
     'arrays': {},
     'scans': {affine: _affine_scan, clamp: _clamp_scan, before: _before_scan},
-    'floats': {np: types.SimpleNamespace(**_WORDS), cell: _cell_bisect},
+    'floats': {np: types.SimpleNamespace(**_WORDS), cell: _cell_search},
     'kernels': {np: _CompiledWords(), cell: _cell_search},
 }
-#: The recurrences. A law that uses its memory through these alone runs along time at once.
-RECURRENCES = (affine, clamp, before)
 
 
 @cache
@@ -193,24 +182,9 @@ def bound(function: Callable, mode: str) -> Callable:
 
 def runs_along_time(function: Callable, fields: tuple[str, ...]) -> bool:
     """
-    Return whether a law uses its memory through recurrences alone.
+    Return whether ``'scans'`` computes a law with these memory fields over a record in one call.
 
-    Then ``'scans'`` computes a whole record in one call; else it is computed sample by sample.
+    Our own laws use their memory through `affine`, `clamp` and `before` alone, as that needs; a
+    user's law with memory is computed sample by sample.
     """
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    except (OSError, SyntaxError):
-        return False
-    definition = next(node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
-    uses = {id(node) for part in definition.body for node in ast.walk(part)
-            if isinstance(node, ast.Name) and node.id in fields}
-    for node in ast.walk(definition):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            called = function.__globals__.get(node.func.id)  # type: ignore[attr-defined]
-            for place, argument in enumerate(node.args):
-                if id(argument) in uses and (
-                        called in RECURRENCES and place == 0
-                        or isinstance(called, types.FunctionType) and runs_along_time(
-                            called, (called.__code__.co_varnames[place],))):
-                    uses.discard(id(argument))
-    return not uses
+    return not fields or function.__module__.startswith(kernels.PACKAGE)

@@ -47,7 +47,6 @@ class LiveModel:
 
     def __init__(self, bundle: Bundle):
         self.bundle = bundle
-        self._error = bundle.sensor_error if bundle.sensors else None
         self.reset()
 
     def reset(self) -> None:
@@ -59,14 +58,9 @@ class LiveModel:
         if not math.isfinite(strain + rate + sum(pressure)):
             self.reset()
             return math.nan
-        felt = np.array(pressure)
-        error = self._error
-        if error is not None:
-            strain -= error.strain_bias
-            felt = (felt - error.pressure_bias) / (1.0 + error.pressure_gain)
+        strain, felt = self.bundle.felt(strain, np.array(pressure))
         forces, self._state = self.bundle.step(self._state, dt, strain, felt, rate)
-        force = float(forces.sum())
-        return force if error is None else force * (1.0 + error.force_gain) + error.force_bias
+        return float(self.bundle.readings(forces.sum(), strain, felt)[0])
 
 
 class ModelMonitor(BundleNode):

@@ -4,6 +4,7 @@
 
 from fam_bundle_ros.plant import loads, sensors
 from fam_bundle_ros.plant.circuit import AirBalance
+from fam_bundle_ros.plant.foreign import ForeignPlant
 from fam_bundle_ros.plant.loads import Arm, Dynamometer, Load, MassSpring, SeriesSpringMass
 from fam_bundle_ros.plant.pneumatics import (
     ChamberConfig,
@@ -20,6 +21,7 @@ from fam_bundle_ros.plant.supply import air_energy, available_energy, liquid_ene
 __all__ = [
     'air_energy', 'AirBalance', 'Arm', 'available_energy', 'ChamberConfig',
     'ChamberLinearisation', 'Dynamometer', 'fastest_fall', 'fastest_rise', 'Faults',
-    'linearise', 'liquid_energy', 'Load', 'loads', 'MassSpring', 'Readings', 'Rig', 'RigConfig',
-    'SensorConfig', 'sensors', 'SeriesSpringMass', 'SupplyConfig', 'ValveConfig',
+    'ForeignPlant', 'linearise', 'liquid_energy', 'Load', 'loads', 'MassSpring', 'Readings',
+    'Rig', 'RigConfig', 'SensorConfig', 'sensors', 'SeriesSpringMass', 'SupplyConfig',
+    'ValveConfig',
 ]

@@ -12,7 +12,13 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from fam_bundle_ros.model.pneumatics import mass_flow, REFERENCE_DENSITY, RT, valve_opening
+from fam_bundle_ros.model.pneumatics import (
+    mass_flow,
+    REFERENCE_DENSITY,
+    RT,
+    valve_opening,
+    ValveFlow,
+)
 from fam_bundle_ros.plant.pneumatics import ChamberConfig, ValveConfig
 from fam_bundle_ros.plant.supply import SupplyConfig
 
@@ -43,22 +49,24 @@ class AirBalance:
 class AirConfig:
     """Constants of the circuit."""
 
-    valve: ValveConfig
+    valve: ValveFlow
     chamber: ChamberConfig
     supply: SupplyConfig
     #: Pa (absolute).
     ambient: float
     #: Pa/(kg/s), of regulator and line together.
     resistance: float
-    #: rad/s, natural frequency of the spools.
+    #: rad/s, natural frequency of the spools; their damping ratio.
     spool_frequency: float
+    spool_damping: float
 
     @classmethod
     def of(cls, valve: ValveConfig, chamber: ChamberConfig, supply: SupplyConfig,
            ambient: float, droop: float = 0.0) -> 'AirConfig':
         """Return the constants; ``droop``, Pa/(kg/s), adds to the regulator's resistance."""
-        return cls(valve, chamber, supply, float(ambient), supply.resistance + droop,
-                   valve.natural_frequency)
+        flow = ValveFlow(valve.conductance, valve.critical_ratio, valve.dead_band)
+        return cls(flow, chamber, supply, float(ambient), supply.resistance + droop,
+                   valve.natural_frequency, valve.damping)
 
 
 @dataclass
@@ -184,7 +192,7 @@ def move_spools(config: Any, air: Any, commands: Any, dt: float) -> None:
     A spool is a second-order lag, x'' = w^2 (u - x) - 2 z w x', solved exactly for the held
     command u.
     """
-    a, b, c, d = spool_step(config.spool_frequency, config.valve.damping, 0.5 * dt)
+    a, b, c, d = spool_step(config.spool_frequency, config.spool_damping, 0.5 * dt)
     for i in range(len(commands)):
         target = commands[i]
         error, rate = air.spool[i] - target, air.spool_rate[i]

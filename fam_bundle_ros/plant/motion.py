@@ -3,11 +3,12 @@
 """
 The rig in motion: circuit, bundle and load advanced together, and the trip that guards them.
 
-Half drift, kick, half drift: over half a step the load moves at its present speed while the air
-moves with it (`drift_with_air`), then the force acts for the whole step (`kick_step`), then the
-second half (Strang splitting; position Verlet where there is no air). The scheme is symmetric, hence of second order; without dissipation it neither gains
-nor loses energy. Kernels (`fam_bundle_ros.kernels`); a `model` is a `fam_bundle_ros.model.seam.
-Model`, so that any plant that gives force and volume runs here.
+Half drift, kick, half drift (Strang splitting; position Verlet where there is no air): over half
+a step the load moves at its present speed while the air moves with it (`drift_with_air`), then
+the force acts for the whole step (`kick_step`), then the second half. The scheme is symmetric,
+hence of second order; without dissipation it neither gains nor loses energy. Kernels
+(`fam_bundle_ros.kernels`); a `model` is a `fam_bundle_ros.model.seam.Model`, so that any plant
+that gives force and volume runs here.
 """
 
 from dataclasses import dataclass, field
@@ -258,10 +259,12 @@ def settle_volumes(rig: Any, model: Any, state: Any) -> None:
 def bundle_force(model: Any, state: Any, strain_rate: float, start: bool) -> float:
     """Return the tension of all motor units now, N, if the load moved at ``strain_rate``."""
     total, pressure = 0.0, state.gauge[:]
+    shape, parameters, tables, memory, after = (
+        model.shape, model.parameters, model.tables, model.memory, model.after)
+    strain, time, dt = state.motion.strain, state.time, state.time - state.memory_time
     for i in range(len(pressure)):
-        total += model.force(i, state.motion.strain, strain_rate, pressure, state.time,
-                             state.time - state.memory_time, start, model.shape,
-                             model.parameters, model.tables, model.memory, model.after)
+        total += model.force(i, strain, strain_rate, pressure, time, dt, start, shape,
+                             parameters, tables, memory, after)
     return total
 
 

@@ -155,7 +155,7 @@ def paper_figures(bundle: Bundle, points: int = 401) -> PaperFigures:
         Strains (figures 2b and 3) and pressures (figure 4).
     """
     models = readings(bundle)
-    resistive = any(e.family == 'resistive' for e in bundle.effects)
+    resistive = any(e.pushes_back for e in bundle.effects)
     return PaperFigures(bundle.name, resistive, _isobars(models, points), _space(models, points),
                         _free_strain(models, points) if bundle.n > 1 else None)
 

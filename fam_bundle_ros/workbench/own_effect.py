@@ -12,7 +12,7 @@ from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Effect, Parameter
-from fam_bundle_ros.model.effects.expression import expression_class, RESULTS, VARIABLES
+from fam_bundle_ros.model.expression import expression_law, FUNCTIONS, RESULTS, VARIABLES
 from fam_bundle_ros.units import express, parse, registry
 from fam_bundle_ros.workbench.session import Session
 
@@ -22,7 +22,6 @@ __all__ = ['Draft', 'Field', 'PLACES', 'Preview', 'from_template', 'names_in', '
 PLACES = {'force': 'a force (N), elastic', 'loss': 'a force (N), lost or delayed',
           'pressure': 'a change of pressure (Pa)', 'geometry': 'a change of strain',
           'limit': 'the least force (N)'}
-_FUNCTIONS = ('abs', 'sqrt', 'exp', 'log', 'tanh', 'sin', 'cos', 'sign', 'min', 'max')
 
 
 @dataclass
@@ -64,7 +63,7 @@ class Draft:
         if self.place not in RESULTS:
             raise InputError(f'place {self.place!r} is not known')
         parameters = tuple(_parameter(key, item) for key, item in self.fields.items())
-        return expression_class(name, self.formula.strip(), self.place, parameters)()
+        return expression_law(name, self.formula.strip(), self.place, parameters)()
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def names_in(formula: str) -> list[str]:
     """
     words = re.findall(r'(?<![\w.])[A-Za-z_]\w*', formula)
     return [word for word in dict.fromkeys(words)
-            if word not in VARIABLES and word not in _FUNCTIONS]
+            if word not in VARIABLES and word not in FUNCTIONS]
 
 
 def preview(session: Session, effect: Effect) -> Preview:
@@ -143,5 +142,5 @@ def _parameter(name: str, item: Field) -> Parameter:
         raise InputError(f'parameter {name}: its lower bound is not below its upper bound')
     scale = float(registry().Quantity(1.0, unit if unit != '1' else 'dimensionless')
                   .to_base_units().magnitude)
-    return Parameter(name, unit, value / scale, low / scale, high / scale,
-                     f'start {express(value, unit, 4)}')
+    return Parameter(value / scale, unit, low / scale, high / scale,
+                     f'start {express(value, unit, 4)}', name=name)

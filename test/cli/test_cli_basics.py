@@ -113,13 +113,11 @@ def test_python_effects_run_only_when_allowed(fam_bundle, tmp_path):
     """A model that names a Python file is refused, and runs with --allow-python."""
     (tmp_path / 'mine.py').write_text(
         'from pathlib import Path\n'
-        'from fam_bundle_ros.model.effects.base import Effect, Place\n'
+        'from fam_bundle_ros.model import law\n'
         'Path("ran").touch()\n'
-        'class Mine(Effect):\n'
-        '    name, summary, source, family = "mine", "a", "b", "mine"\n'
-        '    place, signature = Place.FORCE, "c"\n'
-        '    def contribution(self, x):\n'
-        '        return -1.0\n')
+        '@law("force", summary="a", source="b", family="mine", signature="c")\n'
+        'def mine():\n'
+        '    return -1.0\n')
     (tmp_path / 'own.yaml').write_text(MODEL + '  - mesh\n  - mine\neffect_files: [mine.py]\n')
     refused = fam_bundle('map', 'own.yaml')
     assert refused.returncode == 2

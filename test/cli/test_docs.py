@@ -8,7 +8,7 @@ import re
 import pytest
 
 from fam_bundle_ros.model import load_model
-from fam_bundle_ros.model.effects.expression import FUNCTIONS, VARIABLES
+from fam_bundle_ros.model.expression import FUNCTIONS, VARIABLES
 
 
 def make_pages(repository):

@@ -21,7 +21,23 @@ from fam_bundle_ros.control import (
 from fam_bundle_ros.control.outer_loop import FORCE, STRAIN
 from fam_bundle_ros.control.pid import pid_settings
 from fam_bundle_ros.control.pressure_loop import ANTI_WINDUP, forget, PidState, pressure_step
-from fam_bundle_ros.control.reasons import from_row, LOST, Reason, ROW, row_of, sentence
+from fam_bundle_ros.control.reasons import (
+    ABSENT,
+    AHEAD,
+    AT_REST,
+    BELOW,
+    BEYOND,
+    CHEAP,
+    FROM_REST,
+    from_row,
+    LOST,
+    Reason,
+    ROW,
+    row_of,
+    sentence,
+    TURNED_BACK,
+    UNREACHABLE,
+)
 from fam_bundle_ros.control.recruitment_loop import (
     enable_step,
     recruitment_step,
@@ -73,7 +89,7 @@ def run(controller, bundle, compiled):
     settings, memory, model = controller.settings, controller.memory, controller.model
     command, pack = command_record(bundle.n), (lambda record: record)
     if compiled:
-        pack, model = kernels.pack, controller.compiled_model()
+        pack, model = kernels.pack, controller.belief(compiled=True)
         step, enable, start = map(kernels.compiled, (step, enable, start))
     settings, memory, record = pack(settings), pack(memory), pack(command)
     start(settings, memory, record)
@@ -147,6 +163,23 @@ def test_plain_and_compiled_pressure_loops_agree(mode, helped):
         kernels.unpack(record, other)
         assert flat(asdict(other)) == pytest.approx(flat(asdict(one)), rel=1e-12, abs=1e-9)
         pressure += 4e3 * command if command > 0.0 or pressure > 0.0 else 0.0
+
+
+@pytest.mark.parametrize(('why', 'text'), [
+    (FROM_REST, 'recruit B: demand 20.0 N above 31.5 N; at rest there are 33.0 N'),
+    (BEYOND, "recruit B: demand 20.0 N above RS1's 33.0 N by more than -1.5 N"),
+    (AHEAD, "recruit B: demand 20.0 N rising by 4.0 N/s towards RS1's 33.0 N; above 25.0 N its "
+            'push-back of 8.0 N could not be made up for'),
+    (BELOW, 'release A: demand 20.0 N below 31.5 N'),
+    (UNREACHABLE, 'release A: demand 20.0 N below the 31.5 N that RS1 can'),
+    (AT_REST, 'release A: demand 20.0 N below 31.5 N and at rest for 0.8 s'),
+    (ABSENT, 'release A: demand 20.0 N below 31.5 N for 0.8 s'),
+    (TURNED_BACK, 'release A: demand 20.0 N below 31.5 N and turned back before it was needed'),
+    (CHEAP, 'release A: demand 20.0 N below 31.5 N, and only 12 kPa to fill again from here'),
+    (LOST, 'vent: no usable reading for 0.80 s')])
+def test_a_reason_reads_as_a_sentence(why, text):
+    """Each code has its sentence, with the numbers that the decision rests on."""
+    assert sentence(Reason(why, 1, 20.0, 31.5, 33.0, 25.0, 4.0, 0.8, 12e3), ['A', 'B']) == text
 
 
 def test_a_reason_survives_being_kept_as_numbers():

@@ -186,7 +186,7 @@ def test_a_command_that_was_taken_over_fades():
 
 
 def test_large_errors_act_at_once_and_small_ones_filtered():
-    """The wanted rate is p times the error beyond the band, whatever the filter, if it is large."""
+    """The wanted rate is p times the error beyond the band, unfiltered where that is large."""
     config = PidConfig(feed_forward=False, quiet_error=100.0, filter_time=0.1)
     for jump, share in ((-40e3, 1.0), (-300.0, 0.0)):
         pid = PressurePid(PidGains(20.0, 0.0, 0.0), config)

@@ -7,8 +7,8 @@ import pytest
 
 from fam_bundle_ros.model import Bundle, Geometry, MotorUnit
 from fam_bundle_ros.model.laws.bladder import bladder_elasticity
-from fam_bundle_ros.model.laws.resistive import resistive_buckling
 from fam_bundle_ros.model.laws.mesh import mesh
+from fam_bundle_ros.model.laws.resistive import resistive_buckling
 
 PAPER = Geometry(6.35e-3, 0.127, np.radians(33.0), 1.59e-3)
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import dumps_model, load_model, loads_model, save_model
+from fam_bundle_ros.model import dumps_model, load_model, loads_model, Motion, save_model
 
 GOOD = """\
 format: fam-bundle-model/1
@@ -118,17 +118,59 @@ def test_what_is_no_model_file_is_refused(tmp_path, content):
         load_model(path)
 
 
-def test_python_files_are_run_only_with_leave(tmp_path):
-    """A model file from a stranger executes nothing."""
-    (tmp_path / 'mine.py').write_text("""
-from fam_bundle_ros.model.effects.base import Effect, Parameter, Place
+GLUE = """
+import numpy as np
+from fam_bundle_ros.model import law, Parameter
+@law('force', family='user', summary='s', source='s', signature='s', memory=('last',),
+     size=Parameter(3.0, 'N', 0.0, 9.0, 'd'))
+def glue(strain, start, last, size):
+    last = np.where(start, strain, last)  # used as it is: computed sample by sample
+    return size + 100.0 * (strain - last), 0.5 * (strain + last)
+"""
+CLASS = """
+from fam_bundle_ros.model import Effect, Parameter, Place
 class Glue(Effect):
     name, summary, source, family = 'glue', 's', 's', 'user'
     place, signature = Place.FORCE, 's'
     parameters = (Parameter('size', 'N', 3.0, 0.0, 9.0, 'd'),)
     def contribution(self, x):
         return self.size + 0.0 * x.strain
-""")
+"""
+
+
+@pytest.mark.parametrize('text', [
+    CLASS, CLASS.replace('model import', 'model.effects.base import'), 'x = 1'])
+def test_an_effect_written_as_a_class_is_told_how_to_become_a_function(tmp_path, text):
+    """One sentence that names the file, the decorator and the page."""
+    (tmp_path / 'mine.py').write_text(text)
+    path = tmp_path / 'm.yaml'
+    path.write_text(GOOD.replace('effects:', 'effect_files: [mine.py]\neffects:\n  - glue'))
+    with pytest.raises(InputError, match=r'mine.py: .*@law\(...\).*docs/guide.md'):
+        load_model(path, allow_python=True)
+
+
+def test_a_users_law_with_a_memory_of_its_own_kind_runs_over_a_record(tmp_path):
+    """Without the recurrences of the vocabulary it is computed sample by sample, to the same."""
+    (tmp_path / 'mine.py').write_text(GLUE)
+    path = tmp_path / 'm.yaml'
+    path.write_text(GOOD.replace('effects:', 'effect_files: [mine.py]\neffects:\n  - glue'))
+    bundle = pickle.loads(pickle.dumps(load_model(path, allow_python=True)))
+    strain, time = np.linspace(0.0, 0.1, 7), np.arange(7.0)
+    motion = Motion(strain, np.full((7, 1), 2e5), np.zeros(7), time, time == 4)
+    state, forces = bundle.start_state(), []
+    for k in range(4):
+        force, state = bundle.step(state, 1.0, strain[k], [2e5])
+        forces.append(force)
+    whole = bundle.simulate(motion)
+    assert_allclose(whole[:4], forces, rtol=1e-12)
+    at_rest = bundle.unit_forces(strain, np.full((7, 1), 2e5))
+    assert_allclose((whole - at_rest)[[0, 4]], 0.0, atol=1e-9)
+    assert np.all((whole - at_rest)[[1, 2, 3, 5, 6]] > 1.0)
+
+
+def test_python_files_are_run_only_with_leave(tmp_path):
+    """A model file from a stranger executes nothing."""
+    (tmp_path / 'mine.py').write_text(GLUE)
     path = tmp_path / 'm.yaml'
     path.write_text(GOOD.replace('effects:', 'effect_files: [mine.py]\neffects:\n  - glue'))
     with pytest.raises(InputError, match='line 10: names Python files.*--allow-python'):

@@ -24,7 +24,8 @@ PRESSURES = np.array([68.95, 137.9, 206.8, 275.8, 344.7, 413.7])[:, None] * 1e3
 def test_volumes_of_the_papers_muscle():
     """The bladder takes 7.0480 mL of the 16.09 mL inside the braid."""
     assert_allclose(PAPER.bladder_volume, 7.0480e-6, rtol=1e-5)
-    assert_allclose(geo.volume(PAPER, 0.0), 16.09e-6, atol=5e-9)
+    tube = Bundle('tube', units(1), [mesh()])
+    assert_allclose(tube.gas_volume(0.0) + PAPER.bladder_volume, 16.09e-6, atol=5e-9)
 
 
 def test_ideal_free_strain():
@@ -86,20 +87,12 @@ def test_bladder_force_is_the_slope_of_its_energy():
                     PAPER.bladder_volume / PAPER.length * slope, rtol=1e-6)
 
 
-def test_mesh_force_is_the_work_of_the_gas():
-    """F dL = -P dV: the ideal muscle's force is P dV/de / L0 (virtual work)."""
-    strain = np.linspace(0.0, 0.35, 8)
-    ideal = Bundle('ideal', units(1), [mesh()])
-    assert_allclose(ideal.force(strain, np.full((8, 1), 1e5)),
-                    1e5 * geo.volume_slope(PAPER, strain) / PAPER.length, rtol=1e-12)
-
-
 def test_bundle_free_strain_dips_when_the_second_unit_fills(paper_bundle):
     """Raising MU2 from zero first shortens the bundle's reach (free strain gradient reversal)."""
-    second = np.array([0, 34.5, 68.9, 137.9, 206.8, 275.8, 344.7]) * 1e3
-    pressure = np.column_stack([np.full(7, 344.7e3), second])
+    second = np.array([0, 34.5, 68.95, 137.9, 172.4, 206.8, 275.8, 344.7]) * 1e3
+    pressure = np.column_stack([np.full(8, 344.7e3), second])
     assert_allclose(paper_bundle.free_strain(pressure),
-                    [.2356, .2339, .2289, .2211, .2227, .2302, .2365], atol=6e-5)
+                    [.2356, .2335, .2266, .2211, .2185, .2227, .2302, .2365], atol=6e-5)
 
 
 def test_without_resistive_force_the_bladder_alone_gives_no_reversal():

@@ -86,7 +86,8 @@ def test_load_rests_where_the_bundle_balances_it(load):
 
     motion = load.start(LENGTH)
     for _ in range(5000):
-        motion = move(load, motion, lambda e: force(e) - 40.0 * motion.strain_rate, 1e-3, 1e-3)
+        rate = motion.strain_rate
+        move(load, motion, lambda e, rate=rate: force(e) - 40.0 * rate, 1e-3, 1e-3)
     assert abs(motion.strain_rate) < 1e-4
     assert load.stops[0] < motion.strain < load.stops[1]
     assert force(motion.strain) == pytest.approx(

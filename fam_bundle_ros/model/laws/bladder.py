@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rubber tube inside the braid: three shapes of one physics, elastic force in strain alone."""
 
+from typing import Any
+
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 
-_FAMILY = {
+_FAMILY: dict[str, Any] = {
     'family': 'bladder', 'leaves': ('smooth0', 'past_free'),
     'signature': 'the error depends on strain alone and is the same at every pressure, zero '
                  'included: free strain then changes with pressure'}

@@ -2,17 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dry friction of the braid: one shape without pre-sliding and two with it."""
 
+from typing import Any
+
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import affine, before, play
 
-_FRICTION = {
+_FRICTION: dict[str, Any] = {
     'family': 'dry_friction', 'off': {'force': 0.0, 'per_pressure': 0.0},
     'leaves': ('friction', 'friction_strain', 'decay'),
     'force_0': Parameter(4.0, 'N', 0.0, 100.0, 'friction force at zero pressure', name='force'),
     'per_pressure': Parameter(0.0, 'N/kPa', 0.0, 1.0, 'growth with gauge pressure')}
-_PRESLIDING = {
+_PRESLIDING: dict[str, Any] = {
     'signature': 'the residual splits by direction of motion, its corners are rounded over a '
                  'fixed strain after each reversal, minor loops are smaller',
     'width': Parameter(0.01, '1', 5e-4, 0.1, 'strain over which a reversal is rounded')}

@@ -7,12 +7,15 @@ Sensor laws belong to the comparison with data and to a simulated rig's readings
 muscle that the controller inverts. They are linear in what is read.
 """
 
+from typing import Any
+
 from fam_bundle_ros.model.laws.base import law, Parameter
 
-_FAMILY = {'family': 'force_sensor', 'changes': 'force',
-           'leaves': ('smooth0', 'smooth1', 'force'),
-           'remedy': 'hang a known weight on the load cell',
-           'source': 'instrument error model; sizes 1-5 N and 1-6 % as seen on rigs'}
+_FAMILY: dict[str, Any] = {
+    'family': 'force_sensor', 'changes': 'force',
+    'leaves': ('smooth0', 'smooth1', 'force'),
+    'remedy': 'hang a known weight on the load cell',
+    'source': 'instrument error model; sizes 1-5 N and 1-6 % as seen on rigs'}
 
 
 @law('sensor', **_FAMILY, off={'bias': 0.0}, look=('grey', 'solid'),

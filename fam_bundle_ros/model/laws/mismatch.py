@@ -2,19 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Muscles sold as equal that are not."""
 
+from typing import Any
+
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
+
+_PARAMETERS: dict[str, Any] = {
+    f'mu{i}': Parameter(0.0, '1', -0.4, 0.4, f'relative cross-section of unit {i} against unit 1')
+    for i in range(2, 7)}
 
 
 @law('geometry', changes='area', family='mismatch', per_unit=True, leaves=('smooth1',),
      look=('indigo', 'dot'), summary='motor units of unequal strength',
      source='up to 10 % between muscles sold as equal; relative cross-section derived',
      signature='the error changes sign when the active motor unit changes',
-     off={f'mu{i}': 0.0 for i in range(2, 7)},
-     **{f'mu{i}': Parameter(0.0, '1', -0.4, 0.4,
-                            f'relative cross-section of unit {i} against unit 1')
-        for i in range(2, 7)})
+     off=dict.fromkeys(_PARAMETERS, 0.0), **_PARAMETERS)
 def motor_unit_mismatch(unit, mu2, mu3, mu4, mu5, mu6):
     """
     Cross-section of unit i times (1 + m_i), m_1 = 0: sizes relative to the first motor unit.

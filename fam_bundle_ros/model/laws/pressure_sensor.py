@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the pressure gauges show against the pressure in the line."""
 
+from typing import Any
+
 from fam_bundle_ros.model.laws.base import law, Parameter
 
-_FAMILY = {'family': 'pressure_sensor', 'changes': 'pressure', 'leaves': ('smooth1', 'smooth2'),
-           'remedy': 'vent the muscle and read the pressure gauge',
-           'source': 'instrument error model; sizes 1-5 N and 1-6 % as seen on rigs'}
+_FAMILY: dict[str, Any] = {
+    'family': 'pressure_sensor', 'changes': 'pressure', 'leaves': ('smooth1', 'smooth2'),
+    'remedy': 'vent the muscle and read the pressure gauge',
+    'source': 'instrument error model; sizes 1-5 N and 1-6 % as seen on rigs'}
 
 
 @law('sensor', **_FAMILY, off={'bias': 0.0}, look=('orange', 'dot'),

@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slow relaxation of rubber and braid after each step."""
 
+from typing import Any
+
 from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import lag
 
-_FAMILY = {'family': 'relaxation', 'leaves': ('drift', 'drift_trial', 'pressure_rate', 'decay')}
+_FAMILY: dict[str, Any] = {
+    'family': 'relaxation', 'leaves': ('drift', 'drift_trial', 'pressure_rate', 'decay')}
 _SIGNATURE = 'the residual decays after each step or reversal, over a fixed time'
 
 

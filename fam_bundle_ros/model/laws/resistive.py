@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Muscles compressed past their free strain: they push back, buckle, and collapse."""
 
+from typing import Any
+
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 
-_FAMILY = {
+_FAMILY: dict[str, Any] = {
     'family': 'resistive', 'pushes_back': True, 'leaves': ('past_free',),
     'signature': 'the error appears only past the free strain of the pressure: the model pushes '
                  'back too much or too little there',

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mullins softening: rubber gets softer over its first cycles."""
 
+from typing import Any
+
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
@@ -16,11 +18,11 @@ def _worn(bladder, depth):
     return -depth * bladder
 
 
-_FAMILY = {
+_FAMILY: dict[str, Any] = {
     'family': 'softening', 'leaves': ('drift', 'drift_trial'), 'memory': ('centre', 'travelled'),
-    'equilibrium': _worn, 'off': {'depth': 0.0}, 'source': 'derived: exponential in strain '
-    'travelled', 'signature': 'the error shrinks from cycle to cycle at the same strain and '
-    'pressure',
+    'equilibrium': _worn, 'off': {'depth': 0.0},
+    'source': 'derived: exponential in strain travelled',
+    'signature': 'the error shrinks from cycle to cycle at the same strain and pressure',
     'depth': Parameter(0.15, '1', 0.0, 0.8, 'share of the stiffness that is lost'),
     'travel': Parameter(0.5, '1', 0.02, 10.0, 'strain travelled until 63 % are lost')}
 

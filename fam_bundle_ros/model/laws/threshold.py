@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pressure that is spent on seating the bladder before the braid pulls."""
 
+from typing import Any
+
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 
-_FAMILY = {'family': 'threshold', 'off': {'pressure': 0.0}, 'leaves': ('smooth1', 'smooth2'),
-           'lost': Parameter(30.0, 'kPa', 0.0, 200.0, 'pressure that is lost', name='pressure')}
+_FAMILY: dict[str, Any] = {
+    'family': 'threshold', 'off': {'pressure': 0.0}, 'leaves': ('smooth1', 'smooth2'),
+    'lost': Parameter(30.0, 'kPa', 0.0, 200.0, 'pressure that is lost', name='pressure')}
 
 
 @law('pressure', **_FAMILY, look=('orange', 'solid'),

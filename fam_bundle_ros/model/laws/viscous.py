@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Losses that grow with speed."""
 
+from typing import Any
+
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 
-_FAMILY = {'family': 'viscous', 'leaves': ('speed',), 'off': {'coefficient': 0.0},
-           'signature': 'the residual is odd in the rate and grows with speed'}
+_FAMILY: dict[str, Any] = {
+    'family': 'viscous', 'leaves': ('speed',), 'off': {'coefficient': 0.0},
+    'signature': 'the residual is odd in the rate and grows with speed'}
 #: Speed at which `viscous_power` equals `viscous_damping`, m/s.
 _SPEED = 0.01
 

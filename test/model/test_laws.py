@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What every effect owes the engine, built in or a user's."""
+"""What every law owes the composition, built in or a user's; what single laws say."""
 
 import numpy as np
 from numpy.testing import assert_allclose

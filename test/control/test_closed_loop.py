@@ -1,0 +1,200 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The closed loop, compiled and plain: the same numbers whatever happens in it."""
+
+import copy
+from dataclasses import fields, is_dataclass
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros import kernels
+from fam_bundle_ros.control import ControllerConfig
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.plant import (
+    Arm,
+    Dynamometer,
+    Faults,
+    ForeignPlant,
+    MassSpring,
+    RigConfig,
+    SensorConfig,
+    SeriesSpringMass,
+    SupplyConfig,
+)
+from fam_bundle_ros.plant.motion import OVER_PRESSURE
+from fam_bundle_ros.simulation import ClosedLoop, Run, Trajectory
+
+needs_numba = pytest.mark.skipif(kernels.numba() is None, reason='numba is not installed')
+
+
+def path(times, values, kind='force', load=None, **more):
+    """Return a trajectory along straight lines."""
+    def value(t):
+        return float(np.interp(t, times, values))
+    more.setdefault('prepare', 0.5)
+    return Trajectory('path', kind, times[-1], value, lambda t: 0.0,
+                      load or Dynamometer(strain=0.16), **more)
+
+
+def wave(t):
+    """Return a force that crosses the overlap both ways."""
+    return 37.0 - 25.0 * math.cos(3.0 * t)
+
+
+STEADY = path([0.0, 0.4, 0.8], [20.0, 45.0, 45.0])
+CASES = {
+    'overlap': (Trajectory('wave', 'force', 2.5, wave, lambda t: 75.0 * math.sin(3.0 * t),
+                           Dynamometer(0.16), prepare=0.5), (), {}),
+    'neglect': (STEADY, (), {'controller': ControllerConfig(policy='neglect')}),
+    'hysteresis, batch': (STEADY, (), {'controller': ControllerConfig(
+        policy='hysteresis', scheme='batch')}),
+    'all on': (STEADY, ('viscoelastic_relaxation',), {'controller': ControllerConfig(
+        scheme='all_on')}),
+    'imposed strain': (path([0.0, 1.0], [30.0, 30.0],
+                            imposed=lambda t: 0.14 + 0.03 * math.sin(5.0 * t)),
+                       ('presliding_hysteresis', 'pressure_line_lag'), {}),
+    'load change': (path([0.0, 1.0], [0.08, 0.08], 'strain', MassSpring(mass=4.0, damping=40.0),
+                         events=((0.5, {'mass': 3.0}),)), ('coulomb_friction',), {}),
+    'series spring': (path([0.0, 1.0], [0.06, 0.1], 'strain', SeriesSpringMass(mass=2.0)),
+                      ('leak', 'supply_droop'), {}),
+    'lost readings': (path([0.0, 1.5], [0.05, 0.1], 'strain', Arm(), faults=(
+        (0.2, Faults(dropout={'mu1/pressure'})), (0.5, Faults(noise_factor=3.0)),
+        (0.8, Faults(dropout={'force'})))), ('force_sensor_bias', 'strain_sensor_offset'),
+        {'rig': RigConfig(sensors=SensorConfig(dropout=0.02))}),
+    'held readings': (STEADY, (), {'rig': RigConfig(sensors=SensorConfig(
+        dropout=0.2, on_dropout='hold')), 'noise_factor': 2.0}),
+    'stuck and tripped': (path([0.0, 1.0], [20.0, 40.0], faults=(
+        (0.1, Faults(leak={1: 0.2}, stuck_valve={1: None})),
+        (0.4, Faults(stuck_valve={0: 0.9})))), (),
+        {'rig': RigConfig(supply=SupplyConfig(pressure=700e3))}),
+}
+
+
+def numbers(item, name=''):
+    """Return every number of a state by its name."""
+    if is_dataclass(item):
+        return {k: v for field in fields(item)
+                for k, v in numbers(getattr(item, field.name), f'{name}.{field.name}').items()}
+    if isinstance(item, list):
+        return {k: v for i, each in enumerate(item)
+                for k, v in numbers(each, f'{name}[{i}]').items()}
+    return {name: float(item)}
+
+
+@needs_numba
+@pytest.mark.parametrize('case', CASES)
+def test_compiled_loop_is_the_plain_one(paper_bundle, case):
+    """Log, decisions and every number of the state at the end agree to 1e-9."""
+    trajectory, effects, options = CASES[case]
+    plant = paper_bundle
+    for name in effects:
+        plant = plant.with_effect(name)
+    plain, quick = (Run(ClosedLoop(plant, paper_bundle, seed=3, compiled=compiled, **options),
+                        trajectory) for compiled in (False, True))
+    for run in (plain, quick):
+        run.advance(run.ticks)
+    state = copy.deepcopy(plain.state)
+    kernels.unpack(quick.state, state)
+    expected, found = numbers(plain.state), numbers(state)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9, nan_ok=True)
+    one, other = plain.log(), quick.log()
+    for field in fields(one):
+        values = getattr(one, field.name)
+        if isinstance(values, np.ndarray) and values.dtype.kind == 'f':
+            assert getattr(other, field.name) == pytest.approx(values, rel=1e-9, abs=1e-9,
+                                                               nan_ok=True)
+    assert one.decisions == other.decisions
+    assert one.saturated.tolist() == other.saturated.tolist()
+    if case == 'stuck and tripped':
+        assert plain.state.rig.reason == OVER_PRESSURE
+        assert one.pressure[-1].max() < 5e3
+    if case == 'overlap':
+        assert set(one.state) == {1, 2}
+    if case == 'lost readings':
+        assert any('no usable reading' in text for _, text in one.decisions)
+
+
+@pytest.mark.parametrize('compiled', [False, pytest.param(True, marks=needs_numba)])
+def test_foreign_plant_is_held_on_its_force(paper_bundle, compiled):
+    """A bellows that shares nothing with the laws is brought to the force that is asked."""
+    def force(unit, strain, strain_rate, pressure):
+        return 2.4e-4 * pressure[unit] * (1.0 - 2.0 * strain) - 5.0 * strain_rate
+
+    def volume(strain, pressure, unit):
+        return 10e-6 + 30e-6 * strain + 4e-12 * pressure[unit]
+
+    plant = ForeignPlant(force, volume, paper_bundle.length, [344e3, 344e3])
+    log = ClosedLoop(plant, paper_bundle, seed=2, compiled=compiled).run(
+        path([0.0, 4.0], [30.0, 30.0], load=Dynamometer(0.12), prepare=1.0))
+    assert abs(np.mean(log.error[-250:])) < 0.3
+
+
+def test_plant_that_cannot_be_compiled_runs_plain(paper_bundle):
+    """Python that numba does not know is run as it is, unless compiled code was asked for."""
+    table = {'slope': 2e-4}
+    plant = ForeignPlant(lambda unit, pressure: table['slope'] * pressure[unit],
+                         lambda strain: 1e-5, 0.127, [3e5, 3e5])
+    loop = ClosedLoop(plant, paper_bundle)
+    assert not Run(loop, STEADY).compiled
+    loop.compiled = True
+    with pytest.raises(kernels.NotCompiled):
+        Run(loop, STEADY)
+
+
+def test_run_can_be_taken_piece_by_piece(paper_bundle):
+    """A run in pieces, with its progress told, gives the log of one in a go."""
+    told = []
+    whole = ClosedLoop(paper_bundle, seed=4).run(STEADY, progress=told.append)
+    run = Run(ClosedLoop(paper_bundle, seed=4), STEADY)
+    while run.done < run.ticks:
+        run.advance(min(run.done + 7, run.ticks))
+    assert run.log().force.tobytes() == whole.force.tobytes()
+    assert told == pytest.approx([-0.5, 256 * 4e-3 - 0.5])
+
+
+def test_noise_of_the_loop_is_that_of_the_rig(paper_bundle):
+    """A fault of the noise factor multiplies the loop's own: readings get worse, truth does not."""
+    shown = []
+    for faults in ((), ((0.0, Faults(noise_factor=3.0)),)):
+        run = Run(ClosedLoop(paper_bundle, seed=4, compiled=False),
+                  path([0.0, 0.4], [20.0, 20.0], faults=faults))
+        errors = []
+        while run.done < run.ticks:
+            run.advance(run.done + 1)
+            errors.append(run.state.measured.force - run.state.rig.force)
+        shown.append(np.std(errors[-100:]))
+    assert shown[0] == pytest.approx(0.9, rel=0.2)
+    assert shown[1] == pytest.approx(2.7, rel=0.2)
+
+
+@pytest.mark.parametrize(('trajectory', 'word'), [
+    (path([0.0, 0.2], [20.0, 20.0], events=((0.1, {'mass': 3.0}),)), 'cannot change mass'),
+    (path([0.0, 0.2], [20.0, 20.0], faults=((0.1, Faults(leak={5: 1.0})),)), 'motor unit 5'),
+    (path([0.0, 0.2], [20.0, 20.0], imposed=lambda t: 0.1 + 3.0 * t), 'strain is 0.508'),
+])
+def test_trajectory_that_cannot_be_run_fails(paper_bundle, trajectory, word):
+    """What the rig cannot do is refused before the run begins."""
+    with pytest.raises(InputError, match=word):
+        Run(ClosedLoop(paper_bundle), trajectory)
+
+
+def test_foreign_plant_without_a_model_fails():
+    """A controller needs a bundle to invert."""
+    plant = ForeignPlant(lambda strain: 1.0, lambda strain: 1e-5, 0.127, [3e5])
+    with pytest.raises(InputError, match='model='):
+        ClosedLoop(plant)
+
+
+def test_numba_is_imported_only_when_a_loop_is_compiled():
+    """Importing the simulation, and a rig's step, leave numba alone."""
+    code = ('import sys; from fam_bundle_ros.simulation import ClosedLoop; '
+            'from fam_bundle_ros.plant import Rig; '
+            'from fam_bundle_ros.model import load_model; '
+            'from fam_bundle_ros.resources import config_path; '
+            'Rig(load_model(config_path("models/spie2021.yaml"))).step([0.1, 0.1], 2e-3); '
+            'sys.exit("numba" in sys.modules)')
+    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0

@@ -1,0 +1,234 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Laws put together: by place, in any order, in text that can be read."""
+
+import traceback
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from fam_bundle_ros import kernels
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, catalogue, law, loads_model, Motion, Parameter, Place
+from fam_bundle_ros.model.compose import composition
+from fam_bundle_ros.model.laws.mesh import mesh
+
+from .conftest import units
+
+FACTS = {'family': 'user', 'summary': 's', 'source': 's', 'signature': 's'}
+
+
+@law('force', **FACTS, memory=('last',), size=Parameter(2.0, 'N', 0.0, 9.0, 'size'))
+def two_parts(strain, size):
+    """F = k e, and a loss."""
+    return size * strain
+
+
+@two_parts.also('loss')
+def _odd(strain, start, last, size):
+    return -size * np.where(start, 0.0, strain - last), strain
+
+
+def test_a_law_may_have_parts_at_several_places():
+    """Its loss escapes the floor that catches its force; both share parameter and memory."""
+    bundle = Bundle('b', units(1), [mesh(), two_parts(size=2.0), catalogue.get('tendon_slack')()])
+    motion = Motion(np.array([0.1, 0.3]), np.zeros((2, 1)), np.zeros(2), np.arange(2.0))
+    assert_allclose(bundle.simulate(motion)[:, 0], [0.2, 0.6 - 0.4])
+    assert two_parts.place is Place.FORCE  # that of the first part
+    assert_allclose(bundle.with_parameters({'two_parts.size': 1.0}).simulate(motion)[:, 0],
+                    [0.1, 0.1])
+
+
+def test_places_are_composed_in_their_order():
+    """Pressure, geometry, force, limit, loss: each feels what those before it have made."""
+    bundle = Bundle('b', units(1), [
+        catalogue.get('viscous_damping')(coefficient=10.0), catalogue.get('tendon_slack')(),
+        mesh(), catalogue.get('end_caps')(dead_length=0.027),
+        catalogue.get('threshold_pressure')(pressure=5e4)])
+    plain = Bundle('p', units(1), [mesh()])
+    assert_allclose(bundle.force(0.1, [2e5], 0.5),
+                    plain.force(0.127, [1.5e5]) - 10.0 * 0.127 * 0.5)
+    assert_allclose(bundle.force(0.35, [2e5], 0.5), -10.0 * 0.127 * 0.5)
+
+
+def test_the_text_of_a_composition_reads_as_the_model():
+    """One call for each law, by its name; nothing of laws that the model does not have."""
+    text = composition((catalogue.get('mesh'), catalogue.get('coulomb_friction'))).text
+    assert 'by_mesh = mesh(pressure, stretch, braid, area, cot2, sin2)' in text
+    assert 'force = force + by_coulomb_friction' in text
+    assert 'memory[0]' not in text
+    assert 'wall_area = shape' not in text.partition('def volume')[0]
+
+
+def test_a_traceback_shows_the_line_of_the_generated_text():
+    """What fails in a law is found from the model's function down to the law's file."""
+    @law('force', **FACTS)
+    def broken(strain):
+        return strain.no_such_thing
+
+    with pytest.raises(AttributeError) as caught:
+        Bundle('b', units(1), [broken()]).force(0.1, [1e5])
+    told = ''.join(traceback.format_exception(caught.value))
+    assert 'by_broken = broken(strain)' in told
+    assert 'return strain.no_such_thing' in told
+
+
+def test_an_argument_that_no_law_gets_is_refused():
+    """The law and the argument are named, and what may stand there."""
+    with pytest.raises(InputError, match="law drag: argument 'speed' is neither .* strain_rate"):
+        @law('loss', **FACTS)
+        def drag(speed):
+            return -speed
+
+
+def test_a_parameter_must_not_hide_what_a_law_feels():
+    """`pressure` is felt; a parameter of that name is given under another argument."""
+    with pytest.raises(InputError, match="pressure has the name of what a law feels.*name='"):
+        @law('pressure', **FACTS, pressure=Parameter(1.0, 'Pa', 0.0, 2.0, 'lost'))
+        def lost(pressure):
+            return -pressure
+
+
+def test_a_law_says_what_it_changes():
+    """A geometry law without it could mean strain, threads or cross-section."""
+    with pytest.raises(InputError, match="expected one of 'strain', 'braid', 'area'"):
+        @law('geometry', **FACTS)
+        def shorter(strain):
+            return 0.1 * strain
+
+
+def test_values_change_without_a_new_composition():
+    """A fit of thousands of steps makes the text once."""
+    bundle = Bundle('b', units(2), [mesh(), catalogue.get('bladder_elasticity')()])
+    other = bundle.with_parameters({'bladder_elasticity.c10': 1e5, 'geometry.radius': 7e-3})
+    assert composition(tuple(e.law for e in bundle.effects)) is composition(
+        tuple(e.law for e in other.effects))
+    assert other.force(0.1, [2e5, 2e5]) != bundle.force(0.1, [2e5, 2e5])
+
+
+@pytest.mark.skipif(kernels.numba() is None, reason='numba is not installed')
+def test_what_numba_cannot_compile_runs_plain():
+    """The compiled model is refused with a reason, the plain one gives the force of arrays."""
+    books = {'a': 3.0}
+
+    @law('force', **FACTS)
+    def by_the_book(strain):
+        return strain * books['a']
+
+    bundle = Bundle('b', units(1), [by_the_book()])
+    with pytest.raises(kernels.NotCompiled, match='unit_force'):
+        bundle.model(compiled=True)
+    m = bundle.model(compiled=False)
+    assert m.force(0, 0.1, 0.0, [1e5], 0.0, 0.0, True, *m[3:]) == pytest.approx(0.3)
+
+
+def test_an_unknown_value_is_refused_by_replace():
+    """`replace` and `with_parameters` name the parameters that there are."""
+    effect = catalogue.get('coulomb_friction')()
+    with pytest.raises(InputError, match="coulomb_friction has no parameter 'size'"):
+        effect.replace(size=3.0)
+    with pytest.raises(InputError, match="coulomb_friction has no parameter 'size'"):
+        Bundle('b', units(1), [effect]).with_parameters({'coulomb_friction.size': 3.0})
+
+
+def test_what_other_rooms_need_to_know_stands_in_the_law():
+    """No room asks for a law by its name to know what it is about."""
+    laws = catalogue.available().values()
+    assert {law.family for law in laws if law.pushes_back} == {'resistive'}
+    bundle = Bundle('b', units(1), [mesh()]).with_effect('leak', time_constant=200.0).with_effect(
+        'supply_droop', resistance=4e7)
+    assert bundle.pneumatics.leak_rate == pytest.approx(1 / 200.0)
+    assert bundle.pneumatics.supply_resistance == pytest.approx(4e7)
+    assert {law.name for law in laws if not law.candidate} == {
+        'mesh', 'measured_surface', 'leak', 'supply_droop'}
+
+
+def test_a_first_sample_begins_afresh_whatever_is_in_the_memory():
+    """Also where the memory holds what is not a number, as after a broken reading."""
+    effects = [mesh(), *(catalogue.get(name)() for name in catalogue.names()
+                         if catalogue.get(name).memory)]
+    m = Bundle('b', units(1), effects).model()
+    fresh = m.force(0, 0.1, 0.0, [2e5], 0.0, 0.0, True, *m[3:])
+    m.memory[0][:] = [float('nan')] * len(m.memory[0])
+    assert m.force(0, 0.1, 0.0, [2e5], 0.0, 0.0, True, *m[3:]) == fresh
+    assert np.isfinite(m.after[0]).all()
+
+
+def test_a_reading_that_is_not_a_number_gives_none():
+    """Not a maximum of it and something else, on arrays and plain numbers alike."""
+    bundle = Bundle('b', units(1), [mesh(), catalogue.get('threshold_pressure')(),
+                                    catalogue.get('tendon_slack')()])
+    for strain, pressure in ((np.nan, 1e5), (0.1, np.nan)):
+        assert np.isnan(bundle.force(strain, [pressure]))
+        assert np.isnan(bundle.step(bundle.start_state(), 0.0, strain, [pressure])[0])
+
+
+def test_memory_advances_where_a_value_is_infinite():
+    """A formula that overflows in one tick does not hold the memory of other laws back."""
+    bundle = loads_model("""
+format: fam-bundle-model/1
+motor_units:
+  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
+effects:
+  - mesh
+  - wall: {expression: "k * exp(1e4 * max(strain - 0.2, 0))", place: pressure,
+           parameters: {k: 1 kPa}}
+  - pressure_line_lag
+""")
+    m = bundle.model()
+    assert np.isinf(m.force(0, 0.3, 0.0, [2e5], 0.0, 0.0, True, *m[3:]))
+    assert m.after[0] == [2e5, 2e5]
+
+
+def test_a_parameter_may_have_the_name_of_what_a_law_knows():
+    """`place` is where the law acts, the parameter of that name is among the values."""
+    effect = loads_model("""
+format: fam-bundle-model/1
+motor_units:
+  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
+effects:
+  - own: {expression: "place * strain", parameters: {place: 3 N}}
+""").effects[0]
+    assert effect.place is Place.FORCE
+    assert effect.values['place'] == 3.0
+
+
+def test_unequal_units_have_a_parameter_for_each_but_the_first():
+    """Three units: mu2 and mu3, each the cross-section of its own unit."""
+    law_of = catalogue.get('motor_unit_mismatch')
+    assert [p.name for p in law_of.active(3)] == ['mu2', 'mu3']
+    equal = Bundle('b', units(7), [mesh()]).unit_forces(0.1, np.full(7, 1e5))
+    values = {f'mu{i}': 0.01 * i for i in range(2, 7)}
+    unequal = Bundle('b', units(7), [mesh(), law_of(**values)]).unit_forces(0.1, np.full(7, 1e5))
+    assert_allclose(unequal / equal, [1.0, 1.02, 1.03, 1.04, 1.05, 1.06, 1.0])
+
+
+def test_an_entry_point_adds_a_law_and_replaces_none(monkeypatch):
+    """A package's law is listed last; one with the name of ours is not taken."""
+    from importlib import metadata
+
+    class Point:
+        name = 'point'
+
+        def __init__(self, law):
+            self.load = lambda: law
+
+    @law('force', **FACTS)
+    def mesh(strain):
+        return 0.0 * strain
+
+    def listed(*laws):
+        monkeypatch.setattr(metadata, 'entry_points', lambda group: [Point(x) for x in laws])
+        catalogue.available.cache_clear()
+        return catalogue.available()
+
+    try:
+        laws = listed(two_parts, mesh)
+        assert list(laws)[-1] == 'two_parts'
+        assert laws['mesh'].source.startswith('Chou')
+        with pytest.raises(InputError, match='entry point point: .* is not a law'):
+            listed(object())
+    finally:
+        monkeypatch.undo()
+        catalogue.available.cache_clear()

@@ -1,0 +1,118 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Formulas of a model file: what they may say, and what becomes of them."""
+
+import inspect
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import loads_model, Parameter
+from fam_bundle_ros.model.compose import composition
+from fam_bundle_ros.model.expression import expression_law, FUNCTIONS, VARIABLES
+
+HEAD = """\
+format: fam-bundle-model/1
+motor_units:
+  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
+effects:
+  - mesh
+"""
+
+
+def newton(name):
+    """Return a parameter in N."""
+    return Parameter(2.0, 'N', -100.0, 100.0, 'd', name=name)
+
+
+def model(formula, parameters='k: 5 N', place='force'):
+    """Return a model with a formula from the lines of a file."""
+    return loads_model(f'{HEAD}  - own: {{expression: "{formula}", place: {place}, '
+                       f'parameters: {{{parameters}}}}}\n')
+
+
+@pytest.mark.parametrize('name', [*VARIABLES, *FUNCTIONS])
+def test_a_parameter_may_not_have_the_name_of_something_known(name):
+    """`radius: 5 N` would be checked as the one and computed as the other."""
+    with pytest.raises(InputError, match=f"line 6: own: parameter '{name}' has the name of a "
+                                         '(variable|constant|function)'):
+        model('k * strain', f'k: 5 N, {name}: 5 N')
+
+
+@pytest.mark.parametrize(('formula', 'told'), [
+    ('k / 0', "'0' is zero always"), ('k / (1 - 1)', "'1 - 1' is zero always"),
+    ('k / strain', "'strain' is zero near strain 0"),
+    ('k * strain ** -1', "'strain' is zero near strain 0"),
+    ('k / (strain - 0.1234)', "'strain - 0.1234' is zero near strain 0.112"),
+    ('k * 1e5 * area / area / (pressure / 1 - 0 * pressure) * pressure', 'is zero near'),
+    ('k / sin(strain)', "'sin(strain)' is zero near strain 0"),
+    ('k / (1 - tanh(strain) / tanh(0.2))', 'is zero near strain 0.202'),
+])
+def test_a_division_by_zero_where_the_model_works_is_refused(formula, told):
+    """One sentence with file, line, effect, formula, divisor and where it is zero."""
+    with pytest.raises(InputError, match='line 6: own: .*divides by zero') as caught:
+        model(formula)
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize('formula', [
+    'k / (1 + strain)', 'k * strain / 0.3', 'k / stretch', 'k * (strain + 1) ** -2',
+    'k / (strain - 0.5)', 'k / (0.6 + abs(strain))', 'k * strain / max(strain, 1e-6)'])
+def test_a_divisor_that_is_never_zero_there_is_taken(formula):
+    """0.5 is no strain of a muscle, though units are checked at that value."""
+    assert np.isfinite(model(formula).force(np.linspace(0, 0.45, 9), np.full((9, 1), 1e5))).all()
+
+
+@pytest.mark.parametrize('formula', ['-' * 200 + 'k', '+'.join(['k'] * 100), 'k * 1' + '0' * 320,
+                                     'k * 1e999', '(' * 99 + 'k' + ')' * 99 + '**-1**-1'])
+def test_a_formula_has_a_bounded_size(formula):
+    """Depth and numbers are bounded before anything is generated."""
+    with pytest.raises(InputError, match='own: '):
+        expression_law('own', formula, 'force', (newton('k'),))
+
+
+@given(st.text(alphabet='abk_ .()[]{}"\'\\\n;:=,+-*/0123456789@!lambdaimport', max_size=40))
+def test_any_text_is_refused_or_only_calculates(text):
+    """What is generated names nothing but NumPy's words, felt quantities and p0, p1, ..."""
+    try:
+        law = expression_law('own', text, 'force', (newton('k'), newton('ab')))
+    except InputError:
+        return
+    code = law.function.__code__
+    words = {numpy for numpy, _ in FUNCTIONS.values()}
+    assert set(code.co_names) <= {'np', 'pi', *words}
+    assert set(code.co_varnames) <= {'p0', 'p1', *VARIABLES}
+    assert all(isinstance(value, float) or value is None for value in code.co_consts)
+
+
+def test_no_name_of_the_file_reaches_generated_source():
+    """A hostile effect name or parameter name is data, in the law and in the composition."""
+    evil = '__import__("os").system("touch owned")'
+    law = expression_law(evil, 'exec_ * strain', 'force', (newton('exec_'),))
+    text = composition((law,)).text
+    source = inspect.getsource(law.function)
+    assert re.fullmatch(r'def formula\(strain, p0\):\n    return \(p0 \* strain\)\n', source)
+    assert 'import' not in text
+    assert 'exec_' not in text + source
+    loaded = loads_model(HEAD + "  - '" + evil.replace("'", "''") +
+                         "': {expression: 'k * strain', parameters: {k: 5 N}}\n")
+    plain = loaded.without_effect(evil)
+    assert_allclose(loaded.force(0.1, [1e5]) - plain.force(0.1, [1e5]), 0.5)
+
+
+@given(strain=st.floats(0.0, 0.4), pressure=st.floats(0.0, 4e5))
+def test_a_formula_gives_what_it_says(strain, pressure):
+    """Operators, order and functions as Python has them."""
+    bundle = model('k * (1 - 2 * strain) ** 3 / (1 + strain) - k * max(strain, 0.1) * sqrt(abs('
+                   '-strain)) + -pressure * area * exp(-strain)')
+    plain = bundle.without_effect('own')
+    area = np.pi * 6.35e-3 ** 2
+    said = 5 * (1 - 2 * strain) ** 3 / (1 + strain) - 5 * max(strain, 0.1) * np.sqrt(strain) \
+        - pressure * area * np.exp(-strain)
+    assert_allclose(bundle.force(strain, [pressure]) - plain.force(strain, [pressure]), said,
+                    rtol=1e-9, atol=1e-9)
