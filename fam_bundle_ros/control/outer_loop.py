@@ -188,7 +188,7 @@ def uncertainty(settings: Any, state: Any) -> float:
         state.observer.bias) + 0.1
 
 
-def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kind: int,
+def outer_step(settings: Any, state: Any, measurement: Any, believed: float, asked: float, kind: int,
                value: float, rate: float, saturated: int, lag: float, lag_doubt: float,
                lead: float, dt: float) -> None:
     """
@@ -198,8 +198,8 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kin
     ----------
     settings, state : OuterSettings, OuterState
     measurement : record with force (N), strain, strain_rate (1/s)
-    believed : float, N
-        Force of the model at the measured strain and pressures.
+    believed, asked : float, N
+        Force of the model at the measured strain, and at pressures measured and last commanded.
     kind, value, rate : int, float, float
         Reference: `FORCE` (N, N/s) or `STRAIN` (1, 1/s).
     saturated : int
@@ -218,7 +218,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kin
     slowest = settings.delay + settings.lead_time + dt + lag + lag_doubt
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
-        observe(state.observer, force - believed, time, dt)
+        observe(state.observer, force, believed, asked, time, dt)
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
