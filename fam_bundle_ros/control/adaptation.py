@@ -1,10 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the model gets wrong, learnt while the bundle works: a gain for each unit's tension, one gain
-for the push-back, and a bias.
+What the model gets wrong, learnt while the bundle works.
 
-Recursive least squares on measured minus believed force. The covariance forgets in the directions
+A gain for each unit's tension, one for the push-back, a bias, and the lag of the force. Recursive least squares on measured minus believed force. The covariance forgets in the directions
 that are excited only, and returns there to where it began (Stenlund and Gustafsson 2002, IFAC
 Proc. 35, 87): without excitation neither estimate nor covariance drifts. Kernels.
 """
@@ -127,6 +126,11 @@ def adaptation_state(n: int) -> AdaptationState:
                            [0.0] * n, [0.0] * n)
 
 
+def bound_of(settings: Any, k: int) -> float:
+    """Return the largest size of the k-th estimate."""
+    return _BOUND * settings.spread[k]
+
+
 def forget_adaptation(settings: Any, state: Any) -> None:
     """Go back to the model as it is in its file."""
     state.lead, state.started = 0.0, False
@@ -173,8 +177,10 @@ def learn_lead(settings: Any, state: Any, weight: float, error: float, rate: flo
 
 def adaptation_step(settings: Any, state: Any, measured: float, dt: float) -> None:
     """
-    Learn from one sample: K = P f / (r + f' P f), with r = 2 sigma^2 T/dt for an error of sd
-    sigma that stays alike for T (the same weight as one independent sample per 2 T).
+    Learn from one sample by recursive least squares.
+
+    K = P f / (r + f' P f), with r = 2 sigma^2 T/dt for an error of sd sigma that stays alike for
+    T: the weight of one independent sample per 2 T.
 
     Parameters
     ----------
@@ -209,7 +215,7 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float) -> No
         expected += f[i] * prior[i]
         left -= f[i] * state.error[i]
     for i in range(count):
-        bound = _BOUND * settings.spread[i]
+        bound = bound_of(settings, i)
         low = -bound if i < n + 2 else 0.0
         state.error[i] = min(max(state.error[i] + product[i] / seen * left, low), bound)
         for j in range(count):

@@ -67,6 +67,8 @@ class ControllerConfig:
         What is known of the load, for strain references.
     still : float, Pa
         Pressures change only when they would by more than this: no air for sensor noise.
+    adaptation : AdaptationConfig
+        Online adaptation of the model's gains.
     hold_time : float, s
         Readings that are not finite hold the pressures so long, then everything is vented.
     """
@@ -169,6 +171,13 @@ class RecruitmentController:
         """
         enable_step(self.settings, self.model, self.memory, self._read(measurement), self._record)
         self._command = self._told()
+
+    def keep_learnt(self, other: 'RecruitmentController') -> None:
+        """Go on with what another controller of the same bundle has learnt of the model."""
+        if self.settings.adaptation == other.settings.adaptation:
+            self.memory.adaptation = other.memory.adaptation
+            self.memory.table.pull[:] = other.memory.table.pull
+            self.memory.table.push[:] = other.memory.table.push
 
     def update(self, dt: float, measurement: Measurement, reference: Reference) -> Command:
         """

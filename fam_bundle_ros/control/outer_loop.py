@@ -4,8 +4,8 @@
 Outer loops: a force or strain reference and the readings -> the force that the model shall give.
 
 Feed-forward says what the model knows, feedback corrects the rest; each works alone too. Feedback
-on force is what `observer` finds that the model leaves out, and a gain on the force error. Kernels;
-`outer` has the settings with their meaning.
+on force is what `observer` finds that the model leaves out, and a gain on the force error.
+Kernels; `outer` has the settings with their meaning.
 """
 
 from dataclasses import dataclass, field
@@ -188,8 +188,8 @@ def uncertainty(settings: Any, state: Any) -> float:
         state.observer.bias) + 0.1
 
 
-def outer_step(settings: Any, state: Any, measurement: Any, believed: float, asked: float, kind: int,
-               value: float, rate: float, saturated: int, lag: float, lag_doubt: float,
+def outer_step(settings: Any, state: Any, measurement: Any, believed: float, asked: float,
+               kind: int, value: float, rate: float, saturated: int, lag: float, lag_doubt: float,
                lead: float, dt: float) -> None:
     """
     Work out what is to be allocated in this tick: `OuterState.target`.

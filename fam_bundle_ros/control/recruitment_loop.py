@@ -13,12 +13,6 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from fam_bundle_ros.control.crossing import (
-    begin_crossing,
-    crossing_pace,
-    Crossings,
-    no_crossings,
-)
 from fam_bundle_ros.control.adaptation import (
     adaptation_state,
     adaptation_step,
@@ -28,6 +22,12 @@ from fam_bundle_ros.control.adaptation import (
     lag_of,
     lagged,
     learn_lead,
+)
+from fam_bundle_ros.control.crossing import (
+    begin_crossing,
+    crossing_pace,
+    Crossings,
+    no_crossings,
 )
 from fam_bundle_ros.control.curves import adapted, curve_table, CurveTable, find_branches, tabulate
 from fam_bundle_ros.control.heading import (
