@@ -4,7 +4,7 @@
 Observer of the force that the model leaves out: measured minus believed force.
 
 A disturbance observer (Ohnishi, Shibata and Murakami 1996) on two time scales. The quick one is as
-fast as the lag of the loop allows, the patient one averages over a second. Each counts by what it
+fast as the lag of the loop allows, the patient one averages over half a second. Each counts by what it
 shows beyond the noise that it would show anyway (Wiener's weight, signal over signal and noise):
 a model without error gets no noise into its pressures, one with a steady error a steady
 correction, and only errors that move are followed quickly. The believed force is that at the
@@ -16,7 +16,7 @@ import math
 from typing import Any
 
 #: s: of the patient observer; in which noise and the quick observer's power are learnt.
-PATIENT_TIME, _LEARN_TIME = 1.0, 1.0
+PATIENT_TIME, _LEARN_TIME = 0.5, 1.0
 #: The integral of what pressures do not give takes so many lags of the loop.
 _SHORT = 10.0
 #: The power of a patient observer is averaged over so many of its times.
