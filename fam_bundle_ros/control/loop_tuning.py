@@ -17,9 +17,11 @@ import numpy as np
 
 from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import outer_settings
+from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.tuning import python_control
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.pneumatics import pressure_rate
 
 #: Settled: within 5 % of the step.
 _BAND = 0.05
@@ -51,6 +53,16 @@ class LoopPoint:
     phase_margin_deg: float
     crossover_hz: float
     delay_margin: float
+    overshoot: float
+    settling: float
+
+
+@dataclass(frozen=True)
+class PressureStep:
+    """Overshoot (relative) and settling (s) of a pressure step, at a volume and an error of it."""
+
+    volume: float
+    gain_error: float
     overshoot: float
     settling: float
 
@@ -149,6 +161,49 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
             points.append(_point(ct, loop, e, ct.step_response(closed, times)))
     return LoopResult({name: getattr(settings, name) for name in (
         'strain_gain', 'strain_integral', 'strain_damping')}, whole, tuple(points))
+
+
+def pressure_steps(gains: PidGains, config: PidConfig, sample_period: float,
+                   transport_delay: float, volumes: Sequence[float] = (11e-6, 16e-6, 24e-6),
+                   gain_errors: Sequence[float] = (-0.2, 0.0, 0.2), low: float = 100e3,
+                   high: float = 200e3) -> list[PressureStep]:
+    """
+    Return overshoot and settling of the pressure loop on a chamber behind its delay.
+
+    Parameters
+    ----------
+    gains, config : PidGains, PidConfig
+    sample_period, transport_delay : float, s
+    volumes : sequence of float, m^3
+        Told to the loop; the true rate is 1 + e times what it reckons with.
+    gain_errors : sequence of float
+    low, high : float, Pa (gauge)
+        Where the step begins and ends.
+    """
+    return [_pressure_step(gains, config, sample_period, transport_delay, volume, error, low, high)
+            for volume in volumes for error in gain_errors]
+
+
+def _pressure_step(gains, config, period, delay, volume, error, low, high):
+    pid, fine = PressurePid(gains, config), 20
+    late = [0.0] * (round(delay / period * fine) + 1)
+    pressure, spool, speed, natural = low, 0.0, 0.0, 2.0 * math.pi * 125.0
+    values, dt = [], period / fine
+    for _ in range(round(1.0 / period)):
+        command = pid.update(high, pressure, period, config.supply, volume)
+        for _ in range(fine):
+            late.append(command)
+            speed += dt * (natural ** 2 * (late.pop(0) - spool) - 1.4 * natural * speed)
+            spool += dt * speed
+            absolute = pressure + config.ambient
+            flow = config.valve.flow(config.valve.opening(spool), absolute,
+                                     config.supply + config.ambient, config.ambient)
+            pressure += dt * (1.0 + error) * pressure_rate(absolute, volume, 0.0, flow)
+            values.append(pressure)
+    values = (np.array(values) - low) / (high - low)
+    outside = np.flatnonzero(np.abs(values - 1.0) > _BAND)
+    return PressureStep(volume, error, max(float(values.max()) - 1.0, 0.0),
+                        float((outside[-1] + 1) * dt) if len(outside) else 0.0)
 
 
 def _check(sample_period, lag):

@@ -289,11 +289,12 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         target.strain = min(max(ahead, strain - reach), strain + reach)
         target.strain_rate = rate
     if settings.feedback:
+        # The gains on the strain answer what is quick; the observer's quick part would do it twice.
         error = value - strain
         integrate_error(state, settings.strain_integral * error * dt, saturated)
         wanted = (state.integral + settings.strain_gain * error
                   + settings.strain_damping * (rate - measurement.strain_rate)
-                  - state.observer.bias)
+                  - state.observer.patient)
         still = quiet_band(settings, state, wanted, dt)
         state.kept = min(max(state.kept, wanted - still), wanted + still)
         correction = state.kept
