@@ -14,6 +14,7 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     model_path,
     ModelArgument,
+    ModelOption,
     notes,
     open_model,
     quantity,
@@ -143,7 +144,7 @@ def tune(
            'phase margin (°)', 'crossover (Hz)'), _by_volume(result.points),
           numeric=(0, 3, 4, 5))
     steps = pressure_steps(gains, PidConfig(transport_delay=delay), period, delay)
-    table(('volume (mL)', 'true rate over the model\'s', 'overshoot (%)', 'settling (ms)'),
+    table(('volume (mL)', "true rate over the model's", 'overshoot (%)', 'settling (ms)'),
           [(1e6 * step.volume, 1.0 + step.gain_error, 100.0 * step.overshoot,
             1e3 * step.settling) for step in steps], numeric=(0, 1, 2, 3))
     save_json(json_file, {'steps': steps,

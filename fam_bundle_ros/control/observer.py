@@ -4,9 +4,9 @@
 Observer of the force that the model leaves out: measured minus believed force.
 
 A disturbance observer (Ohnishi, Shibata and Murakami 1996) on two time scales. The quick one is as
-fast as the lag of the loop allows, the patient one averages over half a second. Each counts by what it
-shows beyond the noise that it would show anyway (Wiener's weight, signal over signal and noise):
-a model without error gets no noise into its pressures, one with a steady error a steady
+fast as the lag of the loop allows, the patient one averages over half a second. Each counts by
+what it shows beyond the noise that it would show anyway (Wiener's weight, signal over signal and
+noise): a model without error gets no noise into its pressures, one with a steady error a steady
 correction, and only errors that move are followed quickly. The believed force is that at the
 *measured* pressures, so that a demand out of reach does not wind it up. Kernels.
 """

@@ -289,7 +289,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         target.strain = min(max(ahead, strain - reach), strain + reach)
         target.strain_rate = rate
     if settings.feedback:
-        # The gains on the strain answer what is quick; the observer's quick part would do it twice.
+        # The gains on the strain answer what is quick; the quick observer would do it twice.
         error = value - strain
         integrate_error(state, settings.strain_integral * error * dt, saturated)
         wanted = (state.integral + settings.strain_gain * error

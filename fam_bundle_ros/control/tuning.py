@@ -181,7 +181,8 @@ def open_loop_response(result: TuneResult, spool_damping: float = 0.7,
     return hertz, 20.0 * np.log10(np.abs(response)), np.degrees(np.unwrap(np.angle(response)))
 
 
-def python_control():
+def python_control() -> Any:
+    """Return the module `control`; InputError where it is not installed."""
     try:
         import control
     except ImportError:

@@ -140,6 +140,18 @@ def test_adaptation_is_used_in_the_inverse_and_may_be_off(paper_bundle):
     assert given[False] == 1.0
 
 
+def test_the_intervals_of_a_model_file_bound_what_is_learnt(paper_bundle):
+    """A fitted model is believed more than one with numbers from a book."""
+    book = adaptation_settings(AdaptationConfig(), paper_bundle).spread
+    effect = paper_bundle.effect('resistive_buckling')
+    value = effect.values['pressure_share']
+    fitted = effect.replace()
+    fitted.intervals = {'pressure_share': (0.95 * value, 1.05 * value)}
+    known = adaptation_settings(AdaptationConfig(), paper_bundle.with_effect(fitted)).spread
+    assert known[2] < 0.3 * book[2]
+    assert known[2] >= 0.05
+
+
 def test_bad_settings_fails():
     """An error or memory of 0 leaves nothing to weigh."""
     for name in ('memory', 'pull_error', 'rest_error'):
