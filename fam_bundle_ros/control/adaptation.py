@@ -26,7 +26,7 @@ _FILTER_TIME = 0.02
 #: Share of `AdaptationConfig.rest_error` that feedback leaves in the tracking error.
 _LEFT = 0.3
 #: Where tension and push-back are compared: strain, and share of the largest pressure.
-_PULLING, _PUSHING = (0.08, 0.7), (0.22, 0.15)
+_PULLING, _PUSHING = (0.08, 0.7), (0.16, 0.2)
 #: However narrow the intervals of a fit: muscles sold as equal differ by 5 %.
 _LEAST = 0.05
 #: Estimates stay within so many sd of the model.

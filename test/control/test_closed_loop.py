@@ -157,7 +157,7 @@ def test_run_can_be_taken_piece_by_piece(paper_bundle):
 
 
 def test_noise_of_the_loop_is_that_of_the_rig(paper_bundle):
-    """A fault of the noise factor multiplies the loop's own: readings get worse, truth does not."""
+    """A fault of the noise factor multiplies the loop's own: readings get worse, truth not."""
     shown = []
     for faults in ((), ((0.0, Faults(noise_factor=3.0)),)):
         run = Run(ClosedLoop(paper_bundle, seed=4, compiled=False),
