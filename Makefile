@@ -6,9 +6,12 @@
 
 BIN := .venv/bin
 JOBS ?= 2
+# What computes: the same numbers have to come out without numba and with the oldest numpy.
+NUMERICS := test/model test/plant test/control test/test_kernels.py
+OLDEST ?= $(NUMERICS) test/nodes
 export PYTHON CHROMIUM
 
-.PHONY: help install demo test test-oldest browser-test lint build clean
+.PHONY: help install demo test test-plain test-oldest browser-test lint build clean
 
 help:  ## show this list (default)
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | \
@@ -23,10 +26,12 @@ demo: install  ## run the whole story on simulated hardware and write report/
 test: install  ## run all tests (JOBS=2 in parallel)
 	@$(BIN)/python -m pytest -n $(JOBS)
 
-test-oldest:  ## run what the nodes import with Ubuntu 24.04's numpy, scipy, pint
+test-plain: install  ## run the tests of model, plant and control without numba
+	@FAM_BUNDLE_PLAIN=1 $(BIN)/python -m pytest -n $(JOBS) $(NUMERICS)
+
+test-oldest:  ## run what the nodes import with Ubuntu 24.04's numpy, scipy, pint; no numba
 	@sh scripts/venv.sh .venv-oldest ubuntu
-	@.venv-oldest/bin/python -m pytest -n $(JOBS) \
-		test/model test/plant test/control test/nodes
+	@.venv-oldest/bin/python -m pytest -n $(JOBS) $(OLDEST)
 
 browser-test: install  ## run the workbench's browser tests; pictures go to docs/images
 	@sh scripts/chromium.sh

@@ -15,6 +15,7 @@ NODES = (
     'reference_generator',
     'model_monitor',
     'bundle_bringup',
+    'serial_rig',
 )
 
 
@@ -50,6 +51,7 @@ setup(
     extras_require={
         'fast': ['numba'],
         'files': ['openpyxl', 'npTDMS', 'h5py', 'pyarrow'],
+        'serial': ['pyserial>=3.5'],
         'tools': ['typer', 'rich', 'rosbags', 'plotly>=6', 'pandas>=2'],
         'web': ['nicegui>=3'],
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'playwright',

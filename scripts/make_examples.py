@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fam_bundle_ros.discovery.measurement import build, write_csv
+from fam_bundle_ros.data.measurement import build, write_csv
 from fam_bundle_ros.model import Bundle, Geometry, Motion, MotorUnit, save_model
 from fam_bundle_ros.model.effects import catalogue
 from fam_bundle_ros.model.effects.base import Parameter

@@ -6,7 +6,7 @@
 # leaves one alone that is complete and up to date.
 #
 #   scripts/venv.sh FOLDER            the pins of requirements.txt
-#   scripts/venv.sh FOLDER ubuntu     numpy, scipy, ... as Ubuntu 24.04 ships them
+#   scripts/venv.sh FOLDER ubuntu     numpy, scipy, ... as Ubuntu 24.04 ships them, no numba
 #
 # PYTHON names the interpreter; without it the first that works is taken. With ROS_DISTRO set
 # (ROS sourced) that ROS is used: its Python, its rclpy, and Ubuntu's numpy, for which the
@@ -76,7 +76,9 @@ pip_install() {
 pins() {
     if [ "$flavour" = ubuntu ]; then
         names=$(sed -n 's/^\([A-Za-z0-9_.-]*\)==.*/^\1==/p' requirements-ubuntu.txt)
-        grep -viE "$(printf '%s' "$names" | tr '\n' '|')" requirements.txt
+        # Without numba, which nothing needs: the tests there show that.
+        grep -viE "$(printf '%s' "$names" | tr '\n' '|')" requirements.txt |
+            grep -vE '^(numba|llvmlite)=='
         cat requirements-ubuntu.txt
     else
         cat requirements.txt
@@ -126,5 +128,9 @@ say "installing $(grep -c == "$venv/pins.txt") pinned packages, about a minute (
 pip_install -r "$venv/pins.txt"
 say "installing fam_bundle_ros"
 pip_install --no-deps --no-build-isolation --editable .
+# What numba compiles is kept in the user's cache: the first run of a user need not wait for it.
+if ! "$venv/bin/fam_bundle" bench --warm >>"$log" 2>&1; then
+    say "the compiled code could not be prepared, the first run will be slower (see $log)"
+fi
 printf '%s\n' "$made_from" "$python" >"$stamp"
 say "$venv is ready"

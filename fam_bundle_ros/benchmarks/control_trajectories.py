@@ -6,6 +6,7 @@ The trajectories of the control benchmark, laid out from the model's own overlap
 Forces are given on a dynamometer at 16 % strain, strains against a mass and a spring or an arm.
 """
 
+from bisect import bisect_right
 import math
 
 import numpy as np
@@ -28,25 +29,26 @@ class _Path:
     """Values at times, joined by straight lines or by fifth-order (minimum jerk) pieces."""
 
     def __init__(self, times, values, smooth=True):
-        self._times, self._values, self._smooth = list(times), list(values), smooth
-
-    def _piece(self, t):
-        i = min(max(int(np.searchsorted(self._times, t, side='right')), 1),
-                len(self._times) - 1)
-        span = self._times[i] - self._times[i - 1]
-        x = min(max((t - self._times[i - 1]) / span, 0.0), 1.0)
-        return self._values[i - 1], self._values[i] - self._values[i - 1], span, x
+        times, values = [float(time) for time in times], [float(value) for value in values]
+        self._times, self._smooth = times, smooth
+        #: Start, span, first value and change of each piece; before and after all it stands still.
+        self._pieces = [(times[0], 1.0, values[0], 0.0)]
+        self._pieces += [(t, after - t, value, then - value) for t, after, value, then in zip(
+            times, times[1:], values, values[1:])]
+        self._pieces.append((times[-1], 1.0, values[-1], 0.0))
 
     def value(self, t):
         """Return the value at a time."""
-        start, change, _, x = self._piece(t)
+        begin, span, start, change = self._pieces[bisect_right(self._times, t)]
+        x = (t - begin) / span
         return start + change * (x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x) if self._smooth else x)
 
     def rate(self, t):
-        """Return the rate at a time."""
-        _, change, span, x = self._piece(t)
+        """Return the rate at a time; 0 where lines meet."""
+        begin, span, _, change = self._pieces[bisect_right(self._times, t)]
+        x = (t - begin) / span
         if not self._smooth:
-            return change / span if 0.0 < x < 1.0 else 0.0
+            return change / span if x > 0.0 else 0.0
         return change / span * 30.0 * x * x * (1.0 - x) ** 2
 
 
@@ -94,8 +96,8 @@ def make_trajectory(name: str, bundle: Bundle, long: bool = False) -> Trajectory
                           Dynamometer(strain=STRAIN), prepare=_PREPARE)
 
     def strain(path, duration, load, events=()):
-        return Trajectory(name, 'strain', duration, path.value, path.rate, load, None, events,
-                          _PREPARE)
+        return Trajectory(name, 'strain', duration, path.value, path.rate, load, events=events,
+                          prepare=_PREPARE)
 
     if name == 'ramp':
         low, high = 0.25 * limit, 1.6 * limit

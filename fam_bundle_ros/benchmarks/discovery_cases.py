@@ -26,7 +26,7 @@ from fam_bundle_ros.benchmarks.discovery_truth import (
     true_force,
     WALL,
 )
-from fam_bundle_ros.discovery.measurement import build, Measurement
+from fam_bundle_ros.data.measurement import build, Measurement
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 
 

@@ -57,7 +57,7 @@ def least_air(bundle: Bundle, time: np.ndarray, force: np.ndarray, strain: np.nd
         raise InputError(f'least_air searches bundles of 2 motor units; this one has {bundle.n}')
     whole = np.linspace(0.0, bundle.max_pressure[1], _POINTS)
     coarse = _Search(bundle, time, force, strain, tube_volume, _COARSE * step)
-    _, path = coarse.best([whole] * len(coarse.time))
+    _, path = coarse.best(np.tile(whole, (len(coarse.time), 1)))
     search = _Search(bundle, time, force, strain, tube_volume, step)
     path = np.interp(search.time, coarse.time, path)
     spacing = whole[1]
@@ -78,45 +78,94 @@ class _Search:
         self._force = np.interp(self.time, time, force)
         strains = np.interp(self.time, time, strain)
         self._volume = bundle.gas_volume(strains) + tube_volume
-        self._grid = np.linspace(np.zeros(2), bundle.max_pressure, _POINTS)
-        self._curves = [np.asarray(bundle.unit_forces(e, self._grid)) for e in strains]
+        grid = np.linspace(np.zeros(2), bundle.max_pressure, _POINTS)
+        self._spacing = grid[1]
+        forces = np.asarray(bundle.unit_forces(strains[:, None], grid))
+        self._first, self._other = forces[..., 0], forces[..., 1]
 
     def best(self, second):
         """Return the least air, kg, and the second unit's pressures (K,) on the way, of (K, m)."""
-        start, cost, before = np.zeros((1, 2)), np.zeros(1), self._volume[0]
-        states, cheapest = [], []
-        for k, volume in enumerate(self._volume):
-            states.append(self._states(k, second[k]))
-            drawn = _drawn(start[:, None, :], states[k][None, :, :], before, volume)
-            total = cost[:, None] + drawn
-            cheapest.append(total.argmin(axis=0))
-            cost, start, before = total.min(axis=0), states[k], volume
-        last = int(cost.argmin())
-        least, path = float(cost[last]), np.empty(len(states))
-        for k in range(len(states) - 1, -1, -1):
-            path[k] = states[k][last, 1]
-            last = cheapest[k][last]
+        states, counts = self._states(second)
+        after, before = self._costs(states, counts)
+        ends = np.cumsum(counts)
+        # The way begins vented, at the first volume: nothing but the pressures of step 0 counts.
+        cost = np.maximum(after[:counts[0]], 0.0).sum(axis=-1)
+        cheapest, last = [], slice(0, counts[0])
+        for k in range(1, len(counts)):
+            here = slice(ends[k - 1], ends[k])
+            total = np.maximum(after[here, 0, None] - before[last, 0], 0.0)
+            other = np.maximum(after[here, 1, None] - before[last, 1], 0.0)
+            for unit, drawn in enumerate((total, other)):
+                if self._volume[k, unit] > self._volume[k - 1, unit]:
+                    # A unit that stays vented breathes through its open exhaust.
+                    vented = states[here, unit] <= 0.0
+                    if vented.any():
+                        drawn[np.ix_(vented, states[last, unit] <= 0.0)] = 0.0
+            total += other
+            total += cost
+            choice = total.argmin(axis=1)
+            cheapest.append(choice)
+            cost, last = total[np.arange(len(choice)), choice], here
+        place = int(cost.argmin())
+        least, path = float(cost[place]), np.empty(len(counts))
+        for k in range(len(counts) - 1, -1, -1):
+            path[k] = states[ends[k] - counts[k] + place, 1]
+            place = cheapest[k - 1][place] if k else 0
         return least, path
 
-    def _states(self, k, second):
-        """Return the pressures (m, 2) that give the force at step ``k``."""
-        grid, (first, other) = self._grid, self._curves[k].T
-        bottom = int(np.argmin(first))
-        wanted = self._force[k] - np.interp(second, grid[:, 1], other)
-        branches = [(np.maximum.accumulate(first[bottom:]), grid[bottom:, 0])]
-        if bottom > 0:
-            branches.append((np.minimum.accumulate(first[:bottom + 1])[::-1], grid[bottom::-1, 0]))
-        found = []
-        for forces, pressures in branches:
-            fits = (wanted >= forces[0] - _TOLERANCE) & (wanted <= forces[-1] + _TOLERANCE)
-            found.append(np.stack([np.interp(wanted, forces, pressures), second], axis=-1)[fits])
-        states = np.concatenate(found)
-        if len(states) == 0:
-            # Out of reach: the nearest that there is, as any controller would do.
-            miss = np.abs(first[:, None] - wanted)
+    def _costs(self, states, counts):
+        """
+        Return what each state (S, 2) adds as the later and takes off as the earlier of a pair.
+
+        `_drawn` of one unit is max(later - earlier, 0): the work between two states is linear in
+        each of the two pressures.
+        """
+        before = np.concatenate([self._volume[:1], self._volume])
+        middle, change = 0.5 * (before[1:] + before[:-1]), np.diff(before, axis=0)
+        per_later = middle / POLYTROPIC + 0.5 * change
+        per_earlier = np.concatenate([(middle / POLYTROPIC - 0.5 * change)[1:], per_later[-1:]])
+        each = np.repeat(np.arange(len(counts)), counts)
+        unit = GAS_CONSTANT * REFERENCE_TEMPERATURE
+        later = (states * per_later[each] + (ATMOSPHERE * change)[each]) / unit
+        return later, states * per_earlier[each] / unit
+
+    def _states(self, second):
+        """Return the pressures (S, 2) that give the force, and how many at each step (K,)."""
+        first, steps = self._first, np.arange(len(self.time))[:, None]
+        place = second / self._spacing[1]
+        low = np.clip(place.astype(int), 0, _POINTS - 2)
+        left, right = self._other[steps, low], self._other[steps, low + 1]
+        wanted = self._force[:, None] - left - (place - low) * (right - left)
+        bottom = first.argmin(axis=1)[:, None]
+        least = first[steps, bottom]
+        # Beyond its branch, each curve stays at its least force.
+        rising = np.maximum.accumulate(
+            np.where(np.arange(_POINTS) < bottom, least, first), axis=1)
+        falling = np.minimum.accumulate(first, axis=1)
+        found, fits = [], []
+        for curve, top, side in ((rising, rising[:, -1:], 1), (falling, falling[:, :1], -1)):
+            found.append(self._invert(curve, wanted, bottom, side))
+            fits.append((wanted >= least - _TOLERANCE) & (wanted <= top + _TOLERANCE))
+        states = np.stack([np.concatenate(found, axis=1), np.tile(second, 2)], axis=-1)
+        good = np.concatenate(fits, axis=1)
+        # Out of reach: the nearest that there is, as any controller would do.
+        for k in np.flatnonzero(~good.any(axis=1)):
+            miss = np.abs(first[k][:, None] - wanted[k])
             i, j = np.unravel_index(int(np.argmin(miss)), miss.shape)
-            states = np.array([[grid[i, 0], second[j]]])
-        return states
+            states[k, 0], good[k, 0] = (i * self._spacing[0], second[k, j]), True
+        return states[good], good.sum(axis=1)
+
+    def _invert(self, curve, wanted, bottom, side):
+        """Return the first unit's pressures (K, m) at which a branch gives the wanted forces."""
+        steps = np.arange(len(curve))[:, None]
+        above = np.stack([np.searchsorted(row[::side], force, side='right')
+                          for row, force in zip(curve, wanted)])
+        # The last grid point, seen from the bottom, whose force is not above the wanted one.
+        low = np.maximum(above - 1, bottom) if side > 0 else np.minimum(_POINTS - above, bottom)
+        high = np.clip(low + side, 0, _POINTS - 1)
+        rise = curve[steps, high] - curve[steps, low]
+        share = (wanted - curve[steps, low]) / np.where(rise > 0.0, rise, np.inf)
+        return (low + side * np.clip(share, 0.0, 1.0)) * self._spacing[0]
 
 
 def filling_air(bundle: Bundle, pressure: np.ndarray, strain: float,

@@ -81,7 +81,8 @@ def _missing(error: ModuleNotFoundError) -> str:
         return (f"this command needs {name}: pip install 'fam_bundle_ros[{_EXTRAS[name]}]'")
     if name == 'rclpy' or name.endswith('_msgs') or name == 'std_srvs':
         return f'this command needs ROS 2 ({name}): source its setup.bash, or run make install'
-    return f'the Python package {name} is not installed'
+    module = error.name if name == 'fam_bundle_ros' else name
+    return f'the Python package {module} is not installed'
 
 
 def _fail(message: str, status: int, prefix: str = 'fam_bundle: ') -> int:

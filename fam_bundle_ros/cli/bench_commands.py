@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands that measure the package: `benchmark-control`, `benchmark-discovery`, `bench`."""
 
-from collections.abc import Callable
 from pathlib import Path
-import time
 from typing import Annotated, Any
 
 import typer
@@ -122,53 +120,63 @@ def benchmark_discovery(
 
 
 def bench(
-    samples: Annotated[str, typer.Option(help='Lengths of the logs for `diagnose`, with commas '
-                                         'between; empty for none.')] = '10000,24000,100000',
+    only: Annotated[list[str] | None, typer.Option('--only', metavar='NAME', help='Rows by name, '
+                                                   'with commas between or --only again.')] = None,
+    listed: Annotated[bool, typer.Option('--list', help='Name the rows and leave.')] = False,
+    scale: Annotated[float, typer.Option(help='Share of the usual work; small for a quick look.',
+                                         min=0.001, max=10.0)] = 1.0,
+    warm: Annotated[bool, typer.Option('--warm', help='Measure nothing: fill the cache of '
+                                       'compiled code.')] = False,
+    out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
+                                             'page (HTML).')] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Measure how fast the parts run on this machine."""
-    rows = [(name, *figures) for name, figures in _speeds().items()]
-    for length in _lengths(samples):
-        with notes.status(f'diagnose, {length} samples'):
-            rows.append((f'diagnose, {length} samples', _diagnose_seconds(length), 's',
-                         'whole catalogue, one core, friction hidden'))
-    table(('what', 'time', 'unit', 'of'), rows, numeric=(1,))
-    save_json(json_file, {name: {'value': value, 'unit': unit, 'of': of}
-                          for name, value, unit, of in rows})
+    """
+    Measure how fast the parts run, beside other ways and beside what is to be reached.
+
+    Without --only all rows but the long ones, about four minutes. The JSON has `machine`, `scale`
+    and `rows`; a row has `name`, `skipped` (why it was not measured), `where` (the time goes, if
+    a figure is not reached) and `figures` with `what`, `value`, `unit`, `peer`, `beside` (the
+    peer's value), `ratio`, `reach` and `reached`.
+    """
+    from fam_bundle_ros.benchmarks import speed
+    from fam_bundle_ros.benchmarks.speed_rows import ROWS, warm_up
+    if warm:
+        warm_up()
+        return
+    if listed:
+        table(('row', 'what', ''), [(row.name, row.what, 'long: only when named' if row.long
+                                     else '') for row in ROWS])
+        return
+    names = [name.strip() for text in only or [] for name in text.split(',') if name.strip()]
+    chosen = speed.choose(ROWS, names)
+    results: list[speed.Result] = []
+    with progress_bar('bench') as tick:
+        for row in chosen:
+            tick(len(results) / len(chosen), row.name)
+            results += speed.run([row], scale)
+    table(('row', 'what', 'measured', 'unit', 'beside', 'of', 'ratio', 'to reach', ''),
+          [cells for result in results for cells in _cells(result)], numeric=(2, 4, 6, 7))
+    for result in results:
+        for line in result.remarks:
+            console.print(f'{result.row.name}: {line}', highlight=False, style='dim')
+    machine = speed.machine()
+    if out is not None:
+        from fam_bundle_ros.report.bench_page import bench_page
+        from fam_bundle_ros.report.page import write_page
+        write_page(out, bench_page(results, machine))
+        wrote(out)
+    save_json(json_file, {'machine': machine, 'scale': scale,
+                          'rows': [result.to_json() for result in results]})
 
 
-def _lengths(text: str) -> list[int]:
-    try:
-        found = [int(part) for part in text.split(',') if part.strip()]
-    except ValueError as error:
-        raise InputError(f"--samples: '{text}' is not a list of whole numbers") from error
-    if any(not 100 <= length <= 2_000_000 for length in found):
-        raise InputError(f"--samples: '{text}'; expected numbers from 100 to 2000000")
-    return found
-
-
-def _diagnose_seconds(length: int) -> float:
-    """Return the time that `diagnose` takes on a simulated log of loops at seven isobars."""
-    import numpy as np
-
-    from fam_bundle_ros.discovery import diagnose
-    from fam_bundle_ros.discovery.measurement import build
-    from fam_bundle_ros.model import Bundle, Motion
-    paper = open_model('spie2021')
-    model = Bundle('one_muscle', paper.motor_units[:1], paper.effects)
-    time_s = 0.01 * np.arange(length)
-    turn = 2.0 * np.pi * 14.0 * np.arange(length) / length
-    level = np.minimum(7 * np.arange(length) // length, 6)
-    pressure = 50e3 * (1.0 + level)[:, None]
-    strain = 0.1 - 0.1 * np.cos(turn)
-    rate = np.gradient(strain, time_s)
-    truth = model.with_effect('coulomb_friction')
-    noise = np.random.default_rng(0).normal(0.0, 0.8, length)
-    force = truth.simulate(Motion(strain, pressure, rate, time_s)).sum(axis=-1) + noise
-    data = build('log', strain, pressure, force, level.tolist(), time_s, ['mu1'])
-    begin = time.process_time()
-    diagnose(model, data)
-    return time.process_time() - begin
+def _cells(result: Any) -> list[tuple[Any, ...]]:
+    """Return a row of the table for each figure."""
+    if result.skipped:
+        return [(result.row.name, 'not measured', *[''] * 7)]
+    return [(result.row.name, figure.what, figure.value, figure.unit, figure.beside or '',
+             figure.peer, figure.ratio or '', figure.asked, figure.verdict)
+            for figure in result.figures]
 
 
 def _over_ros(seed: int) -> list[dict[str, Any]]:
@@ -197,65 +205,6 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
     return [{'policy': 'reversal_aware', 'scheme': 'orderly', 'trajectory': 'ramp',
              'plant': 'nominal', **metrics(log, bundle, rig, search=False), 'through': through}
             for through, log in logs.items()]
-
-
-def _speeds() -> dict[str, tuple[float, str, str]]:
-    import numpy as np
-
-    from fam_bundle_ros.control import (
-        Allocator,
-        ControllerConfig,
-        Instant,
-        Measurement,
-        RecruitmentController,
-        Reference,
-    )
-    from fam_bundle_ros.model import Motion
-    from fam_bundle_ros.plant import Rig, RigConfig
-    from fam_bundle_ros.workbench import drawings
-    from fam_bundle_ros.workbench.cases import load_example
-    from fam_bundle_ros.workbench.session import Session
-    bundle = open_model('spie2021').with_effect('coulomb_friction')
-    strain, pressure = 0.1, np.array([3e5, 1e5])
-    state = bundle.start_state()
-    count = 1_000_000
-    wave = np.linspace(0.0, 200.0, count)
-    motion = Motion(0.1 + 0.05 * np.sin(wave), np.broadcast_to(pressure, (count, 2)).copy(),
-                    0.05 * np.cos(wave), 1e-3 * np.arange(count))
-    rig = Rig(bundle, RigConfig(), seed=0)
-    controller = RecruitmentController(bundle, ControllerConfig())
-    measured = Measurement(60.0, strain, 0.0, pressure)
-    asked = Reference('force', 60.0, 0.0)
-    session = Session()
-    session.open(load_example('hidden_friction'))
-    allocator = Allocator(bundle)
-    return {
-        'one tick of the model': (1e6 * _seconds(
-            lambda: bundle.step(state, 2e-3, strain, pressure)), 'µs', 'two motor units'),
-        'a logged sample': (1e9 * _seconds(lambda: bundle.simulate(motion), 0.0) / count, 'ns',
-                            'a million at once'),
-        'one tick of the rig': (1e6 * _seconds(lambda: rig.step([0.1, 0.0], 2e-3)), 'µs',
-                                '2 ms of simulated time'),
-        'the inverse of the model': (1e6 * _seconds(
-            lambda: allocator.curves(Instant(0.16)).fill(60.0, (0, 1))), 'µs',
-            'a force and strain to two pressures'),
-        'one tick of the recruitment controller': (1e6 * _seconds(
-            lambda: controller.update(4e-3, measured, asked)), 'µs', 'reversal aware'),
-        'a figure of the workbench': (1e3 * _seconds(
-            lambda: drawings.for_page(drawings.main_figure(session), dark=True)), 'ms',
-            'curves of an example, without the browser'),
-    }
-
-
-def _seconds(call: Callable[[], Any], budget: float = 0.4) -> float:
-    """Return the median time of a call."""
-    times: list[float] = []
-    end = time.perf_counter() + budget
-    while not times or time.perf_counter() < end:
-        begin = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - begin)
-    return sorted(times)[len(times) // 2]
 
 
 def _pick(text: str, known: Any, option: str) -> list[str]:

@@ -4,12 +4,16 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+import functools
+import inspect
 from pathlib import Path
 import re
 import sys
 from typing import Annotated, Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 import typer
@@ -32,6 +36,121 @@ ModelArgument = Annotated[str, typer.Argument(metavar='MODEL', help='Model file,
                                               'ships.')]
 ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help='Model file, or '
                                           'a name that ships.')]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a measurement is to be read: the options that every command on data has."""
+
+    columns: tuple[str, ...] = ()
+    rest_length: str | None = None
+    gauge: bool | None = None
+    max_pressure: str | None = None
+    max_strain: float | None = None
+    sheet: str | None = None
+    recipe: Path | None = None
+    save_recipe: Path | None = None
+
+
+_PANEL = 'How the data are read'
+_READING: dict[str, Any] = {
+    'columns': Annotated[list[str] | None, typer.Option(
+        '--columns', metavar='QUANTITY=COLUMN', rich_help_panel=_PANEL, help='What a column is: '
+        '"length=L \\[mm]", "force=-F \\[N]" to turn the sign, "pressure=300 kPa" for a constant, '
+        '"time=100 Hz". May be given several times.')],
+    'rest_length': Annotated[str | None, typer.Option(
+        '--rest-length', metavar='LENGTH', rich_help_panel=_PANEL, help='Rest length, "127 mm", '
+        'where the data have lengths; by default that of the model.')],
+    'gauge': Annotated[bool | None, typer.Option(
+        '--gauge/--absolute', rich_help_panel=_PANEL, show_default=False, help='What pressures '
+        'are, where the header does not say.')],
+    'max_pressure': Annotated[str | None, typer.Option(
+        '--max-pressure', metavar='PRESSURE', rich_help_panel=_PANEL, help='Highest pressure of '
+        'the muscle, "20 MPa", where it is above 1 MPa.')],
+    'max_strain': Annotated[float | None, typer.Option(
+        '--max-strain', rich_help_panel=_PANEL, help='Highest strain of the muscle, where it is '
+        'above 0.5.')],
+    'sheet': Annotated[str | None, typer.Option(
+        '--sheet', metavar='NAME', rich_help_panel=_PANEL, help='Sheet of a workbook, group of a '
+        '.tdms file, variable of a .mat file.')],
+    'recipe': Annotated[Path | None, typer.Option(
+        '--recipe', metavar='FILE', rich_help_panel=_PANEL, help='Take all of these from a file.'
+    )],
+    'save_recipe': Annotated[Path | None, typer.Option(
+        '--save-recipe', metavar='FILE', rich_help_panel=_PANEL, help='Write all of these, with '
+        'what was recognised, for the next files.')],
+}
+
+
+def reads_data(command: Callable[..., None]) -> Callable[..., None]:
+    """
+    Give a command the options of `Reading`; it gets them as its argument ``reading``.
+
+    Typer makes options of a signature, so that of the command is extended.
+    """
+    signature = inspect.signature(command)
+    own = [entry for name, entry in signature.parameters.items() if name != 'reading']
+    more = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+            for name, kind in _READING.items()]
+
+    @functools.wraps(command)
+    def extended(**given: Any) -> None:
+        options = {name: given.pop(name) for name in _READING}
+        options['columns'] = tuple(options['columns'] or ())
+        command(**given, reading=Reading(**options))
+
+    extended.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[entry.replace(kind=inspect.Parameter.KEYWORD_ONLY) for entry in own] + more)
+    extended.__annotations__ = {entry.name: entry.annotation for entry in [*own, *more]}
+    return extended
+
+
+def read_data(data: str, reading: Reading, model: Any = None) -> Any:
+    """
+    Return the Measurement that an argument names, and say what its columns were taken for.
+
+    A model may tell the rest length and the limits of pressure and strain.
+    """
+    from fam_bundle_ros.data import (
+        load_recipe,
+        read_measurement,
+        Recipe,
+        recipe_of,
+        save_recipe,
+        taken_words,
+    )
+    recipe = Recipe() if reading.recipe is None else load_recipe(reading.recipe)
+    columns = {}
+    for entry in reading.columns:
+        key, found, column = entry.partition('=')
+        if not found or not column.strip():
+            raise InputError(f"--columns '{entry}'; expected QUANTITY=COLUMN, for example "
+                             '"length=L [mm]"')
+        columns[key.strip()] = column.strip()
+    told = {option: quantity(text, like, f'--{option.replace("_", "-")}')
+            for option, text, like in (('rest_length', reading.rest_length, 'm'),
+                                       ('max_pressure', reading.max_pressure, 'Pa')) if text}
+    recipe = recipe.merged(columns=columns, gauge=reading.gauge, max_strain=reading.max_strain,
+                           sheet=reading.sheet, **told)
+    lengths = {float(unit.geometry.length) for unit in model.motor_units} if model else set()
+    length = lengths.pop() if len(lengths) == 1 else None
+    if recipe.rest_length is None:
+        recipe = recipe.merged(rest_length=length)
+    elif length is not None and abs(recipe.rest_length / length - 1.0) > 0.02:
+        notes.print(f'note: --rest-length is {1e3 * recipe.rest_length:.4g} mm, the length of '
+                    f'{model.name} {1e3 * length:.4g} mm')
+    if model is not None and recipe.max_pressure is None:
+        recipe = recipe.merged(max_pressure=max(float(unit.max_pressure)
+                                                for unit in model.motor_units))
+    measured = read_measurement(data_path(data), recipe=recipe)
+    words = taken_words(measured)
+    for line in [*([words] if words else []), *([measured.dropped_words] if measured.dropped
+                                                else []), *measured.notes]:
+        notes.print(escape(f'{measured.name}: {line}'), style='dim', soft_wrap=True)
+    if reading.save_recipe is not None:
+        save_recipe(recipe_of(measured, recipe), reading.save_recipe)
+        wrote(reading.save_recipe)
+    return measured
 
 
 def open_model(name: str, allow_python: bool = False):

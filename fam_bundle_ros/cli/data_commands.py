@@ -16,10 +16,11 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     model_path,
     ModelOption,
-    notes,
     open_model,
     progress_bar,
-    quantity,
+    read_data,
+    Reading,
+    reads_data,
     save_json,
     table,
     wrote,
@@ -28,11 +29,9 @@ from fam_bundle_ros.errors import InputError
 
 PANEL = 'Discovery'
 
-DataArgument = Annotated[str, typer.Argument(metavar='DATA', help='CSV with units in its header, '
-                                             'ROS 2 bag, or the name of data that ships.')]
-RestLength = Annotated[str | None, typer.Option('--rest-length', metavar='LENGTH', help='Rest '
-                                                'length, "127 mm", where the data has the '
-                                                'contraction as a length.')]
+DataArgument = Annotated[str, typer.Argument(metavar='DATA', help='Log (CSV or text, .xlsx, '
+                                             '.lvm, .tdms, .mat, .parquet), ROS 2 bag, or '
+                                             'the name of data that ships.')]
 PageFile = Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write '
                                                'the page (HTML).')]
 
@@ -45,18 +44,21 @@ def register(app: typer.Typer) -> None:
     app.command('workbench', rich_help_panel=PANEL)(workbench)
 
 
+@reads_data
 def compare(
     data: DataArgument = 'dmsp20_static_map',
     model: ModelOption = 'dmsp20_static_map',
     out: PageFile = None,
     json_file: JsonFile = None,
-    rest_length: RestLength = None,
     allow_python: AllowPython = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Compare a model with a measurement: how large the error is, and where."""
     from fam_bundle_ros import discovery
     bundle = open_model(model, allow_python)
-    result = discovery.compare(bundle, read(data, rest_length, bundle))
+    measured = read_data(data, reading, bundle)
+    result = discovery.compare(bundle, measured)
     console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
                   f'of the force; mean {result.bias_N:+.3g} N, largest {result.largest_N:.3g} N')
     _check_first(result)
@@ -76,25 +78,35 @@ def compare(
         from fam_bundle_ros.report.page import write_page
         write_page(out, comparison_page(result, bundle, _files(data, model)))
         wrote(out)
-    save_json(json_file, result.to_dict())
+    save_json(json_file, {**result.to_dict(), 'data': measured.to_dict()})
 
 
+@reads_data
 def diagnose(
     data: DataArgument,
     model: ModelOption,
     out: PageFile = None,
-    save: Annotated[Path | None, typer.Option(metavar='FILE', help='Also write the best model.'
-                                              )] = None,
+    model_out: Annotated[Path | None, typer.Option('--model-out', metavar='FILE', help='Also '
+                                                   'write the model that it recommends (.yaml; '
+                                                   'beside it the table of a discrepancy).'
+                                                   )] = None,
+    unexplained: Annotated[float, typer.Option(metavar='SHARE', min=1e-4, max=1.0, help='How much '
+                                               'structure beyond every law is normal, as a share '
+                                               "of the force's standard deviation.")] = 0.01,
+    odds: Annotated[float, typer.Option(min=1.0, help='Sets of effects at most so many times '
+                                        'less probable than the best are ties.')] = 20.0,
     json_file: JsonFile = None,
-    rest_length: RestLength = None,
     allow_python: AllowPython = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Find out which physical effect a model is missing, if any, and what to measure next."""
     from fam_bundle_ros import discovery
     bundle = open_model(model, allow_python)
-    measured = read(data, rest_length, bundle)
+    measured = read_data(data, reading, bundle)
     with progress_bar('diagnose') as tick:
-        result = discovery.diagnose(bundle, measured, progress=tick)
+        result = discovery.diagnose(bundle, measured, progress=tick, choices=discovery.Choices(
+            unexplained=unexplained, odds=odds))
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     _check_first(result.comparison)
     error = result.error_N
@@ -107,8 +119,11 @@ def diagnose(
               [(effect_name(c.effect).append(c.label[len(c.effect):]), f'{c.probability:.2f}',
                 c.error_N, c.reason) for c in result.shortlist],
               '' if answered else result.shortlist_title, numeric=(1, 2))
-    if result.shapes:
-        console.print(f"add: [bold]fam_bundle add {' '.join(result.shapes)} --data {escape(data)} "
+    console.print(escape(str(result.recommended)), soft_wrap=True)
+    words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
+             *(f'--remove {name}' for name in result.removed)]
+    if words:
+        console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data)} "
                       f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
@@ -132,27 +147,25 @@ def diagnose(
         from fam_bundle_ros.report.page import write_page
         write_page(out, diagnosis_page(result, _files(data, model)))
         wrote(out)
-    save_json(json_file, result.to_dict())
-    if save is not None and result.verdict == 'unexplained':
-        console.print(f'{save} is not written: no effect explains the error, and parameters bent '
-                      'to hide it are no model', soft_wrap=True)
-        raise typer.Exit(1)
-    if save is not None:
-        from fam_bundle_ros.model import save_model
-        save_model(result.best, save)
-        wrote(save)
+    save_json(json_file, {**result.to_dict(), 'data': measured.to_dict()})
+    if model_out is not None:
+        if model_out.suffix not in ('.yaml', '.yml'):
+            raise InputError(f'{model_out}: expected the name of a model file (.yaml) to write')
+        wrote(*result.recommended.save(model_out))
 
 
+@reads_data
 def convert(
     source: Annotated[str, typer.Argument(metavar='DATA', help='ROS 2 bag (folder, .mcap, .db3) '
-                                          'or CSV.')],
+                                          'or a log of any format.')],
     target: Annotated[Path, typer.Argument(metavar='OUT', help='CSV file (.csv) to write, or '
                                             'a name without suffix: a bag.')],
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Add the '
                                               'force of this model and the residual.')] = None,
     json_file: JsonFile = None,
-    rest_length: RestLength = None,
     allow_python: AllowPython = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Turn a bag or CSV into a CSV of strain, pressure (kPa), force (N), or a CSV into a bag."""
     from fam_bundle_ros.discovery import compare as compare_with
@@ -164,7 +177,7 @@ def convert(
     if model is not None and not target.suffix:
         raise InputError(f'{target}: --model adds columns to a CSV; expected a name that ends in '
                          '.csv')
-    measured = read(source, rest_length)
+    measured = read_data(source, reading)
     extra = {}
     if model is not None:
         result = compare_with(open_model(model, allow_python), measured)
@@ -176,8 +189,7 @@ def convert(
         write_bag(measured, target)
     console.print(escape(str(measured)), soft_wrap=True)
     wrote(target)
-    save_json(json_file, {'source': source, 'sha256': measured.sha256, 'rows': len(measured),
-                          'trials': len(measured.trial_names), 'notes': list(measured.notes)})
+    save_json(json_file, {'source': source, **measured.to_dict()})
 
 
 def workbench(
@@ -196,20 +208,6 @@ def workbench(
     run(data=None if data is None else data_path(data),
         model=None if model is None else model_path(model), host=host, port=port, token=token,
         show=show)
-
-
-def read(data: str, rest_length: str | None, model: Any = None) -> Any:
-    """Return the Measurement that an argument names; a model may tell the rest length."""
-    from fam_bundle_ros.discovery import read_measurement
-    lengths = {float(unit.geometry.length) for unit in model.motor_units} if model else set()
-    length = lengths.pop() if len(lengths) == 1 else None
-    if rest_length is not None:
-        given = quantity(rest_length, 'm', '--rest-length')
-        if length is not None and abs(given / length - 1.0) > 0.02:
-            notes.print(f'note: --rest-length is {1e3 * given:.4g} mm, the length of '
-                        f'{model.name} {1e3 * length:.4g} mm')
-        length = given
-    return read_measurement(data_path(data), rest_length=length)
 
 
 def _check_first(result: Any) -> None:

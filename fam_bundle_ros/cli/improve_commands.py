@@ -17,11 +17,14 @@ from fam_bundle_ros.cli.common import (
     ModelOption,
     notes,
     open_model,
+    read_data,
+    Reading,
+    reads_data,
     save_json,
     table,
     wrote,
 )
-from fam_bundle_ros.cli.data_commands import DataArgument, PageFile, PANEL, read, RestLength
+from fam_bundle_ros.cli.data_commands import DataArgument, PageFile, PANEL
 from fam_bundle_ros.errors import InputError
 
 #: More effects than this have too many orders to be shown.
@@ -34,6 +37,7 @@ def register(app: typer.Typer) -> None:
     app.command('ladder', rich_help_panel=PANEL)(ladder)
 
 
+@reads_data
 def add(
     data: Annotated[str, typer.Option('--data', '-d', metavar='DATA', help='Measurement to refit '
                                       'on.')],
@@ -45,10 +49,19 @@ def add(
     source: Annotated[str | None, typer.Option('--from', metavar='MODEL', help='Take the effects '
                                                'from this model file: your own expressions.'
                                                )] = None,
+    replacing: Annotated[list[str] | None, typer.Option('--replace', metavar='OLD=NEW', help='Put '
+                                                        'an effect in the place of one of the '
+                                                        "model's.")] = None,
+    removing: Annotated[list[str] | None, typer.Option('--remove', metavar='NAME', help='Take an '
+                                                       "effect of the model's away.")] = None,
+    discrepancy: Annotated[bool, typer.Option('--discrepancy', help='Also write what is left, as '
+                                              'a table, where that foretells unseen rows '
+                                              'better.')] = False,
     name: Annotated[str | None, typer.Option(help='Name of the new model.')] = None,
     json_file: JsonFile = None,
-    rest_length: RestLength = None,
     allow_python: AllowPython = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Add effects to a model, refit everything on data, and write the new model file."""
     from fam_bundle_ros.discovery import add_effect
@@ -63,11 +76,22 @@ def add(
         wanted = [library.effect(effect) for effect in wanted]
     if out.suffix not in ('.yaml', '.yml'):
         raise InputError(f'{out}: expected the name of a model file (.yaml) to write')
-    if not wanted and name is None:
+    swaps = {}
+    for text in replacing or []:
+        old, sign, new = text.partition('=')
+        if not (old and sign and new):
+            raise InputError(f'--replace {text}: expected OLD=NEW, two names of effects')
+        swaps[old] = new
+    if not (wanted or swaps or removing) and name is None:
         name = f'{bundle.name}_recalibrated'
+    measured = read_data(data, reading, bundle)
     with notes.status('refitting'):
-        result = add_effect(bundle, wanted, read(data, rest_length, bundle), name)
-    save_model(result.model, out)
+        result = add_effect(bundle, wanted, measured, name,
+                            replacing=swaps, removing=removing or ())
+    if discrepancy:
+        wrote(*result.recommended.save(out))
+    else:
+        save_model(result.model, out)
     console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
                   f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on data left out; '
                   f'noise floor {result.noise.value:.3g} N', soft_wrap=True)
@@ -75,9 +99,10 @@ def add(
           [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}', e.flag)
            for e in result.parameters], numeric=(1,))
     wrote(out)
-    save_json(json_file, {**result.to_dict(), 'out': out})
+    save_json(json_file, {**result.to_dict(), 'out': out, 'data': measured.to_dict()})
 
 
+@reads_data
 def ladder(
     data: DataArgument,
     models: Annotated[list[str], typer.Argument(metavar='MODEL...', help='Model files, in the '
@@ -85,13 +110,14 @@ def ladder(
     word: Annotated[bool, typer.Option('--models', help='May stand before the models.')] = False,
     out: PageFile = None,
     json_file: JsonFile = None,
-    rest_length: RestLength = None,
     allow_python: AllowPython = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Show the error of one model after the other on the same data, against the noise floor."""
     from fam_bundle_ros import discovery
     bundles = [open_model(model, allow_python) for model in models]
-    measured = read(data, rest_length, bundles[0])
+    measured = read_data(data, reading, bundles[0])
     with notes.status('refitting on blocks left out'):
         result = discovery.ladder(measured, bundles)
         orders = _orders(bundles, measured)
@@ -110,7 +136,7 @@ def ladder(
                  *(('model file', model_path(model)) for model in models)]
         write_page(out, ladder_page(result, orders, files))
         wrote(out)
-    save_json(json_file, {**result.to_dict(), 'orders': orders})
+    save_json(json_file, {**result.to_dict(), 'orders': orders, 'data': measured.to_dict()})
 
 
 def _orders(bundles: list[Any], measured: Any) -> dict[str, list[float]]:

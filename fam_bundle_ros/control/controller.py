@@ -34,6 +34,7 @@ from fam_bundle_ros.control.signals import (
     Reference,
 )
 from fam_bundle_ros.control.spread import SCHEMES
+from fam_bundle_ros.control.switching import Margins
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
@@ -202,7 +203,7 @@ class RecruitmentController:
         record = self._record
         return Command(np.array(record.pressure), record.state, np.array(record.active, bool),
                        np.array(record.share), SATURATION[record.saturated],
-                       sentence(record.reason, self._names), replace(record.margins),
+                       sentence(record.reason, self._names), Margins(**vars(record.margins)),
                        record.demand)
 
 

@@ -10,24 +10,25 @@ Compare a model with a measurement: how large the error is, where, and against w
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 import json
 from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.discovery.grouping import (
+from fam_bundle_ros.data.grouping import (
     pressure_levels,
     reversals,
     rms,
     strain_bins,
     varying_unit,
 )
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.noise import noise_floor, NoiseFloor, visit_cells
+from fam_bundle_ros.data.reading import as_measurement
+from fam_bundle_ros.data.slips import slips
 from fam_bundle_ros.discovery.locate import locate, Region
-from fam_bundle_ros.discovery.measurement import Measurement
-from fam_bundle_ros.discovery.noise import noise_floor, NoiseFloor, visit_cells
 from fam_bundle_ros.discovery.predict import free_mask, matched, predict
-from fam_bundle_ros.discovery.reading import as_measurement
-from fam_bundle_ros.discovery.slips import slips
 from fam_bundle_ros.model import Bundle
 
 
@@ -164,7 +165,7 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
         float(np.abs(residual).max()), rms(residual) / max(rms(data.force), 1e-12), floor, lack,
         _part(maps['even']), _part(maps['odd']), _tables(data, residual, floor, past_free),
         locate(data, residual, floor.value, past_free), data, prediction, residual,
-        slips(model, data, residual))
+        slips(partial(predict, model), data, residual))
 
 
 def residual_maps(data: Measurement, residual: np.ndarray, strains: int = 24,

@@ -17,12 +17,12 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
-from fam_bundle_ros.discovery.grouping import pressure_levels, varying_unit
+from fam_bundle_ros.data.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.model import Bundle
 
 if TYPE_CHECKING:
+    from fam_bundle_ros.data.measurement import Measurement
     from fam_bundle_ros.discovery.compare import Comparison
-    from fam_bundle_ros.discovery.measurement import Measurement
     from fam_bundle_ros.discovery.result import Diagnosis
 
 __all__ = ['candidates', 'comparison', 'confounding', 'diagnosis', 'has_isobars', 'ladder',

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.discovery.grouping import pressure_levels, rms, strain_bins, varying_unit
-from fam_bundle_ros.discovery.measurement import Measurement
+from fam_bundle_ros.data.grouping import pressure_levels, rms, strain_bins, varying_unit
+from fam_bundle_ros.data.measurement import Measurement
 
 _DIRECTIONS = {-1: 'while lengthening', 0: 'at rest', 1: 'while shortening'}
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fam_bundle_ros.discovery.measurement import Measurement
-from fam_bundle_ros.discovery.rates import smooth
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.rates import smooth
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Motion
 

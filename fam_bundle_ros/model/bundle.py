@@ -6,7 +6,7 @@ A bundle: motor units in parallel that share the strain, their forces add.
 Pressures are gauge, Pa, with the motor units on the last axis; strains are positive when shorter.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -21,6 +21,7 @@ from fam_bundle_ros.model.geometry import Geometry
 from fam_bundle_ros.model.laws.base import Place
 from fam_bundle_ros.model.muscles import Muscles
 from fam_bundle_ros.model.parts import Motion, MotorUnit, Pneumatics, SensorError
+from fam_bundle_ros.model.rows import differences
 from fam_bundle_ros.model.seam import Model
 
 #: Rest lengths within 2 % are equal but for how they were measured.
@@ -200,8 +201,6 @@ class Bundle:
         Memory begins afresh where ``motion.start`` says so. Without time the static forces.
         """
         self._check_width(motion.pressure)
-        if motion.time is None:
-            return self._muscles.at_rest(motion.strain, motion.pressure, motion.strain_rate)
         return self._muscles.record(motion)
 
     def _check_width(self, pressure):
@@ -244,11 +243,38 @@ class Bundle:
         Strain and pressure of ``motion`` are readings: they are corrected by the model's sensor
         effects before the muscles feel them. This is what is compared with a measurement.
         """
-        if not self.sensors:
-            return self.simulate(motion).sum(axis=-1)
-        strain, pressure = self.felt(motion.strain, motion.pressure)
-        force = self.simulate(replace(motion, strain=strain, pressure=pressure)).sum(axis=-1)
-        return self.readings(force, strain, pressure)[0]
+        self._check_width(motion.pressure)
+        return self._muscles.reading(motion)[0]
+
+    def jacobian(self, motion: Motion, keys: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Return what `predict` returns, and its exact derivatives by parameters.
+
+        Derivatives are those of the laws' formulas, to rounding. Of a user's law that is no
+        straight-line arithmetic central differences are taken instead.
+
+        Parameters
+        ----------
+        motion : Motion
+            Readings.
+        keys : sequence of str
+            As `with_parameters` takes them: ``effect.parameter``, ``geometry.radius``, ...
+
+        Returns
+        -------
+        prediction : array (T,), N
+        jacobian : array (T, K), N per SI unit
+
+        Raises
+        ------
+        InputError
+            For a key that the model does not have.
+        """
+        self._check_width(motion.pressure)
+        try:
+            return self._muscles.reading(motion, keys)
+        except NotImplementedError:
+            return self.predict(motion), differences(self, motion, keys)
 
     # --- gas -----------------------------------------------------------------------------------
 

@@ -17,19 +17,17 @@ The text is in `linecache`, so a traceback shows the line. Names from a model fi
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
-import hashlib
 import linecache
-import os
 import textwrap
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros import kernels
 from fam_bundle_ros.model.laws.base import FELT, Law, Part, Place, SHAPE, STEPPING, TABLES
 from fam_bundle_ros.model.seam import pointers
-from fam_bundle_ros.model.vocabulary import bound, runs_along_time
+from fam_bundle_ros.model.source import filed
+from fam_bundle_ros.model.vocabulary import bound
 
 #: Column of the shape array that holds the number of muscles; before it the fields `SHAPE`.
 MUSCLES = len(SHAPE)
@@ -93,6 +91,7 @@ class Composition:
         self.memory = tuple((law.name, name) for law in laws for name in law.memory)
         self.tabled = tuple(law.name for law in laws if law.load is not None)
         self._functions: dict[str, Callable] = {}
+        self._fields: dict[str, tuple[str, ...]] = {}
         self._parts: dict[Place, list[tuple[str, Law, Part]]] = {place: [] for place in Place}
         for index, law in enumerate(laws):
             plain = not law.formula and law.name.isidentifier() and law.name not in _RESERVED
@@ -101,6 +100,7 @@ class Composition:
                 called += f'_{part.place.value}' if part is not law.parts[0] else ''
                 self._parts[part.place].append((called, law, part))
                 self._functions[called] = part.function
+                self._fields[called] = tuple(f for f in part.arguments if f in law.memory)
                 if part.equilibrium is not None:
                     self._functions[called + '_at_rest'] = part.equilibrium
         self.text = '\n\n'.join([
@@ -111,11 +111,6 @@ class Composition:
     def has_memory(self) -> bool:
         """Whether the force depends on what was before."""
         return bool(self.memory)
-
-    @cached_property
-    def runs_along_time(self) -> bool:
-        """Whether a whole record can be computed in one call, memory included."""
-        return all(runs_along_time(law.function, law.memory) for law in self.laws)
 
     def at(self, place: Place) -> list[tuple[str, Law, Part]]:
         """Return what acts at a place: name in the text, law, part."""
@@ -252,19 +247,36 @@ class Composition:
         """
         Return the functions of the text for one mode of `fam_bundle_ros.model.vocabulary`.
 
-        With ``'arrays'`` and ``'scans'`` call ``muscle``, ``muscle_at_rest``, ``volume`` and
+        With ``'arrays'`` call ``muscle``, ``muscle_at_rest``, ``volume`` and
         ``volume_slope`` with arrays that broadcast to (..., n): ``unit`` (n,), ``shape`` (G, n).
         """
         if mode not in self._modes:
-            words: Any = bound(np, mode)
-            names: dict[str, Any] = {'__name__': __name__, 'np': words, **{
-                called: bound(function, mode) for called, function in self._functions.items()}}
-            laws = set(names)
-            exec(self._code(mode), names)
-            self._modes[mode] = SimpleNamespace(**{
-                name: item for name, item in names.items()
-                if name not in laws and not name.startswith('__')})
+            self._modes[mode] = self._with_names(mode, bound(np, mode), {
+                called: bound(function, mode) for called, function in self._functions.items()})
         return self._modes[mode]
+
+    def functions_of(self, words: Any, made: Callable[[Callable, tuple[str, ...]], Callable]
+                     ) -> SimpleNamespace:
+        """
+        Return the functions of the text for numbers of another kind.
+
+        Parameters
+        ----------
+        words : object
+            Has the functions that stand between laws: ``maximum`` and ``sqrt``.
+        made : callable
+            Takes a law's function and the names of its memory fields, returns the function for
+            these numbers.
+        """
+        return self._with_names('', words, {
+            called: made(function, self._fields.get(called, ()))
+            for called, function in self._functions.items()})
+
+    def _with_names(self, mode, words, laws):
+        names: dict[str, Any] = {'__name__': __name__, 'np': words, **laws}
+        exec(self._code(mode), names)
+        return SimpleNamespace(**{name: item for name, item in names.items()
+                                  if name not in {'np', *laws} and not name.startswith('__')})
 
     @cached_property
     def _modes(self) -> dict[str, SimpleNamespace]:
@@ -274,7 +286,7 @@ class Composition:
         """Return the compiled text; that of kernels is in a file, where numba looks for it."""
         name = f'<laws {" ".join(self._functions)[:60]} {id(self):x}>'
         if mode == 'kernels':
-            name = _written(self.text) or name
+            name = filed(self.text, 'laws') or name
         linecache.cache[name] = (len(self.text), None, self.text.splitlines(True), name)
         return compile(self.text, name, 'exec')
 
@@ -327,18 +339,3 @@ def _never_raises(plain, on_arrays):
                 after[unit][:] = given[-1][unit].tolist()
             return value
     return function
-
-
-def _written(text):
-    """Return the path of a file in the cache folder that holds a text; empty when none."""
-    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    path = kernels.cache_root() / 'models' / f'laws_{digest}.py'
-    if not path.exists():
-        draft = path.with_suffix(f'.{os.getpid()}')
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            draft.write_text(text, encoding='utf-8')
-            draft.replace(path)
-        except OSError:
-            return ''
-    return str(path)

@@ -16,6 +16,18 @@ import numpy as np
 RADIUS_TOLERANCE = 0.04
 BRAID_ANGLE_TOLERANCE = np.radians(1.5)
 
+#: What `derived` returns, in its order.
+DERIVED = ('cos2', 'sin2', 'cot2', 'area', 'wall_area')
+
+
+def derived(radius, braid_angle, wall_thickness):
+    """Return cos^2, sin^2 and 1/tan^2 of the braid angle, pi r0^2, and the wall's section."""
+    cosine, sine = np.cos(braid_angle), np.sin(braid_angle)
+    inner = radius - wall_thickness
+    area = np.pi * radius * radius
+    return (cosine * cosine, sine * sine, cosine * cosine / (sine * sine), area,
+            area - np.pi * inner * inner)
+
 
 @dataclass(frozen=True)
 class Geometry:
@@ -50,14 +62,9 @@ class Geometry:
 
     def __post_init__(self):
         """Work out once what the engine needs at every tick."""
-        cosine, sine = np.cos(self.braid_angle), np.sin(self.braid_angle)
-        object.__setattr__(self, 'cos2', cosine * cosine)
-        object.__setattr__(self, 'sin2', sine * sine)
-        object.__setattr__(self, 'cot2', cosine * cosine / (sine * sine))
-        inner = self.radius - self.wall_thickness
-        area = np.pi * self.radius * self.radius
-        object.__setattr__(self, 'area', area)
-        object.__setattr__(self, 'wall_area', area - np.pi * inner * inner)
+        worked_out = derived(self.radius, self.braid_angle, self.wall_thickness)
+        for name, value in zip(DERIVED, worked_out, strict=True):
+            object.__setattr__(self, name, value)
         object.__setattr__(self, 'bladder_volume', self.wall_area * self.length)
 
     @classmethod

@@ -9,10 +9,12 @@ SI units, gauge pressures.
 
 from collections.abc import Sequence
 from functools import cached_property
+import math
 from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.model import rows
 from fam_bundle_ros.model.compose import composition, MUSCLES
 from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.geometry import Geometry
@@ -49,6 +51,11 @@ class Muscles:
         return np.array([*(getattr(self.geometry, name) for name in SHAPE), count])
 
     @cached_property
+    def _common_shape(self) -> list[Any]:
+        """The rows of `shape`, one number where all motor units have the same: that is faster."""
+        return [row[0] if (row == row[0]).all() else row for row in self.shape]
+
+    @cached_property
     def parameters(self) -> np.ndarray:
         """Values of all effects, (K,)."""
         return np.array([value for e in self.effects for value in e.values.values()], float)
@@ -75,13 +82,20 @@ class Muscles:
 
     # --- forces --------------------------------------------------------------------------------
 
-    def at_rest(self, strain, pressure, strain_rate, time=0.0) -> np.ndarray:
+    def at_rest(self, strain, pressure, strain_rate) -> np.ndarray:
         """Return the forces (..., n) at equilibrium."""
-        strain, pressure, strain_rate = _columns(strain, pressure, strain_rate)
+        strain, pressure, strain_rate = given = _columns(strain, pressure, strain_rate)
         self._warn_outside(strain, pressure)
+        shape = np.broadcast_shapes(*(item.shape[:-1] for item in given))
+        if math.prod(shape) > rows.BLOCK:
+            strain, pressure, strain_rate = (
+                np.broadcast_to(item, (*shape, item.shape[-1])).reshape(-1, item.shape[-1])
+                for item in given)
+            motion = Motion(strain[:, 0], pressure, strain_rate[:, 0])
+            return rows.unit_forces(self, motion).reshape(*shape, -1)
         with np.errstate(all='ignore'):
             force = self.laws.functions('arrays').muscle_at_rest(
-                self._units, strain, strain_rate, pressure, time, self.shape, self.parameters,
+                self._units, strain, strain_rate, pressure, 0.0, self.shape, self.parameters,
                 self.tables)
         return self._of_units(force, strain, pressure, strain_rate)
 
@@ -105,39 +119,22 @@ class Muscles:
         with np.errstate(all='ignore'):
             # plain numbers as parameters: half of the time goes into calls of NumPy
             value = self.laws.functions('arrays').muscle(
-                self._units, strain, strain_rate, pressure, time, dt, start, start, self.shape,
-                self._lists[1], self.tables, np.transpose(memory), [None] * len(memory[0]))
-            forces = self.shape[MUSCLES] * value
+                self._units, strain, strain_rate, pressure, time, dt, start, start,
+                self._common_shape, self._lists[1], self.tables, np.transpose(memory),
+                [None] * len(memory[0]))
+            forces = self._common_shape[MUSCLES] * value
         return (forces if np.shape(forces) == pressure.shape
                 else np.broadcast_to(forces, pressure.shape)), state
 
     def record(self, motion: Motion) -> np.ndarray:
-        """Return the forces (T, n) over a record with time."""
-        strain, pressure, rate = _columns(motion.strain, motion.pressure, motion.strain_rate)
-        time = np.asarray(motion.time, float) - np.asarray(motion.time, float)[0]
-        if not self.laws.has_memory:
-            return self.at_rest(motion.strain, motion.pressure, motion.strain_rate,
-                                time[:, None])
-        first = np.arange(len(time)) == 0
-        start = first if motion.start is None else first | motion.start
-        dt = np.where(start, 0.0, np.diff(time, prepend=0.0))
-        self._warn_outside(strain, pressure)
-        rows = [item[:, None] for item in (time, dt, start, first)]
-        numbers = self.shape, self.parameters, self.tables
-        width = len(self.laws.memory)
-        with np.errstate(all='ignore'):
-            if self.laws.runs_along_time:
-                return self._of_units(self.laws.functions('scans').muscle(
-                    self._units, strain, rate, pressure, *rows, *numbers, [0.0] * width,
-                    [None] * width), pressure)
-            muscle = self.laws.functions('arrays').muscle
-            memory, forces = np.zeros((width, len(self._units))), np.empty(pressure.shape)
-            for k in range(len(time)):
-                after = np.zeros_like(memory)
-                forces[k] = muscle(self._units, strain[k], rate[k], pressure[k],
-                                   *(item[k] for item in rows), *numbers, memory, after)
-                memory = after
-        return self._of_units(forces, pressure)
+        """Return the forces (T, n) over a record."""
+        self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
+        return rows.unit_forces(self, motion)
+
+    def reading(self, motion: Motion, keys: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the load cell shows (T,), and its slopes (T, K); see `rows.reading`."""
+        self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
+        return rows.reading(self, motion, keys)
 
     def gas(self, what: str, strain, pressure) -> np.ndarray:
         """Return gas ``volume`` or ``volume_slope`` (..., n)."""

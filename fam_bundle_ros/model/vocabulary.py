@@ -67,9 +67,11 @@ def lag(lagged, last, signal, time_constant, start, dt):
     ``lagged`` and ``last`` are output and input at the sample before. A time constant of zero
     gives the signal.
     """
-    ratio = np.maximum(dt, 1e-12) / np.maximum(time_constant, 1e-300)
-    decay = np.exp(-ratio)
-    mean = -np.expm1(-ratio) / ratio
+    # in time constants per sample, so that the slope at a time constant of zero is finite
+    share = time_constant / np.maximum(dt, 1e-12)
+    rate = 1.0 / np.maximum(share, 1e-3)
+    decay = np.exp(-rate)
+    mean = -share * np.expm1(-rate)
     ramp = (1.0 - mean) * signal + (mean - decay) * before(last, signal)
     return affine(lagged, np.where(start, 0.0, decay), np.where(start, signal, ramp))
 
@@ -187,4 +189,4 @@ def runs_along_time(function: Callable, fields: tuple[str, ...]) -> bool:
     Our own laws use their memory through `affine`, `clamp` and `before` alone, as that needs; a
     user's law with memory is computed sample by sample.
     """
-    return not fields or function.__module__.startswith(kernels.PACKAGE)
+    return not fields or function.__module__.startswith(f'{kernels.PACKAGE}.')

@@ -109,11 +109,13 @@ class RecruitmentNode(BundleNode):
 
     def _set_up_interface(self) -> None:
         n = self.bundle.n
-        self._setpoint_publishers = [
-            self.publisher(interface.setpoint_topic(i + 1), FluidPressure) for i in range(n)]
+        self._send_setpoint = [
+            self.sender(interface.setpoint_topic(i + 1), FluidPressure,
+                        interface.pressure_writer(self.ambient)) for i in range(n)]
         self._state_publisher = self.publisher(interface.RECRUITMENT_STATE, UInt8,
                                                interface.LATCHED)
-        self._recruitment = self.publisher(interface.RECRUITMENT, JointState)
+        self._send_recruitment = self.sender(interface.RECRUITMENT, JointState,
+                                             interface.recruitment_writer(n))
         self._publish_state(0)
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
@@ -257,9 +259,8 @@ class RecruitmentNode(BundleNode):
     def _trusted(self, sample: Sample) -> Measurement:
         """Return the readings with nan for those that cannot be trusted."""
         now = self._now()
-        meters = list(self._sensing.meters.values())
         values = [sample.force, sample.strain, *sample.pressure]
-        for watch, meter, value in zip(self._watches, meters, values):
+        for watch, meter, value in zip(self._watches, self._sensing.meters.values(), values):
             last = meter.last
             if self.lock_step:
                 watch.see(now, value, self._must_move(watch.name, value, sample.pressure))
@@ -349,14 +350,14 @@ class RecruitmentNode(BundleNode):
     # --- output --------------------------------------------------------------------------------
 
     def _publish(self, stamp: int) -> None:
-        for publisher, setpoint in zip(self._setpoint_publishers, self._setpoints):
-            publisher.publish(interface.pressure_message(stamp, setpoint, self.ambient))
+        for send, setpoint in zip(self._send_setpoint, self._setpoints):
+            send(stamp, setpoint)
         command = self._command
         n = self.bundle.n
         self._publish_state(command.state if command else 0)
         active = command.active if command else [False] * n
         share = command.share.tolist() if command else [0.0] * n
-        self._recruitment.publish(interface.recruitment_message(stamp, active, share))
+        self._send_recruitment(stamp, active, share)
 
     def _publish_state(self, state: int) -> None:
         if state != self._published_state:

@@ -25,8 +25,6 @@ from fam_bundle_ros.plant.supply import SupplyConfig
 #: Largest product of sub-step and fastest rate. RK4 is stable to 2.8; below 0.7 its error is
 #: far below that of the coupling to the load.
 _STIFFNESS = 0.7
-#: A spool further than this from its command is on the move and gets two sub-steps at least.
-_SPOOL_MOVES = 0.05
 
 
 @dataclass
@@ -141,7 +139,7 @@ def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
 
 def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: float) -> int:
     """
-    Return how many sub-steps keep spools and pressures well resolved.
+    Return how many sub-steps keep the pressures well resolved.
 
     The flow is concave in the pressure ratio, so flow over pressure difference bounds the
     slope at the present pressure from above.
@@ -151,15 +149,13 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
                                air.manifold)
     exponent = RT * max(chamber.inflow_exponent, chamber.outflow_exponent)
     relief = ambient + chamber.relief_pressure - chamber.relief_band
-    least, fastest = 1, 0.0
+    fastest = 0.0
     through = 1.0 / config.resistance
     if air.dumping:
         through += secant(supply.dump_conductance, b, manifold, ambient)
     for i in range(len(commands)):
-        p, spool = air.pressure[i], air.spool[i]
-        if abs(spool - commands[i]) > _SPOOL_MOVES:
-            least = 2
-        here, there = valve_opening(valve, spool), valve_opening(valve, commands[i])
+        p = air.pressure[i]
+        here, there = valve_opening(valve, air.spool[i]), valve_opening(valve, commands[i])
         most, lowest = max(here, there), min(here, there)
         slope = 0.0
         if most > 0.0:
@@ -174,7 +170,7 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
             smallest = min(air.volume[i], volume[i])
             fastest = max(fastest, exponent * slope / smallest + leaks[i])
     fastest = max(fastest, RT * through / supply.volume)
-    return max(least, math.ceil(dt * fastest / _STIFFNESS))
+    return max(1, math.ceil(dt * fastest / _STIFFNESS))
 
 
 def secant(conductance: float, b: float, upstream: float, downstream: float) -> float:

@@ -3,7 +3,8 @@
 """
 One self-contained HTML page: what was done, headline numbers, figures, tables, provenance.
 
-Everything is inside the file (plotly.js once); a browser that opens it asks the network nothing.
+Everything is inside the file (plotly.js once, if there are figures); a browser that opens it asks
+the network nothing.
 """
 
 from collections.abc import Sequence
@@ -105,7 +106,7 @@ def render(page: Page) -> str:
         sections='\n'.join(_section(section) for section in sections),
         footer=f'Written by fam_bundle_ros {fam_bundle_ros.__version__}. This file holds all that '
                'it shows and asks the network nothing.',
-        plotly=_plotly(), colours=json.dumps(palette.by_page()),
+        plotly=_plotly() if _has_pictures(sections) else '', colours=json.dumps(palette.by_page()),
         script=(_ASSETS / 'page.js').read_text(encoding='utf-8'))
 
 
@@ -123,6 +124,10 @@ def _asset(name: str) -> Template:
 def _plotly() -> str:
     from plotly.offline import get_plotlyjs
     return get_plotlyjs()
+
+
+def _has_pictures(sections: Sequence[Section]) -> bool:
+    return any(isinstance(item, Picture) for section in sections for item in section.items)
 
 
 def _variables(theme_name: str) -> str:

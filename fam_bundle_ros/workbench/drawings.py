@@ -18,8 +18,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.data.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.discovery import figures
-from fam_bundle_ros.discovery.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.workbench.session import Session
 from fam_bundle_ros.workbench.thinning import thin_groups
 

@@ -14,7 +14,8 @@ import tempfile
 
 import yaml
 
-from fam_bundle_ros.discovery import Measurement, read_measurement
+from fam_bundle_ros.data import Measurement, read_measurement
+from fam_bundle_ros.data.formats import SUFFIXES
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, loads_model
 
@@ -24,7 +25,7 @@ __all__ = ['DATA_SUFFIXES', 'MAX_UPLOAD', 'MODEL_SUFFIXES', 'label', 'measuremen
 #: Largest file that the page takes, bytes; larger logs are read by the command line.
 MAX_UPLOAD = 100 << 20
 _MAX_MODEL = 1 << 20
-DATA_SUFFIXES = ('.csv', '.txt', '.tsv', '.mcap', '.db3')
+DATA_SUFFIXES = SUFFIXES
 MODEL_SUFFIXES = ('.yaml', '.yml')
 
 

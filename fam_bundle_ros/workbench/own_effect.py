@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from fam_bundle_ros.discovery.grouping import rms
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.errors import InputError

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.discovery import compare, Comparison, Measurement, Region
-from fam_bundle_ros.discovery.fit import Problem
-from fam_bundle_ros.discovery.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.errors import InputError
@@ -139,7 +138,7 @@ class Session:
     def open(self, case: Case) -> None:
         """Begin with a case; InputError where its data and model do not fit together."""
         prediction = predict(case.model, case.data)
-        counted = Problem(case.data, case.model, largest=len(case.data)).weight
+        counted = np.ones(len(case.data), bool)  # one error of a model, whatever shows it
         first = _compare_known(case.model, case.data, prediction, counted)
         self.case, self.counted = case, counted
         self.steps = [Step('start', case.model, first, prediction, first.error_N, first.error_N)]
@@ -247,7 +246,7 @@ class Session:
         inside = {effect.name for effect in self.now.model.effects}
         chosen = set(self.diagnosis.effects)
         rows = [Choice(c, c.effect in chosen, ties.get(c.effect, ()), c.shape in inside)
-                for c in self.diagnosis.ranking]
+                for c in self.diagnosis.ranking if not (c.replaces or c.removes)]
         rivals = {name for group in self.diagnosis.tied for name in group}
         # those found in the order found, then what ties with them, then the rest
         return sorted(rows, key=lambda row: 0 if row.found else

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from fam_bundle_ros import palette, plotting
-from fam_bundle_ros.discovery.grouping import rms
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory

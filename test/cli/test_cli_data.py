@@ -164,3 +164,96 @@ def test_add_of_what_cannot_be_added_fails(fam_bundle, repository, tmp_path, eff
     assert result.returncode == 2
     assert [word for word in words if word not in result.stderr] == []
     assert not (tmp_path / 'better.yaml').exists()
+
+
+def lab_rows(repository):
+    """Return the rows of practice case p03 as a lab writes them: ms, length in mm, bar."""
+    header, *rows = (repository / 'test/data/practice/p03.csv').read_text().splitlines()
+    assert header == 'time [s],trial,strain,pressure [kPa],force [N]'
+    table = [row.split(',') for row in rows]
+    return [[f'{1e3 * float(t):.1f}', trial, f'{127.0 * (1.0 - float(e)):.6f}',
+             f'{float(p) / 100.0:.5f}', force] for t, trial, e, p, force in table]
+
+
+def test_any_log_is_taken_and_said(fam_bundle, repository, tmp_path):
+    """A German table of lengths: the same error as the plain CSV, and a line of what was what."""
+    case = repository / 'test/data/practice/p03'
+    rows = [';'.join(cell.replace('.', ',') for cell in row) for row in lab_rows(repository)]
+    (tmp_path / 'lab.csv').write_text('\n'.join(
+        ['Pruefstand 3', 'Zeit [ms];Versuch;L\u00e4nge [mm];Druck [bar];Kraft [N];Notiz',
+         *(f'{row};ok' for row in rows)]), encoding='latin-1')
+    plain = fam_bundle('compare', f'{case}.csv', '--model', f'{case}.model.yaml')
+    lab = fam_bundle('compare', 'lab.csv', '--model', f'{case}.model.yaml', '--json', 'lab.json')
+    assert lab.returncode == 0, lab.stderr
+    assert lab.stdout.splitlines()[0] == plain.stdout.splitlines()[0]
+    assert "length 'L\u00e4nge [mm]'" in lab.stderr
+    assert "not used: 'Notiz' (text)" in lab.stderr
+    assert plain.stderr == ''
+    told = json.loads((tmp_path / 'lab.json').read_text())['data']
+    assert [column['quantity'] for column in told['columns']] == [
+        'time', 'trial', 'length', 'pressure', 'force', '']
+
+
+def test_columns_are_told_once_and_kept_in_a_recipe(fam_bundle, repository, tmp_path):
+    """Names that nobody knows: an error that lists them, options, then a recipe for the next."""
+    case = repository / 'test/data/practice/p03'
+    rows = [','.join(row[:4]) + f',{-float(row[4]):.4f}' for row in lab_rows(repository)]
+    for name in ('one.csv', 'two.csv'):
+        (tmp_path / name).write_text('\n'.join(['c1,c2,c3,c4,c5', *rows]))
+    model = ('--model', f'{case}.model.yaml')
+    unknown = fam_bundle('compare', 'one.csv', *model)
+    assert unknown.returncode == 2
+    assert "'c3' not known" in unknown.stderr
+    assert '--columns' in unknown.stderr
+    told = fam_bundle('compare', 'one.csv', *model, '--columns', 'time=c1 [ms]', '--columns',
+                      'trial=c2', '--columns', 'length=c3 [mm]', '--columns', 'pressure=c4 [bar]',
+                      '--columns', 'force=-c5 [N]', '--save-recipe', 'lab.yaml')
+    assert told.returncode == 0, told.stderr
+    again = fam_bundle('compare', 'two.csv', *model, '--recipe', 'lab.yaml')
+    assert again.stdout == told.stdout
+    plain = fam_bundle('compare', f'{case}.csv', *model)
+    assert told.stdout.splitlines()[0] == plain.stdout.splitlines()[0]
+
+
+def test_rows_left_out_are_counted_on_screen_and_in_json(fam_bundle, repository, tmp_path):
+    """Blank cells are dropped, and both outputs say how many."""
+    case = repository / 'test/data/practice/p03'
+    header, *rows = (repository / 'test/data/practice/p03.csv').read_text().splitlines()
+    gaps = [row if k % 100 else row.rpartition(',')[0] + ',' for k, row in enumerate(rows)]
+    (tmp_path / 'gaps.csv').write_text('\n'.join([header, *gaps]))
+    for command in ('compare', 'diagnose'):
+        result = fam_bundle(command, 'gaps.csv', '--model', f'{case}.model.yaml', '--json',
+                            'out.json')
+        assert result.returncode == 0, result.stderr
+        assert '13 of 1260 rows left out' in result.stderr
+        found = json.loads((tmp_path / 'out.json').read_text())
+        assert found['data']['dropped'] == {'without a number in force': 13}
+
+
+@pytest.mark.parametrize(('options', 'words'), [
+    (['--columns', 'force'], 'expected QUANTITY=COLUMN'),
+    (['--columns', 'forse=c1'], "'forse' is not a quantity"),
+    (['--rest-length', '127'], '--rest-length'), (['--max-pressure', '3 mm'], '--max-pressure'),
+    (['--recipe', 'none.yaml'], 'none.yaml')])
+def test_a_wrong_option_of_reading_is_one_line(fam_bundle, options, words):
+    """Each names the option and what was expected."""
+    result = fam_bundle('compare', 'dmsp20_static_map', *options)
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert words in result.stderr
+
+
+def test_convert_makes_a_plain_csv_of_a_workbook(fam_bundle, repository, tmp_path):
+    """A workbook with lengths becomes a CSV that needs no option any more."""
+    pandas = pytest.importorskip('pandas')
+    pytest.importorskip('openpyxl')
+    rows = lab_rows(repository)
+    frame = pandas.DataFrame(rows, columns=['t [ms]', 'run', 'L [mm]', 'p [bar]', 'F [N]'])
+    frame.astype({name: float for name in frame if name != 'run'}).to_excel(
+        tmp_path / 'lab.xlsx', index=False)
+    result = fam_bundle('convert', 'lab.xlsx', 'plain.csv', '--rest-length', '127 mm')
+    assert result.returncode == 0, result.stderr
+    case = repository / 'test/data/practice/p03'
+    errors = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.partition(';')[0]
+              for data in ('plain.csv', f'{case}.csv')]
+    assert errors[0] == errors[1]

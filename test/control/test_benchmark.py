@@ -11,7 +11,12 @@ from fam_bundle_ros.benchmarks.control import plant_of, PLANTS, run_benchmark
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, TRAJECTORIES
 from fam_bundle_ros.benchmarks.least_air import filling_air, least_air
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.pneumatics import GAS_CONSTANT, POLYTROPIC, REFERENCE_TEMPERATURE
+from fam_bundle_ros.model.pneumatics import (
+    ATMOSPHERE,
+    GAS_CONSTANT,
+    POLYTROPIC,
+    REFERENCE_TEMPERATURE,
+)
 
 SUMMARY = {'dip_ratio', 'transition_rms_ratio', 'air_over_least', 'air_saving',
            'tracking_ratio_all_on', 'chatter_runs'}
@@ -105,3 +110,48 @@ def test_no_run_needs_less_than_the_least_air(paper_bundle):
             POLYTROPIC * GAS_CONSTANT * REFERENCE_TEMPERATURE)
     least = least_air(paper_bundle, time, force, np.full(1601, 0.14))
     assert 0.5 * drawn < least <= drawn
+
+
+def moving(bundle, pressure, low=0.05, high=0.2):
+    """Return time, forces and rising strains of a bundle that keeps its pressures (n,)."""
+    time = np.linspace(0.0, 3.0, 301)
+    strain = np.interp(time, [0.0, 3.0], [low, high])
+    return time, bundle.force(strain, np.tile(pressure, (301, 1))), strain
+
+
+def test_vented_units_draw_no_air_however_they_move(paper_bundle):
+    """Open exhausts breathe ambient air, which nobody has to compress."""
+    assert least_air(paper_bundle, *moving(paper_bundle, [0.0, 0.0])) == pytest.approx(
+        0.0, abs=1e-9)
+
+
+def test_units_that_widen_at_full_pressure_draw_what_fills_them(paper_bundle):
+    """At the largest force there is no choice: the filling, and then p dV/(R T)."""
+    full = paper_bundle.max_pressure
+    time, force, strain = moving(paper_bundle, full)
+    volume = paper_bundle.gas_volume(strain)
+    widened = (full + ATMOSPHERE) @ (volume[-1] - volume[0]) / (
+        GAS_CONSTANT * REFERENCE_TEMPERATURE)
+    assert widened > 0.2 * filling_air(paper_bundle, full, strain[0])
+    assert least_air(paper_bundle, time, force, strain) == pytest.approx(
+        filling_air(paper_bundle, full, strain[0]) + widened, rel=0.02)
+
+
+def test_a_force_out_of_reach_takes_the_nearest(paper_bundle):
+    """More than the bundle has costs what its largest force costs."""
+    time, full = np.linspace(0.0, 1.0, 101), paper_bundle.max_pressure
+    assert least_air(paper_bundle, time, np.full(101, 1e4), np.full(101, 0.1)) == pytest.approx(
+        filling_air(paper_bundle, full, 0.1), rel=1e-6)
+
+
+def test_a_force_below_that_at_rest_is_had_on_the_falling_branch(paper_bundle):
+    """A little air makes a muscle push back; the little is found, not the more beyond the dip."""
+    time, strain = np.linspace(0.0, 1.0, 101), 0.2
+    grid = np.linspace(0.0, 120e3, 601)
+    first, second = np.meshgrid(grid, grid, indexing='ij')
+    force = paper_bundle.force(strain, np.stack([first, second], axis=-1))
+    wanted = float(force[0, 0]) - 1.0
+    cheapest = (first + second)[np.abs(force - wanted) < 0.02].min()
+    air = filling_air(paper_bundle, np.array([cheapest, 0.0]), strain)
+    assert least_air(paper_bundle, time, np.full(101, wanted),
+                     np.full(101, strain)) == pytest.approx(air, rel=0.03)

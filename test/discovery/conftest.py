@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.discovery.measurement import build
+from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 
 PRACTICE = [f'p{k:02d}' for k in range(1, 11)]

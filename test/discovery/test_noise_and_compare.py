@@ -8,8 +8,8 @@ import json
 import numpy as np
 import pytest
 
+from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import compare, diagnose, noise_floor, read_measurement
-from fam_bundle_ros.discovery.measurement import build
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path

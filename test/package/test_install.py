@@ -60,7 +60,7 @@ def test_colcon_puts_executables_where_ros2_run_looks(install):
     folder = install / 'lib/fam_bundle_ros'
     assert {path.name for path in folder.iterdir() if os.access(path, os.X_OK)} == {
         'bundle_bringup', 'fam_bundle', 'model_monitor', 'plant_simulator', 'pressure_pid',
-        'recruitment_controller', 'reference_generator',
+        'recruitment_controller', 'reference_generator', 'serial_rig',
     }
 
 

@@ -22,6 +22,7 @@ EXECUTABLES = {
     'pressure_pid',
     'recruitment_controller',
     'reference_generator',
+    'serial_rig',
 }
 # What every catkin_pkg accepts, old ones too; with any other address colcon silently drops the
 # ament index marker.
@@ -84,7 +85,7 @@ def test_every_package_folder_is_installed(repository):
 
 
 def test_executables_are_those_of_the_design():
-    """The package installs its six nodes and ``fam_bundle``, no more and no less."""
+    """The package installs its nodes and ``fam_bundle``, no more and no less."""
     installed = distribution('fam_bundle_ros').entry_points.select(group='console_scripts')
     assert {entry.name for entry in installed} == EXECUTABLES
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros import palette
-from fam_bundle_ros.discovery.measurement import build
+from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.workbench import drawings
 from fam_bundle_ros.workbench.cases import Case, load_example
 from fam_bundle_ros.workbench.session import Session

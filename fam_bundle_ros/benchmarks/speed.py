@@ -1,0 +1,305 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How fast the parts run: what a row of `fam_bundle bench` is, and how times are taken.
+
+Every figure stands beside what a user would take instead, measured in the same run, and beside
+what is to be reached. The rows are in the modules ``speed_*``.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+import cProfile
+from dataclasses import dataclass, field
+import json
+import os
+from pathlib import Path
+import platform
+import pstats
+import subprocess
+import sys
+import time
+from typing import Any
+
+from fam_bundle_ros import kernels
+from fam_bundle_ros.errors import InputError
+
+
+class Skipped(Exception):
+    """A row that cannot be measured here; the text says why."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """
+    One measured number.
+
+    Attributes
+    ----------
+    what : str
+        Which case of the row.
+    value : float
+    unit : str
+    peer : str
+        What it stands beside; empty for nothing.
+    beside : float, optional
+        The peer's number, in the same unit and from the same run.
+    reach : float, optional
+        What value/beside is to reach, or the value itself where there is no peer.
+    at_least : bool
+        Whether more is better.
+    note : str
+    """
+
+    what: str
+    value: float
+    unit: str
+    peer: str = ''
+    beside: float | None = None
+    reach: float | None = None
+    at_least: bool = False
+    note: str = ''
+
+    @property
+    def ratio(self) -> float | None:
+        """Value over the peer's."""
+        return None if not self.beside else self.value / self.beside
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether it is as fast as it is to be; None where nothing is asked."""
+        if self.reach is None:
+            return None
+        found = self.value if self.ratio is None else self.ratio
+        return found >= self.reach if self.at_least else found <= self.reach
+
+    @property
+    def asked(self) -> str:
+        """What is to be reached, as text."""
+        if self.reach is None:
+            return ''
+        return f"{'at least' if self.at_least else 'at most'} {self.reach:g}"
+
+    @property
+    def verdict(self) -> str:
+        """Whether it is reached, as text."""
+        return {True: 'reached', False: 'not reached', None: ''}[self.reached]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields, ratio and verdict."""
+        return {**self.__dict__, 'ratio': self.ratio, 'reached': self.reached}
+
+
+@dataclass(frozen=True)
+class Row:
+    """
+    A family of figures.
+
+    Attributes
+    ----------
+    name : str
+        For ``--only``.
+    what : str
+    measure : callable
+        Gets the share of the usual work to do (1; small in tests), returns figures. May raise
+        `Skipped`.
+    where : callable, optional
+        Returns in words where the time goes; asked when a figure is not reached.
+    long : bool
+        Takes minutes: measured only when it is named.
+    """
+
+    name: str
+    what: str
+    measure: Callable[[float], list[Figure]]
+    where: Callable[[float], str] | None = None
+    long: bool = False
+
+
+@dataclass
+class Result:
+    """What came of a row: its figures, or why there are none, and where the time goes."""
+
+    row: Row
+    figures: list[Figure] = field(default_factory=list)
+    skipped: str = ''
+    where: str = ''
+    seconds: float = 0.0
+
+    @property
+    def missed(self) -> list[Figure]:
+        """The figures that are not reached."""
+        return [figure for figure in self.figures if figure.reached is False]
+
+    @property
+    def remarks(self) -> list[str]:
+        """Why there are no figures, what belongs to a figure, and where the time goes."""
+        found = [f'not measured: {self.skipped}'] if self.skipped else []
+        found += [f'{figure.what}: {figure.note}' for figure in self.figures if figure.note]
+        if self.where:
+            found.append(f'where the time goes: {self.where}')
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all of it for ``json.dump``."""
+        return {'name': self.row.name, 'what': self.row.what, 'skipped': self.skipped,
+                'where': self.where, 'seconds': self.seconds,
+                'figures': [figure.to_json() for figure in self.figures]}
+
+
+def choose(rows: Iterable[Row], only: Iterable[str]) -> list[Row]:
+    """
+    Return the rows that are named; without names all but the long ones.
+
+    Raises
+    ------
+    InputError
+        For a name that no row has.
+    """
+    by_name = {row.name: row for row in rows}
+    names = list(only)
+    for name in names:
+        if name not in by_name:
+            raise InputError(f"--only: '{name}' is no row; expected some of {', '.join(by_name)}")
+    return [by_name[name] for name in names] or [row for row in by_name.values() if not row.long]
+
+
+def run(rows: Iterable[Row], scale: float = 1.0) -> Iterator[Result]:
+    """
+    Measure rows one after the other.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+    scale : float
+        Share of the usual amount of work.
+
+    Yields
+    ------
+    Result
+        After each row.
+    """
+    for row in rows:
+        result, begin = Result(row), time.perf_counter()
+        try:
+            result.figures = row.measure(scale)
+            if result.missed and row.where is not None:
+                result.where = row.where(scale)
+        except Skipped as reason:
+            result.skipped = str(reason)
+        result.seconds = time.perf_counter() - begin
+        yield result
+
+
+def machine() -> dict[str, Any]:
+    """Return what the numbers were measured on."""
+    engine = kernels.numba()
+    return {'cores': os.cpu_count(), 'machine': platform.machine(),
+            'system': platform.system(), 'python': platform.python_version(),
+            'numba': None if engine is None else engine.__version__,
+            'load': os.getloadavg()[0]}
+
+
+# --- taking times ------------------------------------------------------------------------------
+
+def best(call: Callable[[], Any], budget: float = 0.5, least: int = 3,
+         clock: Callable[[], float] = time.process_time) -> float:
+    """
+    Return the shortest time of a call, s: what other programs do only adds to it.
+
+    Parameters
+    ----------
+    call : callable
+        Called once before it counts.
+    budget : float, s
+        Of wall time for repeats.
+    least : int
+        Repeats at least.
+    clock : callable
+    """
+    return paired([call], budget, least, clock)[0]
+
+
+def paired(calls: list[Callable[[], Any]], budget: float = 0.5, least: int = 3,
+           clock: Callable[[], float] = time.process_time) -> list[float]:
+    """Return the shortest time of each call, s; they take turns, so that all meet one machine."""
+    shortest = [float('inf')] * len(calls)
+    for call in calls:
+        call()
+    end, count = time.perf_counter() + budget, 0
+    while count < least or time.perf_counter() < end:
+        count += 1
+        for k, call in enumerate(calls):
+            begin = clock()
+            call()
+            shortest[k] = min(shortest[k], clock() - begin)
+    return shortest
+
+
+def elsewhere(function: str, *arguments: Any, plain: bool = False, **keywords: Any) -> Any:
+    """
+    Call a function in a fresh process and return its result.
+
+    Parameters
+    ----------
+    function : str
+        As ``package.module:name``; arguments and result must be fit for JSON.
+    plain : bool
+        Without numba.
+
+    Raises
+    ------
+    Skipped
+        When it fails there; the text is the last line of its error.
+    """
+    module, _, name = function.partition(':')
+    code = (f'import json, sys; from {module} import {name} as call; '
+            'given = json.loads(sys.argv[1]); '
+            'print(chr(10) + json.dumps(call(*given[0], **given[1])))')
+    environment = {**os.environ, 'OMP_NUM_THREADS': '1',
+                   'PYTHONPATH': os.pathsep.join(p for p in sys.path if p)}
+    if plain:
+        environment[kernels.PLAIN_VARIABLE] = '1'
+    done = subprocess.run([sys.executable, '-c', code, json.dumps([arguments, keywords])],
+                          capture_output=True, text=True, env=environment, check=False)
+    if done.returncode:
+        raise Skipped(f'{name}: {(done.stderr.strip().splitlines() or ["no reason given"])[-1]}')
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+# --- where the time goes -----------------------------------------------------------------------
+
+def where_of(call: Callable[[], Any], top: int = 4) -> str:
+    """Return the functions in which a call spends most of its CPU time, with their shares."""
+    profiler = cProfile.Profile(time.process_time)
+    profiler.enable()
+    call()
+    profiler.disable()
+    return shares(pstats.Stats(profiler), top)
+
+
+def shares(stats: pstats.Stats, top: int = 4) -> str:
+    """
+    Return where the time of a profile went, as ``model/bundle.py 31 %, ...``.
+
+    Time in functions written in C counts for the file that called them; a library is one entry.
+    """
+    spent: dict[str, float] = {}
+    for (file, _, _), (_, _, own, _, callers) in stats.stats.items():  # type: ignore[attr-defined]
+        if file != '~':
+            spent[_place(file)] = spent.get(_place(file), 0.0) + own
+            continue
+        for (caller, _, _), numbers in callers.items():
+            spent[_place(caller)] = spent.get(_place(caller), 0.0) + numbers[2]
+    total = sum(spent.values()) or 1.0
+    order = sorted(spent.items(), key=lambda item: -item[1])[:top]
+    return ', '.join(f'{name} {100.0 * value / total:.0f} %' for name, value in order)
+
+
+def _place(file: str) -> str:
+    parts = Path(file).parts
+    if kernels.PACKAGE in parts:
+        last = len(parts) - 1 - parts[::-1].index(kernels.PACKAGE)
+        return '/'.join(parts[last + 1:])
+    if 'site-packages' in parts:
+        return parts[parts.index('site-packages') + 1]
+    return 'Python'

@@ -1,0 +1,102 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Row of the start: how long until a process has imported, shown its help, or has a node up."""
+
+import importlib.util
+import os
+import re
+import resource
+import subprocess
+import sys
+import tempfile
+
+from fam_bundle_ros.benchmarks.speed import Figure, Row
+
+#: s more than `import numpy`; s; times `import rclpy`.
+REACH_IMPORT, REACH_HELP, REACH_NODE = 0.05, 0.3, 1.3
+_UP = 'from rclpy.context import Context\nc = Context()\nc.init()\n'
+_EMPTY = f"""{_UP}from fam_bundle_ros.nodes.empty import empty_node
+empty_node('pressure_pid_mu1', 1, False, c, 'bench')
+"""
+_NODE = f"""{_UP}from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+PressurePidNode(1, context=c, namespace='bench')
+"""
+#: Ends the process at once: what it takes to shut rclpy down is not the start.
+_END = '\nimport os\nos._exit(0)'
+
+
+def seconds(programs: list[str], repeats: int) -> list[float]:
+    """
+    Return the least CPU time, s, of a fresh Python with each program; they take turns.
+
+    On a machine with nothing else to do it is also the wall time: nothing waits in a start. Once
+    before it counts, so that bytecode is at hand as after any first start.
+    """
+    def spent() -> float:
+        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return usage.ru_utime + usage.ru_stime
+
+    taken: dict[str, list[float]] = {program: [] for program in programs}
+    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as folder:
+        environment = _environment(folder)
+        for program in programs * (repeats + 1):
+            begin = spent()
+            subprocess.run([sys.executable, '-c', program + _END], check=True, env=environment,
+                           capture_output=True)
+            taken[program].append(spent() - begin)
+    return [min(taken[program][1:]) for program in programs]
+
+
+def _environment(folder: str) -> dict[str, str]:
+    """Return the environment of a process that keeps its bytecode in a folder."""
+    kept = {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
+    return {**kept, 'OMP_NUM_THREADS': '1', 'PYTHONPYCACHEPREFIX': folder,
+            'PYTHONPATH': os.pathsep.join(p for p in sys.path if p)}
+
+
+def measure(scale: float) -> list[Figure]:
+    """Return how long imports, help and a node take."""
+    helped = 'from fam_bundle_ros.cli import main\nmain(["--help"])'
+    ros = importlib.util.find_spec('rclpy') is not None
+    programs = ['import numpy', 'import fam_bundle_ros', 'import fam_bundle_ros.model', helped,
+                *(['import rclpy', _EMPTY, _NODE] if ros else [])]
+    numpy, package, model, shown, *nodes = seconds(programs, max(round(8 * scale), 1))
+    figures = [
+        Figure('import fam_bundle_ros', package - numpy, 's more than import numpy',
+               reach=REACH_IMPORT, note=f'{package:.3f} s, import numpy {numpy:.3f} s'),
+        Figure('import fam_bundle_ros.model', model - numpy, 's more than import numpy',
+               reach=REACH_IMPORT, note=f'{model:.3f} s'),
+        Figure('fam_bundle --help', shown, 's', reach=REACH_HELP)]
+    if ros:
+        rclpy, empty, node = nodes
+        figures += [
+            Figure('a pressure_pid up', node, 's', 'import rclpy', rclpy, REACH_NODE,
+                   note=f'the same node empty takes {empty / rclpy:.2f} times import rclpy'),
+            Figure('a pressure_pid up', node, 's', 'the same node empty', empty, REACH_NODE)]
+    return figures
+
+
+def where(scale: float) -> str:
+    """Return which imports of a node take longest, and its construction."""
+    timed = _NODE.replace('PressurePidNode(1', 'import time\nt = time.perf_counter()\n'
+                          'PressurePidNode(1') + '\nprint(time.perf_counter() - t, flush=True)'
+    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as folder:
+        for _ in range(2):
+            done = subprocess.run([sys.executable, '-X', 'importtime', '-c', timed + _END],
+                                  check=True, env=_environment(folder), capture_output=True,
+                                  text=True)
+    spent: dict[str, float] = {}
+    for own, name in re.findall(r'import time:\s+(\d+) \|\s+\d+ \|\s+(\S+)', done.stderr):
+        package = name.partition('.')[0]
+        group = package if package in ('rclpy', 'numpy', 'scipy', 'pint', 'yaml', 'numba',
+                                       'fam_bundle_ros') else (
+            'messages' if package.endswith('_msgs') or package.endswith('_interfaces')
+            else 'other modules')
+        spent[group] = spent.get(group, 0.0) + 1e-6 * float(own)
+    order = sorted(spent.items(), key=lambda item: -item[1])[:5]
+    words = [f'{name} {1e3 * value:.0f} ms' for name, value in order]
+    return (f"a pressure_pid: imports of {', '.join(words)}; the node itself "
+            f'{1e3 * float(done.stdout):.0f} ms')
+
+
+ROWS = (Row('start', 'until a process is ready', measure, where),)

@@ -1,0 +1,80 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of whole studies: the control benchmark, and `diagnose` on long logs."""
+
+import resource
+import time
+
+import numpy as np
+
+from fam_bundle_ros.benchmarks import control
+from fam_bundle_ros.benchmarks.speed import Figure, Row, where_of
+from fam_bundle_ros.benchmarks.speed_loop import bundle_of
+from fam_bundle_ros.model import Bundle, Motion
+
+#: s on two cores; and what it took before the loop was compiled.
+REACH_CONTROL, BEFORE = 60.0, 1122.0
+#: The rows that took that long.
+TRAJECTORIES = ('ramp', 'staircase', 'sine_0.1', 'sine_0.5', 'sine_1', 'crossing_sine', 'dwell',
+                'dwell_edge', 'arm_spline', 'load_step')
+PLANTS = ('nominal', 'resistive_50_more', 'friction', 'mu1_10_weaker', 'noise_doubled')
+#: Lengths of the logs for `diagnose`.
+SAMPLES = (10_000, 24_000, 100_000)
+
+
+def control_benchmark(scale: float) -> list[Figure]:
+    """Return the wall time of `benchmark-control` on two cores."""
+    trajectories = TRAJECTORIES[:max(round(scale * len(TRAJECTORIES)), 1)]
+    plants = PLANTS[:max(round(scale * len(PLANTS)), 1)]
+    begin, cpu = time.perf_counter(), _children()
+    found = control.run_benchmark(trajectories=trajectories, plants=plants, workers=2)
+    spent = time.perf_counter() - begin
+    return [Figure(f'{len(found.rows)} runs', spent, 's on two cores', reach=REACH_CONTROL,
+                   note=f'{_children() - cpu:.0f} s of CPU time; {BEFORE:.0f} s of wall time '
+                   'before the loop was compiled (230 runs)')]
+
+
+def _children() -> float:
+    """Return the CPU time of all processes that this one has started, s."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def where_control(scale: float) -> str:
+    """Return where one of its runs spends its time."""
+    return where_of(lambda: control.run_case('reversal_aware', 'orderly', 'crossing_sine',
+                                             'nominal'))
+
+
+def diagnoses(scale: float) -> list[Figure]:
+    """Return the CPU time of `diagnose` over logs of several lengths."""
+    return [Figure(f'{length} samples', diagnose_seconds(length), 's',
+                   note='whole catalogue, one core, friction hidden')
+            for length in (max(int(n * scale), 1000) for n in SAMPLES)]
+
+
+def diagnose_seconds(length: int) -> float:
+    """Return the time that `diagnose` takes on a simulated log of loops at seven isobars."""
+    from fam_bundle_ros.data.measurement import build
+    from fam_bundle_ros.discovery import diagnose
+    paper = bundle_of(2)
+    model = Bundle('one_muscle', paper.motor_units[:1], paper.effects)
+    time_s = 0.01 * np.arange(length)
+    turn = 2.0 * np.pi * 14.0 * np.arange(length) / length
+    level = np.minimum(7 * np.arange(length) // length, 6)
+    pressure = 50e3 * (1.0 + level)[:, None]
+    strain = 0.1 - 0.1 * np.cos(turn)
+    rate = np.gradient(strain, time_s)
+    truth = model.with_effect('coulomb_friction')
+    noise = np.random.default_rng(0).normal(0.0, 0.8, length)
+    force = truth.simulate(Motion(strain, pressure, rate, time_s)).sum(axis=-1) + noise
+    data = build('log', strain, pressure, force, level.tolist(), time_s, ['mu1'])
+    begin = time.process_time()
+    diagnose(model, data)
+    return time.process_time() - begin
+
+
+ROWS = (
+    Row('diagnose', '`diagnose` on a log of one muscle', diagnoses),
+    Row('benchmark-control', 'the control benchmark', control_benchmark, where_control, long=True),
+)

@@ -1,0 +1,25 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Measured data: what was measured, in SI units, and nothing about models.
+
+    data = read_measurement('data.csv')
+    print(data, noise_floor(data))
+"""
+
+from fam_bundle_ros.data.bagfile import write_bag
+from fam_bundle_ros.data.folds import Folds, held_out
+from fam_bundle_ros.data.measurement import Measurement, Taken, write_csv
+from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.data.reading import (
+    as_measurement,
+    Preview,
+    preview,
+    read_measurement,
+    taken_words,
+)
+from fam_bundle_ros.data.recipe import load_recipe, Recipe, recipe_of, save_recipe
+
+__all__ = ['as_measurement', 'Folds', 'held_out', 'load_recipe', 'Measurement', 'noise_floor',
+           'NoiseFloor', 'Preview', 'preview', 'read_measurement', 'Recipe', 'recipe_of',
+           'save_recipe', 'Taken', 'taken_words', 'write_bag', 'write_csv']

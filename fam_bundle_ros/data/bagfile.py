@@ -1,0 +1,228 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A measurement from a ROS 2 bag (mcap or sqlite3) and into one, without ROS, by rosbags.
+
+Topics, under any namespace: `force` (WrenchStamped, force.x), `strain` (JointState, joints
+`strain` or `contraction`), `mu<i>/pressure` (FluidPressure, absolute). Everything is brought to
+the stamps of the force by linear interpolation, within the time that all topics cover.
+"""
+
+from contextlib import closing
+from pathlib import Path
+import re
+import shutil
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.bagwriter import BagWriter
+from fam_bundle_ros.data.measurement import build, MAX_ROWS, Measurement
+from fam_bundle_ros.errors import InputError
+
+#: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
+_GAP_PERIODS = 20.0
+_GAP = 0.5
+
+
+def read_bag(path: Path, *, rest_length: float | None = None,
+             gauge: bool | None = None, ambient_pressure: float = 101325.0,
+             name: str | None = None, max_pressure: float | None = None,
+             max_strain: float | None = None) -> Measurement:
+    """
+    Return the measurement that a bag holds.
+
+    Parameters
+    ----------
+    rest_length : float, m, optional
+        Needed where the bag gives the contraction alone.
+    gauge : bool, optional
+        Whether pressures are gauge; by default absolute, as FluidPressure says, unless one is
+        below 60 kPa.
+    ambient_pressure : float, Pa
+    max_pressure, max_strain : float, optional
+        As for `build`.
+
+    Raises
+    ------
+    InputError
+        Where rosbags is not installed, the bag cannot be read, or a topic is missing.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import get_typestore, Stores
+    except ImportError as error:
+        raise InputError(f'{path.name}: reading a bag needs the package rosbags; install the '
+                         'extra `tools`') from error
+    label = name or path.name
+    if path.is_dir() and not (path / 'metadata.yaml').is_file():
+        raise InputError(f'{label}: a folder without metadata.yaml; expected a ROS 2 bag or a CSV')
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            topics = _topics(label, reader.connections)
+            series = _collect(label, reader, topics)
+    except InputError:
+        raise
+    except Exception as error:  # rosbags raises its own and sqlite's, zstd's, ...
+        first = str(error).strip().splitlines()
+        raise InputError(f'{label}: cannot be read as a ROS 2 bag '
+                         f'({first[0] if first else type(error).__name__})') from error
+    limits = {'max_pressure': max_pressure, 'max_strain': max_strain}
+    return _resample(label, series, rest_length, ambient_pressure, gauge, limits)
+
+
+def _topics(label: str, connections: Any) -> dict[str, str]:
+    found: dict[str, list[str]] = {}
+    for connection in connections:
+        topic, kind = connection.topic, connection.msgtype.rsplit('/', 1)[-1]
+        if topic.endswith('/force') and kind == 'WrenchStamped' and not re.search(
+                r'/(reference|model)/force$', topic):
+            found.setdefault('force', []).append(topic)
+        elif topic.endswith('/strain') and kind == 'JointState' and not topic.endswith(
+                '/reference/strain'):
+            found.setdefault('strain', []).append(topic)
+        elif (match := re.search(r'/(mu\d+)/pressure$', topic)) and kind == 'FluidPressure':
+            found.setdefault(f'pressure.{match.group(1)}', []).append(topic)
+    pressures = sorted((key for key in found if key.startswith('pressure.')),
+                       key=lambda key: int(re.sub(r'\D', '', key)))
+    for key in ['force', 'strain'] + (pressures or ['mu1/pressure']):
+        if key not in found:
+            raise InputError(f"{label}: no topic '{key}' of the right type; expected force "
+                             '(WrenchStamped), strain (JointState) and mu<i>/pressure '
+                             '(FluidPressure)')
+        if len(found[key]) > 1:
+            raise InputError(f"{label}: topics {' and '.join(sorted(found[key])[:2])}; expected "
+                             'the topics of one bundle')
+    return {found[key][0]: key for key in ['force', 'strain'] + pressures}
+
+
+def _collect(label: str, reader: Any, topics: dict[str, str]) -> dict[str, np.ndarray]:
+    rows: dict[str, list[tuple[float, float]]] = {key: [] for key in topics.values()}
+    wanted = [c for c in reader.connections if c.topic in topics]
+    for connection, received, raw in reader.messages(connections=wanted):
+        message = reader.deserialize(raw, connection.msgtype)
+        key = topics[connection.topic]
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        stamp = stamp or 1e-9 * received
+        if key == 'force':
+            value = float(message.wrench.force.x)
+        elif key == 'strain':
+            names = list(message.name)
+            joint = 'strain' if 'strain' in names else 'contraction'
+            if joint not in names:
+                raise InputError(f"{label}: topic '{connection.topic}' names {names}; expected a "
+                                 "joint 'strain' or 'contraction'")
+            value = float(message.position[names.index(joint)])
+            key = joint
+            rows.setdefault(key, [])
+        else:
+            value = float(message.fluid_pressure)
+        rows[key].append((stamp, value))
+        if len(rows[key]) > MAX_ROWS:
+            raise InputError(f'{label}: more than {MAX_ROWS} messages on {connection.topic}')
+    series = {}
+    for key, pairs in rows.items():
+        if key == 'strain' and not pairs and rows.get('contraction'):
+            continue
+        if len(pairs) < 2:
+            raise InputError(f'{label}: {len(pairs)} messages of {key}; expected a log')
+        table = np.array(pairs)
+        table = table[np.argsort(table[:, 0], kind='stable')]
+        series[key] = table[np.concatenate([[True], np.diff(table[:, 0]) > 0])]
+    return series
+
+
+def _resample(label: str, series: dict[str, np.ndarray], rest_length: float | None,
+              ambient_pressure: float, gauge: bool | None,
+              limits: dict[str, float | None]) -> Measurement:
+    begin = max(table[0, 0] for table in series.values())
+    end = min(table[-1, 0] for table in series.values())
+    clock = series['force'][:, 0]
+    inside = (clock >= begin) & (clock <= end)
+    clock = clock[inside]
+    if len(clock) < 2:
+        raise InputError(f'{label}: the topics do not overlap in time; expected one recording')
+    values = {key: np.interp(clock, table[:, 0], table[:, 1]) for key, table in series.items()}
+    if 'strain' in values:
+        strain = values['strain']
+    elif rest_length is None:
+        raise InputError(f'{label}: strain gives the contraction in m alone; expected the rest '
+                         'length (option or model) to make a strain')
+    else:
+        strain = values['contraction'] / rest_length
+    units = [key for key in values if key.startswith('pressure.')]
+    pressure = np.stack([values[key] for key in units], -1)
+    notes = []
+    if gauge is None and pressure.min() < 60e3:
+        notes.append(f'lowest pressure {pressure.min() / 1e3:.1f} kPa absolute: taken as gauge, '
+                     'as FluidPressure should not be')
+    elif not gauge:
+        pressure = pressure - ambient_pressure
+    steps = np.diff(clock)
+    gap = max(_GAP, _GAP_PERIODS * float(np.median(steps)))
+    trial = np.concatenate([[0], np.cumsum(steps > gap)])
+    return build(label, strain, pressure, values['force'], trial, clock - clock[0],
+                 [key.partition('.')[2] for key in units], notes=notes,
+                 max_pressure=limits['max_pressure'], max_strain=limits['max_strain'])
+
+
+def write_bag(measurement: Measurement, folder: str | Path, *,
+              ambient_pressure: float = 101325.0) -> None:
+    """
+    Write a measurement as a bag (mcap) of the bundle's topics, to be played at a rig's clients.
+
+    The stamps begin at 1 s; trials follow each other with a pause that `read_bag` takes for the
+    end of a trial. Motor units are called mu1, mu2, ... in the order of the columns.
+
+    Parameters
+    ----------
+    folder : path
+        Must not exist yet.
+    ambient_pressure : float, Pa
+        Added to the gauge pressures: FluidPressure is absolute.
+
+    Raises
+    ------
+    InputError
+        Where rosbags is not installed, the measurement has no time, or the folder is there.
+    """
+    if measurement.time is None:
+        raise InputError(f'{measurement.name}: a static map without time cannot be a bag; '
+                         "expected a column 'time [s]'")
+    with closing(BagWriter(folder)) as writer:
+        try:
+            _write(measurement, writer, ambient_pressure)
+        except OSError as error:
+            shutil.rmtree(writer.folder)
+            raise InputError(f'{folder}: cannot be written ({error.strerror})') from error
+
+
+def _write(measurement: Measurement, writer: BagWriter, ambient_pressure: float) -> None:
+    from rosbags.typesys import get_typestore, Stores
+    store = get_typestore(Stores.ROS2_JAZZY)
+    time, header, vector, wrench, force, joints, pressure = (store.types[name] for name in (
+        'builtin_interfaces/msg/Time', 'std_msgs/msg/Header', 'geometry_msgs/msg/Vector3',
+        'geometry_msgs/msg/Wrench', 'geometry_msgs/msg/WrenchStamped',
+        'sensor_msgs/msg/JointState', 'sensor_msgs/msg/FluidPressure'))
+    zero, nothing = vector(0.0, 0.0, 0.0), np.zeros(0)
+    for stamp, strain, pulls, pressures in zip(_stamps(measurement), measurement.strain,
+                                               measurement.force,
+                                               measurement.pressure + ambient_pressure):
+        head = header(time(*divmod(int(stamp), 1_000_000_000)), '')
+        messages = {
+            'force': force(head, wrench(vector(float(pulls), 0.0, 0.0), zero)),
+            'strain': joints(head, ['strain'], np.array([strain]), nothing, nothing)}
+        for unit, value in enumerate(pressures, 1):
+            messages[f'mu{unit}/pressure'] = pressure(head, float(value), 0.0)
+        for name, message in messages.items():
+            writer.write(f'/bundle/{name}', message.__msgtype__, int(stamp),
+                         store.serialize_cdr(message, message.__msgtype__))
+
+
+def _stamps(measurement: Measurement) -> np.ndarray:
+    """Return (T,) stamps in ns, trials one after the other."""
+    steps = np.diff(measurement.clock)
+    fresh = measurement.start[1:]
+    usual = float(np.median(steps[~fresh]))
+    steps[fresh] = 2.0 * max(_GAP, _GAP_PERIODS * usual)
+    return np.round(1e9 * (1.0 + np.concatenate([[0.0], np.cumsum(steps)]))).astype(np.int64)

@@ -1,0 +1,150 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Cells of a column as numbers: text with words in it, ISO dates, times of day, trial labels."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+import warnings
+
+import numpy as np
+
+from fam_bundle_ros.data.formats.layout import is_blank, is_number
+from fam_bundle_ros.data.formats.table import pandas_of
+from fam_bundle_ros.errors import InputError
+
+_CLOCK = re.compile(r'(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+)?)\s*([AaPp][Mm])?')
+_DAY = 86400.0
+
+
+def is_text(column: np.ndarray) -> bool:
+    """Return whether a column holds text (objects)."""
+    return column.dtype.kind in 'OUS'
+
+
+def blank(cell: Any) -> bool:
+    """Return whether a cell of text holds nothing."""
+    return cell is None or cell != cell or (isinstance(cell, str) and is_blank(cell))
+
+
+def numbers(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return a column as floats, nan for blanks, and where it holds words, (T,) each.
+
+    Examples
+    --------
+    >>> numbers(np.array(['1.5', '', 'high'], object))
+    (array([1.5, nan, nan]), array([False, False,  True]))
+    """
+    if not is_text(column):
+        return column.astype(float), np.zeros(len(column), bool)
+    values, words = np.full(len(column), np.nan), np.zeros(len(column), bool)
+    for i, cell in enumerate(column):
+        if blank(cell):
+            continue
+        try:
+            values[i] = float(cell)
+        except (TypeError, ValueError):
+            if isinstance(cell, str) and is_number(cell):  # 1,234.5 or 1.5D+02
+                values[i] = float(re.sub('[dD]', 'e', cell.replace(',', '')))
+            else:
+                words[i] = True
+    return values, words
+
+
+def looks_like_time(column: np.ndarray) -> bool:
+    """Return whether a column's first filled cell is a date or a time of day."""
+    if column.dtype.kind in 'mM':
+        return True
+    first = next((str(cell).strip() for cell in column if not blank(cell)), '')
+    return is_text(column) and bool(_CLOCK.fullmatch(first) or _is_date(first))
+
+
+def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """
+    Return dates or times of day as seconds, (T,), nan for blanks; midnight is passed over.
+
+    Parameters
+    ----------
+    name, header : str
+        File and column, for messages.
+    column : ndarray, shape (T,)
+        Text such as '2026-05-03T12:00:00.25', '3.5.2026 12:00:00,25', '12:00:00 PM', or NumPy
+        datetimes.
+    rows : ndarray of int, shape (T,)
+
+    Raises
+    ------
+    InputError
+        For a cell that is no time, with its row.
+    """
+    if column.dtype.kind == 'm':
+        return column / np.timedelta64(1, 's')
+    if column.dtype.kind == 'M':
+        known = column[~np.isnat(column)]
+        origin = known[0] if len(known) else np.datetime64(0, 's')
+        return (column - origin) / np.timedelta64(1, 's')
+    text = ['' if blank(cell) else str(cell).strip() for cell in column]
+    filled = [i for i, cell in enumerate(text) if cell]
+    values = np.full(len(text), np.nan)
+    matches = [_CLOCK.fullmatch(text[i]) for i in filled]
+    if filled and all(matches):
+        values[filled] = [_of_clock(match) for match in matches if match]
+        clock = values[filled]
+        # the clock starts anew at midnight
+        values[filled] = clock + _DAY * np.cumsum(np.diff(clock, prepend=clock[:1]) < -_DAY / 2)
+        return values
+    pandas = pandas_of(name)
+    cells = [re.sub(r'(?<=\d),(?=\d)', '.', text[i]) for i in filled]
+    for how in ({'format': 'ISO8601'}, {'dayfirst': _day_first(cells)},
+                {'format': 'mixed', 'dayfirst': _day_first(cells)}):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter('error')  # a format that pandas cannot infer
+                stamps = pandas.Series(pandas.to_datetime(cells, utc=True, **how))
+        except (ValueError, TypeError, OverflowError, UserWarning):
+            continue
+        values[filled] = (stamps - stamps.iloc[0]).dt.total_seconds()
+        return values
+    at = next((i for i, match in zip(filled, matches) if not match and not _is_date(text[i])),
+              filled[0] if filled else 0)
+    raise InputError(f"{name}, row {rows[at]}: {header} is '{text[at][:40]}'; expected a number, "
+                     'a date or a time of day')
+
+
+def _is_date(cell: str) -> bool:
+    return re.match(r'\d{1,4}[-./]\d{1,2}[-./]\d{1,4}', cell) is not None
+
+
+def _day_first(cells: list[str]) -> bool:
+    """Return whether the day stands before the month: 3.5.2026, or a first number above 12."""
+    first = [re.match(r'(\d{1,2})([-./])(\d{1,2})', cell) for cell in cells[:1000]]
+    return any(match and (match[2] == '.' or int(match[1]) > 12) for match in first)
+
+
+def _of_clock(match: re.Match) -> float:
+    hours, minutes, rest, half = match.groups()
+    total = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(rest.replace(',', '.'))
+    if half and hours:
+        total += 43200.0 * ((half.lower() == 'pm') - (int(hours) == 12))
+    return total
+
+
+def labels(column: np.ndarray) -> np.ndarray:
+    """
+    Return the labels of trials as text, (T,); a blank cell is of the trial above it.
+
+    Examples
+    --------
+    >>> labels(np.array([1.0, np.nan, 2.5]))
+    array(['1', '1', '2.5'], dtype=object)
+    """
+    if column.dtype.kind in 'mM':
+        column = column.astype(str).astype(object)
+    found, last = [], ''
+    for cell in column:
+        if not (cell is None or cell != cell or (isinstance(cell, str) and not cell.strip())):
+            last = f'{cell:g}' if isinstance(cell, float) else str(cell).strip()
+        found.append(last)
+    return np.array(found, object)

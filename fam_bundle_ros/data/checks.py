@@ -1,0 +1,252 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Checks of measured arrays: ranges that catch a wrong unit or sign, trials, time stamps.
+
+A reading outside a range is a slip of the header, not physics; the message names the unit that
+was probably meant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fam_bundle_ros.errors import InputError
+
+#: Highest gauge pressure of a pneumatic muscle, Pa, and highest strain, unless told otherwise.
+MAX_PRESSURE = 1.2e6
+MAX_STRAIN = 0.6
+
+
+class Range(NamedTuple):
+    """What readings of a quantity may be: lowest, highest (SI), SI unit, words, option."""
+
+    low: float
+    high: float
+    unit: str
+    words: str
+    option: str
+
+
+#: Up to here a reading may be meant: hydraulic muscles (Pa), a muscle that vanishes.
+_HIGHEST = {'pressure': 1e8, 'strain': 1.0}
+#: A guess is worth making only if the largest reading then is at least this.
+_SMALLEST = {'pressure': 20e3, 'strain': 0.02, 'force': 5.0}
+#: What people write instead: (what the header probably should have said, factor to SI).
+_GUESSES = {
+    'pressure': (('kPa', 1e3), ('Pa', 1.0), ('MPa', 1e6), ('bar', 1e5), ('psi', 6894.757)),
+    'strain': (('%', 0.01), ('1', 1.0)),
+    'force': (('N', 1.0), ('lbf', 4.448222), ('mN', 1e-3), ('kN', 1e3)),
+}
+
+
+def ranges(max_pressure: float | None = None, max_strain: float | None = None,
+           ) -> dict[str, Range]:
+    """
+    Return the range of each quantity.
+
+    Parameters
+    ----------
+    max_pressure : float, Pa, optional
+        Highest gauge pressure of the muscle, for hydraulic ones; at least `MAX_PRESSURE`.
+    max_strain : float, optional
+        Highest strain of the muscle, for those that shorten by more than 0.5.
+    """
+    pressure = max(1.2 * (max_pressure or 0.0), MAX_PRESSURE)
+    strain = max(1.05 * (max_strain or 0.0), MAX_STRAIN)
+    return {
+        'pressure': Range(-60e3, pressure, 'Pa', 'gauge pressure between 0 and '
+                          f'{max(1.0, (max_pressure or 0.0) / 1e6):.3g} MPa', 'max_pressure'),
+        'strain': Range(-0.2, strain, '', 'a strain between 0 and '
+                        f'{max(0.5, max_strain or 0.0):.3g}, positive when shorter',
+                        'max_strain'),
+        'force': Range(-20e3, 20e3, 'N', 'a force within 20 kN, tension positive', '')}
+
+
+def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
+                given: tuple[str, float] | None, quantity: str, allowed: Range) -> None:
+    """
+    Raise `InputError` where readings are outside their range; guess what was meant.
+
+    Parameters
+    ----------
+    name, label : str
+        File and column, for the message.
+    values : ndarray, shape (T,)
+        SI units.
+    rows : ndarray of int, shape (T,)
+        Row of the file that each value stands in.
+    given : (str, float), optional
+        Unit that the values were given in and its factor to SI.
+    quantity : str
+        'pressure', 'strain' or 'force'.
+    """
+    low, high, si, words, option = allowed
+    outside = (values < low) | (values > high)
+    unit, factor = given or (si, 1.0)
+    shown = '' if unit in ('1', '-') else unit
+    if outside.any():
+        at = int(np.argmax(np.where(outside, np.abs(values), -1.0)))
+        guess = _guess(quantity, values / factor, unit, low, high)
+        if not guess and quantity == 'strain' and np.median(values) < 0:
+            guess = ' (is the sign turned round?)'
+        elif high < values[at] < _HIGHEST.get(quantity, high):
+            guess += f', or --{option.replace("_", "-")} for a muscle that goes further'
+        raise InputError(f'{name}, row {rows[at]}: {label} is {values[at] / factor:.6g} {shown}'
+                         f'; expected {words}{guess}'.replace(' ;', ';'))
+    top = np.abs(values).max()
+    if quantity == 'pressure' and 1.0 < top < 1.5e3 and values.min() > -0.1 * top:
+        # hardly any pressure at all, and not the noise of a vented gauge: the header's unit is
+        # too small
+        guess = _guess(quantity, values / factor, unit, low, high)
+        if guess:
+            raise InputError(f'{name}: {label} reaches only {top / factor:.4g} {shown}; '
+                             f'expected {words}{guess}')
+
+
+def _guess(quantity: str, given: np.ndarray, unit: str, low: float, high: float) -> str:
+    for other, scale in _GUESSES[quantity]:
+        tried = given * scale
+        if other != unit and tried.min() >= low and tried.max() <= high and (
+                np.abs(tried).max() > _SMALLEST[quantity]):
+            return f' (did you mean {other}?)'
+    return ''
+
+
+def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> list[str]:
+    """
+    Return what is odd about the signs, in words: a muscle pulls, and less when it is shorter.
+
+    A plane is fitted to the force; its slopes are spoken of only where they carry most of what
+    the plane explains.
+
+    Parameters
+    ----------
+    strain : ndarray, shape (T,)
+    pressure : ndarray, shape (T, n), Pa
+    force : ndarray, shape (T,), N
+    """
+    along_strain, along_pressure = partial_correlations(strain, pressure.sum(-1), force)
+    found = []
+    if along_pressure < -0.5 and np.median(force) < 0.0:
+        found.append('the force is negative and falls as the pressure rises: expected tension '
+                     'positive; is its sign turned round?')
+    elif along_strain > 0.5 and along_pressure > -0.5:
+        found.append('the force rises with the strain: expected strain positive when shorter; is '
+                     'its sign turned round?')
+    return found
+
+
+def partial_correlations(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
+                         ) -> tuple[float, float]:
+    """
+    Return how the force goes with strain at equal pressure, and with pressure at equal strain.
+
+    Partial correlations, -1 to 1, by a plane; 0 where a quantity does not vary.
+    """
+    centred = []
+    for values in (strain, pressure, force):
+        gap = values - values.mean()
+        size = np.sqrt(gap @ gap)
+        still = size <= 1e-9 * np.sqrt(len(gap)) * max(1.0, np.abs(values).max())
+        centred.append(np.zeros(len(gap)) if still else gap / size)
+    e, p, f = centred
+    ep, ef, pf = float(e @ p), float(e @ f), float(p @ f)
+
+    def partial(xy: float, xz: float, yz: float) -> float:
+        rest = (1.0 - xz ** 2) * (1.0 - yz ** 2)
+        return float((xy - xz * yz) / np.sqrt(rest)) if rest > 1e-9 else 0.0
+
+    return partial(ef, ep, pf), partial(pf, ep, ef)
+
+
+class Trials(NamedTuple):
+    """Index of each row's trial, names, and the row order that puts each trial together."""
+
+    of_row: np.ndarray
+    names: tuple[str, ...]
+    order: np.ndarray | None
+
+
+def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndarray | None,
+              rows: np.ndarray) -> Trials:
+    """
+    Return the trials; without a column for them a clock that restarts begins a new one.
+
+    Raises
+    ------
+    InputError
+        Where the time runs backwards within a trial.
+    """
+    if trial is None:
+        if time is None:
+            return Trials(np.zeros(len(rows), int), ('0',), None)
+        back = np.diff(time) < 0
+        # a clock that restarts a few times is a file of several trials; many times is disorder
+        if back.sum() > max(1, len(rows) // 50):
+            raise _disorder(name, time, np.zeros(len(rows), int), ('0',), rows)
+        index = np.concatenate([[0], np.cumsum(back)])
+        return Trials(index, tuple(str(i) for i in range(index[-1] + 1)), None)
+    labels = [str(value) for value in np.asarray(trial)]
+    names: dict[str, int] = {}
+    index = np.array([names.setdefault(label, len(names)) for label in labels])
+    order = None
+    if (np.diff(index) < 0).any():
+        order = np.argsort(index, kind='stable')
+        index = index[order]
+    if time is not None:
+        ordered = time if order is None else time[order]
+        if ((np.diff(ordered) < 0) & (np.diff(index) == 0)).any():
+            raise _disorder(name, ordered, index, tuple(names),
+                            rows if order is None else rows[order])
+    return Trials(index, tuple(names), order)
+
+
+def _disorder(name: str, time: np.ndarray, index: np.ndarray, names: tuple[str, ...],
+              rows: np.ndarray) -> InputError:
+    at = int(np.argmax((np.diff(time) < 0) & (np.diff(index) == 0))) + 1
+    return InputError(f'{name}, row {rows[at]}: time goes from {time[at - 1]:.6g} s to '
+                      f'{time[at]:.6g} s within trial {names[index[at]]}; expected time to '
+                      'increase')
+
+
+def spread_stamps(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
+    """
+    Return the time with equal stamps spread evenly up to the next stamp, (T,), s.
+
+    Rows that share a stamp come from a clock coarser than the sampling, such as ISO times in
+    whole seconds. The first group of a trial may be cut by the start of the log, and the last by
+    its end: their rows keep the usual distance.
+
+    Parameters
+    ----------
+    time : ndarray, shape (T,), s
+        Not decreasing within a trial.
+    trial : ndarray of int, shape (T,)
+
+    Examples
+    --------
+    >>> spread_stamps(np.array([0., 0., 1., 1., 1., 1., 2.]), np.zeros(7, int))
+    array([0.5 , 0.75, 1.  , 1.25, 1.5 , 1.75, 2.  ])
+    """
+    fresh = np.ones(len(time), bool)
+    fresh[1:] = (np.diff(time) > 0) | (np.diff(trial) != 0)
+    if fresh.all():
+        return time
+    begin = np.flatnonzero(fresh)
+    count = np.diff(np.append(begin, len(time)))
+    first = np.ones(len(begin), bool)
+    first[1:] = np.diff(trial[begin]) != 0
+    last = np.append(first[1:], True)
+    width = np.append(np.diff(time[begin]), 0.0)
+    usual_width = np.median(width[~last]) if (~last).any() else 0.0
+    width[last] = usual_width
+    inner = ~first & ~last
+    usual = max(float(np.median(count[inner])) if inner.any() else float(count.max()), 1.0)
+    step = width / np.where(first | last, np.maximum(count, usual), count)
+    shift = np.where(first & ~last, width - step * count, 0.0)
+    group = np.cumsum(fresh) - 1
+    return time + shift[group] + step[group] * (np.arange(len(time)) - begin[group])

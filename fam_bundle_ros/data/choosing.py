@@ -1,0 +1,293 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which column of a table is which quantity: as the user tells, else by its name and unit.
+
+Where two would do, or none, the message lists every column with what it was taken for, and why
+not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+import re
+
+import numpy as np
+
+from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.measurement import Taken
+from fam_bundle_ros.data.vocabulary import (
+    likes,
+    Match,
+    QUANTITIES,
+    recognise,
+    STRAINS,
+    Unit,
+    unit_of,
+)
+from fam_bundle_ros.errors import InputError
+
+#: A name that stands among other words is taken only with a unit that fits.
+_ENOUGH = 2
+#: More trials than rows over this: the column counts rows.
+_ROWS_PER_TRIAL = 2
+
+
+@dataclass
+class Choice:
+    """
+    A column that is used, or a constant.
+
+    Attributes
+    ----------
+    header : str or None
+        None for a constant.
+    unit : Unit or None
+    sign : int
+        By which readings are multiplied.
+    value : float
+        Of a constant, SI.
+    absolute : bool or None
+        What header and unit say of a pressure.
+    why : str
+        Where it comes from, in words.
+    """
+
+    header: str | None
+    unit: Unit | None = None
+    sign: int = 1
+    value: float = 0.0
+    absolute: bool | None = None
+    why: str = ''
+
+
+@dataclass
+class Choices:
+    """The columns of one table that are used, by quantity, and why others are not."""
+
+    table: Table
+    chosen: dict[str, Choice] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+
+    def make(self, told: Mapping[str, str]) -> None:
+        """Choose the columns: those that are told first."""
+        for key, text in told.items():
+            self.chosen[key] = self._find(key, text.strip())
+        self._recognised()
+
+    @property
+    def strains(self) -> list[str]:
+        """Quantities that tell the strain, the plainest first."""
+        return [key for key in STRAINS if key in self.chosen]
+
+    @property
+    def pressures(self) -> list[str]:
+        """Pressures, in the order of the file."""
+        return [key for key in self.chosen if key.partition('.')[0] == 'pressure']
+
+    def complete(self) -> None:
+        """Raise InputError where strain, pressure or force is missing."""
+        for key, there in (('strain', self.strains), ('force', 'force' in self.chosen),
+                           ('pressure', self.pressures)):
+            if not there:
+                raise InputError(self._missing(key))
+
+    def _find(self, key: str, text: str) -> Choice:
+        """Return the column that a user's words mean, or a constant."""
+        base = key.partition('.')[0]
+        for sign, words in ((1, text), (-1, text[1:].strip() if text.startswith('-') else '')):
+            header, unit_text = self._header(words)
+            if not header:
+                continue
+            match = recognise(header, self.table.units.get(header, ''))
+            unit = match.unit
+            if unit_text is None and (unit is None or unit.like not in likes(base)):
+                unit_text = self.table.units.get(header) or _bracketed(header)
+            if unit_text is not None and base != 'trial':
+                unit = self._fitting(base, unit_text, header)
+            if unit is not None and base != 'trial' and unit.like not in likes(base):
+                unit = None
+            absolute = match.absolute if unit is None or unit.absolute is None else unit.absolute
+            # an elongation lengthens the muscle: its sign is turned for a strain
+            sign = -sign if base == 'elongation' else sign
+            return Choice(header, unit, sign, absolute=absolute, why='as told')
+        number = re.fullmatch(r'([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\S.*)?', text)
+        if number and base != 'trial' and (number[2] or base == 'strain'):
+            like = '1/s' if base == 'time' and unit_of(number[2] or '', 's') is None else None
+            if like and (number[2] or '').strip() in ('Hz', 'kHz', 'Sa/s', '1/s'):
+                rate = float(number[1]) * (1e3 if number[2].strip() == 'kHz' else 1.0)
+                if rate > 0:
+                    return Choice(None, Unit('s', 1.0, 's'), value=1.0 / rate, why='as told')
+            unit = self._fitting(base, number[2] or '', text)
+            return Choice(None, unit, value=float(number[1]) * unit.factor, why='as told')
+        have = ', '.join(f"'{header}'" for header in self.table.columns)
+        raise InputError(f"{self.table.name}: no column '{text}' for {key}; expected one of "
+                         f'{have}, or its number')
+
+    def _fitting(self, base: str, text: str, header: str) -> Unit:
+        for like in likes(base):
+            unit = unit_of(text, like)
+            if unit is not None:
+                return unit
+        raise InputError(f"{self.table.name}: column '{header}': unit '{text}' does not fit; "
+                         f'expected a unit like {QUANTITIES[base]}')
+
+    def _header(self, words: str) -> tuple[str, str | None]:
+        """Return the header that words mean and the unit that they tell; '' for none."""
+        headers = list(self.table.columns)
+        if not words:
+            return '', None
+        same = ' '.join(words.split())
+        if same in headers:
+            return same, None
+        match = re.fullmatch(r'(.*?)\s*\[([^\[\]]*)\]', same)
+        name, unit = (match[1], match[2]) if match else (same, None)
+        if name in headers:
+            return name, unit
+        for plain in (str.casefold, _without_brackets):
+            alike = [header for header in headers if plain(header) == plain(same if plain is
+                                                                          str.casefold else name)]
+            if len(alike) == 1:
+                return alike[0], unit if plain is _without_brackets else None
+            if len(alike) > 1:
+                raise InputError(f"{self.table.name}: '{words}' may be "
+                                 f"{' or '.join(repr(header) for header in alike)}; expected the "
+                                 'whole header')
+        if name.isdigit() and 1 <= int(name) <= len(headers):
+            return headers[int(name) - 1], unit
+        return '', None
+
+    def _recognised(self) -> None:
+        used = {choice.header for choice in self.chosen.values()}
+        families = {_family(key) for key in self.chosen}
+        found: dict[str, list[tuple[str, Match]]] = {}
+        for header, column in self.table.columns.items():
+            if header in used:
+                continue
+            first = re.sub(r' \(\d+\)$', '', header)  # the second of two columns of one name
+            match = recognise(first if first in self.table.columns else header,
+                              self.table.units.get(header, ''))
+            why = self._why_not(header, column, match, families)
+            if why:
+                self.refused[header] = why
+                continue
+            key = match.quantity
+            if key == 'pressure' and match.part:
+                key = f'pressure.{match.part}'
+            found.setdefault(key, []).append((header, match))
+        self._one_of_each(found)
+        for header in list(self.refused):
+            if 'time' not in self.chosen and re.fullmatch(r'column \d+', header) and (
+                    looks_like_time(self.table.columns[header])):
+                self.chosen['time'] = Choice(header, why='dates without a name')
+                del self.refused[header]
+
+    def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
+        if not match.quantity or not match.score:
+            return match.why if match.quantity else (
+                'text' if is_text(column) and match.why == 'not known' else match.why)
+        if match.score < _ENOUGH:
+            return f'may be {match.quantity}, but for its other words'
+        if _family(match.quantity) in families:
+            return f'{_family(match.quantity)} was told'
+        if match.quantity == 'trial':
+            count = len({cell for cell in column.tolist() if cell == cell})
+            return (f'{count} different values in {len(column)} rows: no trials'
+                    if count * _ROWS_PER_TRIAL > len(column) else '')
+        if match.quantity != 'time' and is_text(column):
+            values, words = numbers(column)
+            if not np.isfinite(values).any():
+                return 'text' if words.any() else 'blank'
+        elif not is_text(column) and column.dtype.kind == 'f' and np.isnan(column).all():
+            return 'blank'
+        return ''
+
+    def _one_of_each(self, found: dict[str, list[tuple[str, Match]]]) -> None:
+        pressures = [key for key in found if key.partition('.')[0] == 'pressure']
+        if len(pressures) == 1 and not pressures[0].endswith('pressure'):
+            header = found[pressures[0]][0][0]
+            if not re.search(r'\bpressure\.', header):  # `p2` alone is the pressure
+                found['pressure'] = found.pop(pressures[0])
+        elif len(pressures) > 1 and 'pressure' in pressures:
+            best = {key: max(match.score for _, match in found[key]) for key in pressures}
+            clash = found['pressure'][0][0], next(found[key][0][0] for key in pressures
+                                                  if key != 'pressure')
+            if best['pressure'] >= max(best[key] for key in pressures if key != 'pressure'):
+                raise InputError(f"{self.table.name}: '{clash[0]}' beside '{clash[1]}'; expected "
+                                 'one name per motor unit')
+            self._refuse(found.pop('pressure'), 'other columns name the motor units')
+        strains = [key for key in STRAINS if key in found]
+        for key in strains[1:]:
+            self._refuse(found.pop(key), f'{strains[0]} is there')
+        for key, entries in found.items():
+            best_score = max(match.score for _, match in entries)
+            best_ones = [entry for entry in entries if entry[1].score == best_score]
+            if len(best_ones) > 1:
+                names = ' and '.join(f"'{header}'" for header, _ in best_ones[:3])
+                raise InputError(
+                    f'{self.table.name}: {names} both may be {_shown(key)}; expected one, or to '
+                    f'be told, for example --columns "{_shown(key)}={best_ones[0][0]}"')
+            self._refuse([entry for entry in entries if entry is not best_ones[0]],
+                         f"less like {_shown(key)} than '{best_ones[0][0]}'")
+            header, match = best_ones[0]
+            absolute = match.unit.absolute if match.unit else match.absolute
+            self.chosen[key] = Choice(header, match.unit, -1 if key == 'elongation' else 1,
+                                       absolute=absolute)
+
+    def _refuse(self, entries: list[tuple[str, Match]], why: str) -> None:
+        self.refused.update({header: why for header, _ in entries})
+
+    def taken(self) -> tuple[Taken, ...]:
+        """Return what every column was taken for, in the order of the file."""
+        of = {choice.header: (key, choice) for key, choice in self.chosen.items()}
+        entries = []
+        for header in self.table.columns:
+            if header not in of:
+                entries.append(Taken(header, '', '', 1, self.refused.get(header, 'not known')))
+                continue
+            key, choice = of[header]
+            why = '' if choice.why == 'as told' else choice.why
+            if choice.absolute:
+                why = f'{why}, absolute'.lstrip(', ')
+            entries.append(Taken(header, 'contraction' if key == 'shift' else key,
+                                 choice.unit.text if choice.unit else '', choice.sign, why))
+        return tuple(entries)
+
+    def _missing(self, key: str) -> str:
+        words = []
+        for entry, (header, column) in zip(self.taken(), self.table.columns.items()):
+            meant = _shown(entry.quantity) if entry.quantity else entry.why
+            if not entry.quantity and not is_text(column) and column.dtype.kind == 'f' and (
+                    np.isfinite(column).any()):
+                meant += f' ({np.nanmin(column):.4g} to {np.nanmax(column):.4g})'
+            words.append(f"'{header}' {meant}")
+        free = [header for header, column in self.table.columns.items()
+                if header in self.refused and not is_text(column)]
+        example, unit = free[0] if free else '...', {'force': 'N', 'pressure': 'kPa',
+                                                     'strain': '%'}[key]
+        return (f"{self.table.name}: column '{key}' is missing; found {', '.join(words)}; tell "
+                f'it, for example --columns "{key}={_name_of(example)} [{unit}]"')
+
+
+def _family(key: str) -> str:
+    base = key.partition('.')[0]
+    return 'strain' if base in STRAINS else base
+
+
+def _shown(key: str) -> str:
+    return 'contraction' if key == 'shift' else key
+
+
+def _bracketed(header: str) -> str | None:
+    match = re.search(r'\[([^\[\]]*)\]\s*$', header)
+    return match[1] if match else None
+
+
+def _name_of(header: str) -> str:
+    return re.sub(r'\s*[\[({<][^\[({<]*[\])}>]\s*$', '', header).strip()
+
+
+def _without_brackets(header: str) -> str:
+    return _name_of(header).casefold()

@@ -1,0 +1,211 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+From a table whose columns have names and units to a `Measurement` in SI units.
+
+`choosing` says which column is what; here readings become numbers, units SI, absolute pressures
+gauge, and lengths strain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+import re
+
+import numpy as np
+
+from fam_bundle_ros.data import checks
+from fam_bundle_ros.data.cells import labels, looks_like_time, numbers, seconds
+from fam_bundle_ros.data.choosing import Choices
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.guesses import guess_unit, time_unit
+from fam_bundle_ros.data.measurement import build, Measurement, Taken
+from fam_bundle_ros.data.recipe import Recipe
+from fam_bundle_ros.data.vocabulary import Unit
+from fam_bundle_ros.errors import InputError
+
+
+@dataclass
+class _Reader:
+    """One table on its way to a measurement."""
+
+    table: Table
+    recipe: Recipe
+    choices: Choices
+    notes: list[str] = field(default_factory=list)
+
+    def measurement(self) -> Measurement:
+        """Return the measurement."""
+        table, recipe = self.table, self.recipe
+        self.choices.make(recipe.columns)
+        self.choices.complete()
+        strains, pressures = self.choices.strains, self.choices.pressures
+        values = self._numbers()
+        time = self._time(values)
+        given: dict[str, tuple[str, float]] = {}
+        for key in ('force', *pressures, *strains, *(['strain_rate'] if 'strain_rate' in values
+                                                     else [])):
+            unit = self._unit(key, values[key])
+            values[key] = values[key] * unit.factor * self.choices.chosen[key].sign
+            given[key] = (unit.text, unit.factor)
+        pressure = np.stack([values[key] - self._ambient(key) for key in pressures], -1)
+        strain = self._strain(strains[0], values, pressure)
+        trial = self.choices.chosen.get('trial')
+        measured = build(
+            table.name, strain, pressure, values['force'],
+            labels(table.columns[trial.header]) if trial and trial.header else None, time,
+            [key.partition('.')[2] or 'mu1' for key in pressures], values.get('strain_rate'),
+            rows=table.rows, notes=[*table.notes, *self.notes], max_strain=recipe.max_strain,
+            units={key: unit for key, unit in given.items() if key in ('force', *pressures) or (
+                key == 'strain' and strains[0] == 'strain')}, max_pressure=recipe.max_pressure)
+        lengths = self.choices.chosen[strains[0]].unit
+        return replace(measured, taken=self.choices.taken(), rest_length=recipe.rest_length
+                       if lengths is not None and lengths.like == 'm' else None)
+
+    def _numbers(self) -> dict[str, np.ndarray]:
+        """Return the readings of each quantity as floats; a word among readings is an error."""
+        values: dict[str, np.ndarray] = {}
+        words: dict[str, np.ndarray] = {}
+        for key, choice in self.choices.chosen.items():
+            if key in ('trial', 'time'):
+                continue
+            if choice.header is None:
+                values[key] = np.full(len(self.table.rows), choice.value)
+                if choice.unit is not None:  # a constant is in SI units
+                    choice.unit = choice.unit._replace(factor=1.0)
+                continue
+            values[key], words[choice.header] = numbers(self.table.columns[choice.header])
+        rows = self._with_readings(values)
+        for header, bad in words.items():
+            self._refuse_words(header, bad & rows)
+        return values
+
+    def _with_readings(self, values: dict[str, np.ndarray]) -> np.ndarray:
+        """Return the rows with at least one number: others are words between the data."""
+        rows = np.zeros(len(self.table.rows), bool)
+        for key, column in values.items():
+            if self.choices.chosen[key].header is not None:
+                rows |= np.isfinite(column)
+        return rows
+
+    def _refuse_words(self, header: str, bad: np.ndarray) -> None:
+        if not bad.any():
+            return
+        at = int(np.argmax(bad))
+        cell = str(self.table.columns[header][at])[:40]
+        comma = re.fullmatch(r'[-+]?\d+,\d+', cell)
+        raise InputError(f"{self.table.name}, row {self.table.rows[at]}: {header} is '{cell}'; "
+                         f'expected a number{" with a point, not a comma" if comma else ""}')
+
+    def _time(self, values: dict[str, np.ndarray]) -> np.ndarray | None:
+        choice = self.choices.chosen.get('time')
+        if choice is None:
+            return None
+        if choice.header is None:
+            return choice.value * np.arange(len(self.table.rows))
+        column, rows = self.table.columns[choice.header], self._with_readings(values)
+        if looks_like_time(column):
+            choice.unit = None
+            if column.dtype == object:
+                column = np.where(rows, column, '')
+            return choice.sign * seconds(self.table.name, choice.header, column, self.table.rows)
+        clock, words = numbers(column)
+        self._refuse_words(choice.header, words & rows)
+        if choice.unit is None:
+            choice.unit, choice.why = time_unit(clock)
+        known = clock[np.isfinite(clock)]
+        # digits of a clock that counts since 1970 are worth more than its origin
+        origin = known[0] if len(known) and np.abs(known).max() > 1e8 else 0.0
+        return (clock - origin) * choice.unit.factor * choice.sign
+
+    def _unit(self, key: str, values: np.ndarray) -> Unit:
+        choice = self.choices.chosen[key]
+        if choice.unit is None:
+            choice.unit, choice.why = guess_unit(self.table.name, choice.header or key,
+                                                 key.partition('.')[0], values,
+                                                 self.recipe.rest_length)
+        return choice.unit
+
+    def _ambient(self, key: str) -> float:
+        choice, gauge = self.choices.chosen[key], self.recipe.gauge
+        absolute = choice.absolute if gauge is None else not gauge
+        choice.absolute = bool(absolute)
+        return self.recipe.ambient_pressure if absolute else 0.0
+
+    def _strain(self, key: str, values: dict[str, np.ndarray], pressure: np.ndarray,
+                ) -> np.ndarray:
+        choice, rest = self.choices.chosen[key], self.recipe.rest_length
+        given, shown = values[key], choice.header or key
+        in_lengths = choice.unit is not None and choice.unit.like == 'm'
+        if in_lengths and rest is None:
+            longest = (f'; the longest here is {1e3 * np.nanmax(given):.4g} mm'
+                       if key == 'length' else '')
+            raise InputError(
+                f"{self.table.name}: '{shown}' is a length; expected a strain, or the rest length "
+                f'to make one (--rest-length, rest_length, or a model){longest}')
+        if key == 'length':
+            assert rest is not None
+            self._length_fits(given, rest)
+            return 1.0 - given / rest
+        ratio = given / rest if in_lengths and rest is not None else given
+        if key == 'shift':
+            ratio = ratio * self._sign_of_shift(ratio, pressure, values['force'])
+        low = np.nanmin(ratio) if np.isfinite(ratio).any() else 0.0
+        if in_lengths and low > 0.05 and low > 0.5 * (np.nanmax(ratio) - low):
+            self.notes.append(f"'{shown}' never is near zero ({low:.3f} of the rest length at "
+                              'least): expected zero at the rest length')
+        if choice.unit is not None and choice.unit.factor == 0.01 and np.nanmax(
+                np.abs(given)) < 0.006:
+            self.notes.append(f"'{shown}' reaches only {100 * np.nanmax(np.abs(given)):.2g} %: is "
+                              'it a ratio, not %?')
+        return ratio
+
+    def _length_fits(self, length: np.ndarray, rest: float) -> None:
+        longest = float(np.nanmax(length)) if np.isfinite(length).any() else rest
+        if not 0.5 < longest / rest < 1.2:
+            raise InputError(
+                f'{self.table.name}: lengths up to {1e3 * longest:.4g} mm beside a rest length of '
+                f'{1e3 * rest:.4g} mm; expected the rest length of this muscle (--rest-length, '
+                'rest_length, or its model)')
+        if longest / rest < 0.9:
+            self.notes.append(f'never longer than {longest / rest:.2f} of the rest length')
+
+    def _sign_of_shift(self, ratio: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> int:
+        """Return +1 where a displacement shortens the muscle: its force then falls."""
+        choice = self.choices.chosen['shift']
+        rows = np.isfinite(ratio) & np.isfinite(force) & np.isfinite(pressure).all(axis=1)
+        along, _ = checks.partial_correlations(ratio[rows], pressure[rows].sum(-1), force[rows])
+        choice.sign = -1 if along > 0.2 else 1
+        if abs(along) > 0.2:
+            word = 'positive when longer' if along > 0 else 'positive when shorter'
+            choice.why = f'{word}, as the force tells'
+        else:
+            choice.why = 'taken as positive when shorter'
+            self.notes.append(f"'{choice.header}' is taken as positive when shorter; the force "
+                              'does not tell')
+        return choice.sign
+
+
+def read_columns(table: Table, recipe: Recipe) -> Measurement:
+    """
+    Return the measurement that a table holds.
+
+    Raises
+    ------
+    InputError
+        Where a column is missing or doubtful (every column is listed with what it was taken
+        for), a unit is unknown or does not fit, and for bad values.
+    """
+    if not table.columns:
+        raise InputError(f'{table.name}: no columns; expected strain, pressure and force')
+    return _Reader(table, recipe, Choices(table)).measurement()
+
+
+def described(table: Table, recipe: Recipe) -> tuple[tuple[Taken, ...], str, Measurement | None]:
+    """Return what each column was taken for, the error that reading ends in, and the data."""
+    reader = _Reader(table, recipe, Choices(table))
+    try:
+        measured = reader.measurement()
+    except InputError as error:
+        return reader.choices.taken(), str(error), None
+    return measured.taken, '', measured

@@ -1,0 +1,183 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Columns without layout: parquet and feather (pyarrow), .npz and .npy (NumPy), JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.data.formats.table import library, pandas_of, plain_columns, Table, unique
+from fam_bundle_ros.errors import InputError
+
+
+def _refused(path: Path, kind: str, error: Exception) -> InputError:
+    first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+    return InputError(f'{path.name}: cannot be read as {kind} ({first[:80]})')
+
+
+def read_parquet(path: Path, sheet: str | None = None) -> Table:
+    """Return the table of a parquet file; fields may carry a unit in their metadata."""
+    library('pyarrow', path.name)
+    import pyarrow.parquet
+    try:
+        return _of_arrow(path, 'parquet', pyarrow.parquet.read_table(path))
+    except (OSError, ValueError, pyarrow.ArrowException) as error:
+        raise _refused(path, 'parquet', error) from error
+
+
+def read_feather(path: Path, sheet: str | None = None) -> Table:
+    """Return the table of a feather (Arrow) file."""
+    library('pyarrow', path.name)
+    import pyarrow.feather
+    try:
+        return _of_arrow(path, 'feather', pyarrow.feather.read_table(path))
+    except (OSError, ValueError, pyarrow.ArrowException) as error:
+        raise _refused(path, 'feather', error) from error
+
+
+def _of_arrow(path: Path, kind: str, table: Any) -> Table:
+    pandas_of(path.name)
+    units = {}
+    for entry in table.schema:
+        for key, value in (entry.metadata or {}).items():
+            if key.decode(errors='replace').casefold() in ('unit', 'units'):
+                units[entry.name] = value.decode(errors='replace')
+    return of_frame(table.to_pandas(), path.name, kind, units)
+
+
+def of_frame(frame: Any, name: str, kind: str = 'frame',
+             units: Mapping[str, str] | None = None) -> Table:
+    """Return the table of a pandas frame; an index with a name, or of times, is a column."""
+    index = getattr(frame, 'index', None)
+    if index is not None and (getattr(index, 'name', None) or getattr(
+            getattr(index, 'dtype', None), 'kind', '') in 'mM'):
+        frame = frame.rename_axis(index.name or 'time').reset_index()
+    return Table(name, kind, plain_columns(frame), units or {})
+
+
+def read_npz(path: Path, sheet: str | None = None) -> Table:
+    """Return the table of an .npz: its arrays of equal length."""
+    try:
+        with np.load(path, allow_pickle=False) as packed:
+            values = {name: packed[name] for name in packed.files}
+    except (OSError, ValueError) as error:
+        raise _refused(path, 'an .npz without objects', error) from error
+    return of_arrays(path.name, '.npz', values)
+
+
+def read_npy(path: Path, sheet: str | None = None) -> Table:
+    """Return the table of an .npy: fields of a structured array, or columns."""
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (OSError, ValueError) as error:
+        raise _refused(path, 'an .npy without objects', error) from error
+    if values.dtype.names:
+        return of_arrays(path.name, '.npy', {name: values[name] for name in values.dtype.names})
+    return of_arrays(path.name, '.npy', {'column': values})
+
+
+def read_json(path: Path, sheet: str | None = None) -> Table:
+    """Return the table of a JSON file: lists by name, or a list of records."""
+    pandas = pandas_of(path.name)
+    try:
+        values = json.loads(path.read_text(encoding='utf-8-sig'))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+        try:
+            return of_frame(pandas.read_json(path, lines=True), path.name, 'JSON lines')
+        except ValueError as error:
+            raise _refused(path, 'JSON', error) from error
+    if isinstance(values, list):
+        try:
+            return of_frame(pandas.DataFrame(values), path.name, 'JSON')
+        except (ValueError, TypeError) as error:
+            raise _refused(path, 'JSON', error) from error
+    return of_arrays(path.name, 'JSON', values if isinstance(values, dict) else {})
+
+
+def flattened(values: Mapping[str, Any], prefix: str = '', depth: int = 4) -> dict[str, Any]:
+    """Return nested mappings as one, inner names alone where they are still clear."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        name = f'{prefix}.{key}' if prefix else str(key)
+        if isinstance(value, (list, np.ndarray)) and len(value) and all(
+                isinstance(entry, Mapping) for entry in value):
+            # records: an array of structs
+            value = {field: [entry.get(field) for entry in value] for field in value[0]}
+        if isinstance(value, Mapping) and depth:
+            flat.update(flattened(value, name, depth - 1))
+        else:
+            flat[name] = value
+    return flat
+
+
+def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
+    """
+    Return the table of arrays by name: those of the most common length.
+
+    Nested mappings are flattened; a matrix gives a column each (named by a list of as many
+    texts, if there is one); texts named ``units.<name>`` or ``<name>_unit`` are units.
+    """
+    flat = flattened(values)
+    vectors: dict[str, np.ndarray] = {}
+    texts: dict[str, str] = {}
+    labels: list[list[str]] = []
+    matrices: dict[str, np.ndarray] = {}
+    for key, value in flat.items():
+        if isinstance(value, str):
+            texts[key] = value
+            continue
+        try:
+            array = np.asarray(value)
+        except ValueError:
+            continue
+        if array.ndim == 0 or not array.size:
+            if array.dtype.kind in 'US' and array.size:
+                texts[key] = str(array[()])
+            continue
+        array = np.squeeze(array)
+        if array.dtype.kind in 'USO' and array.ndim == 1 and len(array) < 60 and all(
+                isinstance(cell, str) for cell in array.tolist()):
+            labels.append([str(cell) for cell in array.tolist()])
+        if array.ndim == 1 and array.dtype.kind in 'biufUSOmM':
+            kinds = array.astype(object) if array.dtype.kind in 'USO' else array
+            vectors[key] = kinds.astype(float) if array.dtype.kind in 'biuf' else kinds
+        elif array.ndim == 2 and array.dtype.kind in 'biuf':
+            matrices[key] = array.astype(float)
+    for key, matrix in matrices.items():
+        columns = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
+        fitting = [names for names in labels if len(names) == columns.shape[1]]
+        heads = fitting[0] if fitting else [f'{key} {i + 1}' for i in range(columns.shape[1])]
+        vectors.update(dict(zip(heads, columns.T)))
+    lengths = [len(vector) for vector in vectors.values() if vector.dtype.kind in 'biuf']
+    lengths = [length for length in lengths if length > 1]
+    if not lengths:
+        raise InputError(f'{name}: no columns of numbers in it; expected arrays of equal length '
+                         'for strain (or length), pressure and force')
+    rows = max(set(lengths), key=lambda length: (lengths.count(length), length))
+    kept = {key: vector for key, vector in vectors.items() if len(vector) == rows}
+    short = _short_names(list(kept))
+    columns_of = {head: kept[key] for key, head in zip(kept, unique(short))}
+    units = {}
+    for key, head in zip(kept, columns_of):
+        last = key.rpartition('.')[2]
+        for label, text in texts.items():
+            first, _, tail = label.rpartition('.')
+            if (tail == last and first.rpartition('.')[2].casefold() in ('unit', 'units')) or (
+                    tail in (f'{last}_unit', f'{last}_units')):
+                units[head] = text
+    other = [key for key in vectors if key not in kept]
+    notes = (f'of another length, not used: {", ".join(other)}',) if other else ()
+    return Table(name, kind, columns_of, units, notes=notes)
+
+
+def _short_names(keys: list[str]) -> list[str]:
+    """Return names without what all of them begin with: `log.force` is `force`."""
+    while keys and all('.' in key for key in keys) and len({key.split('.')[0]
+                                                            for key in keys}) == 1:
+        keys = [key.partition('.')[2] for key in keys]
+    return keys

@@ -1,0 +1,196 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""LabVIEW measurement files: .lvm (text) and .tdms (by npTDMS)."""
+
+from __future__ import annotations
+
+import io
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.data.formats import layout
+from fam_bundle_ros.data.formats.table import library, pandas_of, Table, unique
+from fam_bundle_ros.data.formats.text import encoding_of
+from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.errors import InputError
+
+_END = '***End_of_Header***'
+
+
+def read_lvm(path: Path, sheet: str | None = None) -> Table:
+    """
+    Return the table of a .lvm file; several segments are trials.
+
+    The time is the column X_Value, or the segment's X0 and Delta_X where there is none.
+
+    Raises
+    ------
+    InputError
+        For a file without channels or without rows.
+    """
+    pandas = pandas_of(path.name)
+    lines = path.read_text(encoding=encoding_of(path), errors='replace').splitlines()
+    general = dict(_header_line(line) for line in lines[:40] if line.strip())
+    separator = {'Comma': ',', 'Tab': '\t'}.get(general.get('Separator', 'Tab'), '\t')
+    decimal = general.get('Decimal_Separator', '.').strip() or '.'
+    frames, header, rows, units, trial = [], {}, [], {}, -1
+    names: list[str] = []
+    at, inside = 0, False
+    while at < len(lines):
+        line = lines[at]
+        cells = [cell.strip() for cell in line.split(separator)]
+        if cells[0] == _END:
+            inside = True
+            at += 1
+            continue
+        if cells[0] == 'Channels' or not inside:
+            inside = False
+            header[cells[0]] = cells[1:]
+            at += 1
+            continue
+        if not layout.is_number(cells[0], decimal) and cells[0]:
+            names = [name for name in cells if name and name != 'Comment']
+            trial += 1
+        elif not any(cells):
+            at += 1
+            continue
+        begin = at + (not layout.is_number(cells[0], decimal) and bool(cells[0]))
+        end = begin
+        while end < len(lines) and lines[end].strip() and not lines[end].startswith(
+                ('Channels', _END)):
+            end += 1
+        if end == begin:
+            at = end if end > at else at + 1
+            continue
+        block = pandas.read_csv(io.StringIO('\n'.join(lines[begin:end])), sep=separator,
+                                decimal=decimal, header=None, index_col=False,
+                                names=names)
+        rows.append(np.arange(begin, end) + 1)
+        frames.append(_with_time(block, header, max(trial, 0)))
+        y_units = header.get('Y_Unit_Label', [])
+        channels = [name for name in names if not name.startswith('X_Value')]
+        units.update({name: unit for name, unit in zip(channels, y_units) if unit})
+        at = end
+    if not frames:
+        raise InputError(f'{path.name}: no channels in it; expected those of a LabVIEW '
+                         'measurement file')
+    whole = pandas.concat(frames, ignore_index=True)
+    if len(frames) == 1:
+        whole = whole.drop(columns='trial')
+    columns = {name: (whole[name].to_numpy(float) if whole[name].dtype.kind in 'biuf' else
+                      whole[name].to_numpy(object)) for name in whole.columns}
+    units['X_Value'] = 's'
+    return Table(path.name, '.lvm', columns, {name: unit for name, unit in units.items()
+                                              if name in columns}, np.concatenate(rows))
+
+
+def _header_line(line: str) -> tuple[str, str]:
+    for separator in ('\t', ','):
+        key, found, value = line.partition(separator)
+        if found:
+            return key.strip(), value.strip(separator + ' ')
+    return line.strip(), ''
+
+
+def _with_time(block: Any, header: dict[str, list[str]], trial: int) -> Any:
+    """Return a segment's columns with one time, in front, and the trial."""
+    clocks = [name for name in block.columns if str(name).startswith('X_Value')]
+    if block.columns.duplicated().any():  # Multi: a clock for each channel, as a rule the same
+        block = block.loc[:, ~block.columns.duplicated()]
+    if clocks and block[clocks[0]].isna().all():
+        block, clocks = block.drop(columns=clocks), []
+    if not clocks:
+        def first(key: str, default: float) -> float:
+            try:
+                return float(header.get(key, [''])[0].replace(',', '.'))
+            except (ValueError, IndexError):
+                return default
+        step = first('Delta_X', 1.0)
+        block.insert(0, 'X_Value', first('X0', 0.0) + step * np.arange(len(block)))
+    block['trial'] = trial
+    return block
+
+
+def read_tdms(path: Path, sheet: str | None = None) -> Table:
+    """
+    Return the table of a .tdms file; groups with the same channels are trials.
+
+    Channels that carry a waveform's increment give the time where no channel does; those of
+    another rate are brought to the time of the fastest.
+
+    Raises
+    ------
+    InputError
+        Where npTDMS is missing, the file is damaged, or no group has channels of one length.
+    """
+    nptdms = library('nptdms', path.name, 'npTDMS')
+    for logger in logging.root.manager.loggerDict:
+        if logger.startswith('nptdms'):  # what is wrong is said below
+            logging.getLogger(logger).setLevel(logging.CRITICAL)
+    try:
+        file = nptdms.TdmsFile.read(path)
+        groups = {group.name: group.channels() for group in file.groups()}
+        found = {name: _of_group(channels) for name, channels in groups.items()
+                 if any(len(channel) for channel in channels)}
+    except Exception as error:  # npTDMS raises struct's and its own on damaged files
+        first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f'{path.name}: cannot be read as .tdms ({first[:80]})') from error
+    if sheet is not None and sheet not in found:
+        raise InputError(f"{path.name}: no group '{sheet}'; expected one of {', '.join(found)}")
+    if not found:
+        raise InputError(f'{path.name}: no channels with values in it; expected a log')
+    if sheet is not None:
+        found = {sheet: found[sheet]}
+    best = max(found, key=lambda name: sum(recognise(channel, found[name][1].get(channel, '')
+                                                     ).quantity != '' for channel in
+                                           found[name][0]))
+    columns, units = found[best]
+    alike = [name for name in found if list(found[name][0]) == list(columns)]
+    notes = [f'not read: group {name}' for name in found if name not in alike]
+    if len(alike) > 1:
+        lengths = [len(next(iter(found[name][0].values()))) for name in alike]
+        columns = {channel: np.concatenate([found[name][0][channel] for name in alike])
+                   for channel in columns}
+        columns['trial'] = np.repeat(np.array(alike, object), lengths)
+    return Table(path.name, '.tdms', columns, units, notes=tuple(notes))
+
+
+def _clock(channel: Any) -> np.ndarray | None:
+    """Return the times of a waveform's samples, s; None for a channel that is none."""
+    step = channel.properties.get('wf_increment')
+    if not step:
+        return None
+    return channel.properties.get('wf_start_offset', 0.0) + step * np.arange(len(channel))
+
+
+def _of_group(channels: list[Any]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return a group's columns and their units."""
+    channels = [channel for channel in channels if len(channel)]
+    names = unique([channel.name for channel in channels])
+    longest = max(channels, key=len)
+    columns: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    clock = _clock(longest)
+    for name, channel in zip(names, channels):
+        values = np.asarray(channel[:])
+        unit = channel.properties.get('unit_string') or channel.properties.get(
+            'NI_UnitDescription')
+        if unit:
+            units[name] = str(unit)
+        if len(values) != len(longest):
+            own = _clock(channel)
+            if clock is None or own is None:
+                continue
+            values = np.interp(clock, own, values.astype(float))
+        if values.dtype.kind in 'biuf':
+            columns[name] = values.astype(float)
+        else:
+            columns[name] = values if values.dtype.kind in 'mM' else values.astype(object)
+    if clock is not None and not any(recognise(name, units.get(name, '')).quantity == 'time'
+                                     for name in columns):
+        columns = {'time': clock, **columns}
+        units['time'] = 's'
+    return columns, units

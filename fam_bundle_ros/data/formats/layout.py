@@ -1,0 +1,154 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where a sheet's numbers begin, and which rows above them hold names and units.
+
+Works on a grid of text cells, so that text files and spreadsheets share it. The data begin at the
+first row from which nearly all rows have the usual number of cells and of numbers; the names are
+the row above with most known quantities, the units another row above of which half the cells are
+units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from fam_bundle_ros.data.vocabulary import is_unit, recognise
+
+#: Cells that stand for no reading.
+BLANKS = ('', '-', '--', '---', '\u2013', 'NaN', 'nan', 'NAN', 'NA', 'N/A', 'n/a', '#N/A', '#NV',
+          'null', 'NULL', 'None', 'none', '.', '?', '*')
+_NUMBER = {
+    '.': re.compile(r'[-+]?(\d+(,\d{3})+(\.\d*)?|\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?'),
+    ',': re.compile(r'[-+]?(\d+(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
+}
+_CLOCK = re.compile(r'\d{1,4}[-./]\d{1,2}[-./]\d{1,4}([T ]\S+.*)?|\d{1,3}:\d{2}(:\d{2})?'
+                    r'([.,]\d+)?(\s*[AaPp][Mm])?')
+#: Rows looked at above the data.
+_ABOVE = 8
+
+
+class Layout(NamedTuple):
+    """Names and units of the columns, and the index of the first row of data in the grid."""
+
+    names: list[str]
+    units: dict[str, str]
+    first: int
+    width: int
+
+
+def is_blank(cell: str) -> bool:
+    """Return whether a cell holds no reading."""
+    return cell.strip() in BLANKS
+
+
+def is_number(cell: str, decimal: str = '.') -> bool:
+    """Return whether a cell holds a number, with this sign before its decimals."""
+    return _NUMBER[decimal].fullmatch(cell.strip()) is not None
+
+
+def is_reading(cell: str, decimal: str = '.') -> bool:
+    """Return whether a cell holds a number, a date or a time of day."""
+    return is_number(cell, decimal) or _CLOCK.fullmatch(cell.strip()) is not None or (
+        with_unit(cell, decimal) is not None)
+
+
+def with_unit(cell: str, decimal: str = '.') -> tuple[str, str] | None:
+    """
+    Return number and unit of a cell that holds both, None for others.
+
+    Examples
+    --------
+    >>> with_unit('12.5 mm'), with_unit('run 2')
+    (('12.5', 'mm'), None)
+    """
+    match = re.fullmatch(r'([-+]?[\d.,]*\d)\s*([^\W\d_%][\w%/\u00b2^]*|%)', cell.strip())
+    if match and is_number(match[1], decimal) and is_unit(match[2]):
+        return match[1], match[2]
+    return None
+
+
+def trimmed(row: Sequence[str]) -> list[str]:
+    """Return a row without the blank cells at its end."""
+    cells = list(row)
+    while cells and not cells[-1].strip():
+        cells.pop()
+    return cells
+
+
+def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, int]:
+    """
+    Return the index of the first row of data and the number of columns; (-1, 0) for no data.
+
+    More cells than usual are columns only where a row above the data has as many.
+
+    Parameters
+    ----------
+    grid : sequence of rows of text cells
+    decimal : str
+    """
+    width = np.array([len(trimmed(row)) for row in grid])
+    numbers = np.array([sum(is_reading(cell, decimal) for cell in row) for row in grid])
+    blanks = np.array([sum(is_blank(cell) for cell in trimmed(row)) for row in grid])
+    later = np.arange(len(grid)) >= len(grid) // 2
+    # a row of one number may be data too, but then there is nothing to compare
+    full = later & (numbers >= 2) if (later & (numbers >= 2)).any() else numbers >= 2
+    if not full.any():
+        return -1, 0
+    usual_width = int(np.bincount(width[full]).argmax())
+    usual = int(np.median(numbers[full]))
+    data = (np.abs(width - usual_width) <= 1) & (numbers >= 2) & (numbers + blanks >= usual)
+    data |= (width <= usual_width) & (numbers >= 1) & (numbers + usual_width - width >= usual)
+    share = np.cumsum(data[::-1])[::-1] / np.arange(len(data), 0, -1)
+    good = np.flatnonzero(data & (share >= 0.8))
+    if not len(good):
+        return -1, 0
+    first = int(good[0])
+    for at in range(first + 1, min(first + _ABOVE, len(grid))):
+        # a row of numbers above the names is a preamble
+        later_data = good[good > at]
+        if not numbers[at] and len(later_data) and sum(
+                recognise(cell).quantity != '' for cell in grid[at]) >= 2:
+            first = int(later_data[0])
+    most = int(width[first:][data[first:]].max())
+    above = width[:first].max(initial=0)
+    return first, usual_width if usual_width < most and usual_width <= above < most else most
+
+
+def find_names(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], dict[str, str]]:
+    """
+    Return the columns' names and, where a row of units was found, their units.
+
+    Parameters
+    ----------
+    rows : sequence of rows of text cells
+        Those above the data, the nearest last.
+    width : int
+        Number of columns.
+    """
+    near = [row for row in rows[-_ABOVE:] if 2 <= len(trimmed(row)) <= width + 1]
+    near = [[*row, *[''] * width][:width] for row in near]
+    near = [row for row in near if not any(is_number(cell) for cell in row if len(cell) > 1)]
+    known = [sum(recognise(cell).quantity != '' for cell in row if cell.strip()) for row in near]
+    unit_like = [_units_in(row) for row in near]
+    if not near:
+        return [f'column {i + 1}' for i in range(width)], {}
+    candidates = [i for i in range(len(near)) if not unit_like[i] or known[i] > 1]
+    at = max(candidates or range(len(near)), key=lambda i: (known[i], i))
+    names = [cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at])]
+    units_at = [i for i in range(len(near)) if i != at and unit_like[i]]
+    units = {}
+    if units_at:
+        units = {name: cell.strip().strip('[](){}<>') for name, cell in zip(names,
+                                                                            near[units_at[-1]])
+                 if cell.strip().strip('[](){}<>')}
+    return names, units
+
+
+def _units_in(row: Sequence[str]) -> bool:
+    cells = [cell for cell in row if cell.strip()]
+    return bool(cells) and sum(is_unit(cell) for cell in cells) > 0.6 * len(cells)

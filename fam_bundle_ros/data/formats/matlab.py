@@ -1,0 +1,116 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""MATLAB .mat files: up to version 7 by scipy, 7.3 (HDF5) by h5py; other HDF5 files alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.data.formats.arrays import of_arrays
+from fam_bundle_ros.data.formats.table import library, Table
+from fam_bundle_ros.errors import InputError
+
+_OPAQUE = ("holds a MATLAB table or timeseries, which only MATLAB reads; expected a struct: "
+           "s = table2struct(T, 'ToScalar', true); save('log.mat', '-struct', 's')")
+
+
+def read_mat(path: Path, sheet: str | None = None) -> Table:
+    """
+    Return the table of a .mat file up to version 7: vectors, structs of them, or a matrix.
+
+    Raises
+    ------
+    InputError
+        For a damaged file, one without numbers, and one that holds MATLAB objects only.
+    """
+    from scipy.io import loadmat
+    try:
+        values = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        return read_hdf(path, sheet)
+    except Exception as error:  # scipy raises many kinds on damaged files
+        first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f'{path.name}: cannot be read as a .mat file ({first[:80]})') from error
+    opaque = any(type(value).__name__ == 'MatlabOpaque' or 'FunctionWorkspace' in key
+                 for key, value in values.items())
+    values = {key: value for key, value in values.items() if not key.startswith('__')
+              and type(value).__name__ != 'MatlabOpaque'}
+    return _chosen(path, values, sheet, opaque)
+
+
+def read_hdf(path: Path, sheet: str | None = None) -> Table:
+    """Return the table of a .mat file of version 7.3, or of another HDF5 file."""
+    h5py = library('h5py', path.name)
+    try:
+        with h5py.File(path, 'r') as file:
+            values = {key: _of_node(file, node, 0) for key, node in file.items()
+                      if not key.startswith('#')}
+            values.update(_units_of(file))
+            opaque = '#subsystem#' in file
+    except (OSError, RuntimeError, ValueError) as error:
+        first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f'{path.name}: cannot be read as HDF5 ({first[:80]})') from error
+    return _chosen(path, {key: value for key, value in values.items() if value is not None},
+                   sheet, opaque)
+
+
+def _chosen(path: Path, values: dict[str, Any], sheet: str | None, opaque: bool) -> Table:
+    if sheet is not None:
+        if sheet not in values:
+            raise InputError(f"{path.name}: no variable '{sheet}'; expected one of "
+                             f"{', '.join(values) or 'none'}")
+        values = {sheet: values[sheet]}
+    try:
+        return of_arrays(path.name, '.mat', values)
+    except InputError:
+        if opaque:
+            raise InputError(f'{path.name}: {_OPAQUE}') from None
+        raise
+
+
+def _units_of(group: Any) -> dict[str, str]:
+    """Return the units that datasets of a group carry as attributes."""
+    units = {}
+    for key, child in group.items():
+        unit = child.attrs.get('units', child.attrs.get('unit'))
+        if unit is not None:
+            units[f'{key}_unit'] = unit.decode() if isinstance(unit, bytes) else str(unit)
+    return units
+
+
+def _of_node(file: Any, node: Any, depth: int) -> Any:
+    """Return a dataset's values, a group as a dict, None for what is no data."""
+    if depth > 4:
+        return None
+    if isinstance(node, Mapping) or hasattr(node, 'items'):
+        inner = {key: _of_node(file, child, depth + 1) for key, child in node.items()}
+        inner.update(_units_of(node))
+        return {key: value for key, value in inner.items() if value is not None}
+    kind = node.attrs.get('MATLAB_class', b'')
+    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+    if node.dtype.kind == 'V' and node.dtype.names:
+        table = node[()]
+        return {name: table[name] for name in table.dtype.names}
+    if kind == 'char' and node.dtype.kind in 'ui':
+        return ''.join(map(chr, np.asarray(node[()]).ravel(order='F')))
+    if node.dtype == object or node.dtype.kind == 'O':
+        cells = np.asarray(node[()]).ravel()
+        if len(cells) > 10_000:
+            return None
+        if all(isinstance(cell, (bytes, str)) for cell in cells):
+            texts = [cell.decode(errors='replace') if isinstance(cell, bytes) else cell
+                     for cell in cells]
+            return texts[0] if node.shape == () else np.array(texts, object)
+        try:  # a cell array: references to its cells
+            return np.array([_of_node(file, file[cell], depth + 1) for cell in cells], object)
+        except (KeyError, TypeError, ValueError):
+            return None
+    if node.dtype.kind in 'biuf':
+        return np.asarray(node[()])
+    if node.dtype.kind == 'S':
+        return np.char.decode(np.asarray(node[()]), errors='replace')
+    return None

@@ -1,0 +1,113 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A table as a file holds it: columns of numbers or text under their headers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.errors import InputError
+
+#: Larger files are refused unread.
+MAX_BYTES = 1 << 30
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    Columns of a file.
+
+    Attributes
+    ----------
+    name : str
+        The file's name, for messages.
+    kind : str
+        What it is, in words: 'CSV', 'Excel sheet Run 1', ...
+    columns : dict of str to ndarray, shape (T,)
+        By header: floats (nan for blank cells), or text (objects).
+    units : dict of str to str
+        Units that stand apart from the headers (a row of units, attributes).
+    rows : ndarray of int, shape (T,)
+        What to call each row in messages.
+    notes : tuple of str
+        What was met on the way, such as sheets that were not read.
+    """
+
+    name: str
+    kind: str
+    columns: Mapping[str, np.ndarray]
+    units: Mapping[str, str] = field(default_factory=dict)
+    rows: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not len(self.rows) and self.columns:
+            count = len(next(iter(self.columns.values())))
+            object.__setattr__(self, 'rows', np.arange(1, count + 1))
+
+
+def pandas_of(name: str) -> Any:
+    """Return the module pandas, which reads what Python's standard library does not."""
+    try:
+        import pandas
+    except ImportError as error:
+        raise InputError(f'{name}: reading it needs the package pandas; install the extra '
+                         '`tools`') from error
+    return pandas
+
+
+def library(module: str, name: str, package: str = '') -> Any:
+    """Return an optional library; InputError names the extra to install."""
+    import importlib
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise InputError(f'{name}: reading it needs the package {package or module}; install the '
+                         'extra `files`') from error
+
+
+def check_size(path: Path) -> None:
+    """Raise InputError for an empty or an oversized file."""
+    size = path.stat().st_size
+    if size == 0:
+        raise InputError(f'{path.name}: the file is empty; expected a header and rows')
+    if size > MAX_BYTES:
+        raise InputError(f'{path.name}: {size / 1e9:.1f} GB; expected at most '
+                         f'{MAX_BYTES / 1e9:.1f} GB (decimate or split the log)')
+
+
+def unique(headers: Sequence[Any]) -> list[str]:
+    """
+    Return headers, blank ones by their number, double ones counted.
+
+    Examples
+    --------
+    >>> unique(['F', '', 'F'])
+    ['F', 'column 2', 'F (2)']
+    """
+    seen: dict[str, int] = {}
+    names = []
+    for at, header in enumerate(headers, 1):
+        text = ' '.join(str(header).split()) or f'column {at}'
+        seen[text] = seen.get(text, 0) + 1
+        names.append(text if seen[text] == 1 else f'{text} ({seen[text]})')
+    return names
+
+
+def plain_columns(frame: Any) -> dict[str, np.ndarray]:
+    """Return a pandas frame's columns as floats, datetimes or text (objects), by header."""
+    columns = {}
+    for header, position in zip(unique(frame.columns), range(frame.shape[1])):
+        series = frame.iloc[:, position]
+        if series.dtype.kind in 'biuf':
+            columns[header] = series.to_numpy(float)
+        elif series.dtype.kind in 'mM':
+            columns[header] = series.to_numpy()
+        else:
+            columns[header] = series.to_numpy(object)
+    return columns

@@ -1,0 +1,290 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Text tables: any separator, point or comma, preamble, comments, byte order mark, UTF-8/16, Latin-1.
+
+The layout is found on the first lines, pandas reads the rest in pieces: a file that is no text,
+or one endless line, is refused before it is in memory.
+"""
+
+from __future__ import annotations
+
+from array import array
+import codecs
+from collections.abc import Iterator
+import csv
+import io
+from pathlib import Path
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from fam_bundle_ros.data.formats import layout
+from fam_bundle_ros.data.formats.table import check_size, pandas_of, Table, unique
+from fam_bundle_ros.data.measurement import MAX_ROWS
+from fam_bundle_ros.errors import InputError
+
+#: Characters of a line, and lines that the layout is found on.
+_LONGEST, _SNIFFED = 1 << 16, 400
+_BLANK = r'\s+'
+_SEPARATORS = (',', ';', '\t', '|', _BLANK)
+_COMMENTS = ('#', '%', '//', '!')
+_BOMS = ((codecs.BOM_UTF8, 'utf-8-sig'), (codecs.BOM_UTF32_LE, 'utf-32'),
+         (codecs.BOM_UTF32_BE, 'utf-32'), (codecs.BOM_UTF16_LE, 'utf-16'),
+         (codecs.BOM_UTF16_BE, 'utf-16'))
+
+
+class Dialect(NamedTuple):
+    """How a text table is written."""
+
+    separator: str
+    decimal: str
+    layout: layout.Layout
+
+
+def read_text(path: Path) -> Table:
+    """
+    Return the table that a text file holds.
+
+    Raises
+    ------
+    InputError
+        For an empty, binary or oversized file, and one without rows of numbers.
+    """
+    check_size(path)
+    encoding = encoding_of(path)
+    try:
+        return _read(path, encoding)
+    except UnicodeDecodeError:  # a Latin-1 letter far down
+        return _read(path, 'cp1252')
+
+
+def encoding_of(path: Path) -> str:
+    """Return the encoding by the byte order mark, else by what the first MB can be."""
+    with open(path, 'rb') as stream:
+        head = stream.read(1 << 20)
+    for mark, name in _BOMS:
+        if head.startswith(mark):
+            return name
+    for offset, name in ((1, 'utf-16-le'), (0, 'utf-16-be')):
+        if len(head) > 8 and head[offset:4096:2].count(0) > 0.4 * len(head[offset:4096:2]):
+            return name
+    try:
+        codecs.getincrementaldecoder('utf-8')().decode(head)
+    except UnicodeDecodeError:
+        return 'cp1252'
+    return 'utf-8'
+
+
+def _read(path: Path, encoding: str) -> Table:
+    pandas = pandas_of(path.name)
+    errors = 'replace' if encoding == 'cp1252' else 'strict'
+    with open(path, encoding=encoding, errors=errors) as stream:
+        lines = _lines(path.name, stream)
+        head = [line for line, _ in zip(lines, range(_SNIFFED))]
+    dialect, skipped = sniff(path.name, head)
+    names = unique(dialect.layout.names)
+    with open(path, encoding=encoding, errors=errors) as stream:
+        blank = dialect.separator == _BLANK
+        rows = _Rows(_lines(path.name, stream), skipped, ' ' if blank else dialect.separator)
+        decimal = '.' if dialect.decimal == dialect.separator else dialect.decimal
+        thousands: str | None = {',': '.', '.': ','}[dialect.decimal]
+        if thousands == dialect.separator or blank or decimal != dialect.decimal:
+            thousands = None
+        try:
+            pieces = []
+            with pandas.read_csv(
+                    rows, sep=dialect.separator, decimal=decimal, header=None,
+                    names=range(dialect.layout.width), index_col=False, skipinitialspace=True,
+                    na_values=list(layout.BLANKS), skip_blank_lines=False, quotechar='"',
+                    thousands=thousands, chunksize=200_000, low_memory=False,
+                    on_bad_lines='error') as reader:
+                total = 0
+                for piece in reader:
+                    total += len(piece)
+                    if total > MAX_ROWS:
+                        raise InputError(f'{path.name}: more than {MAX_ROWS} rows; decimate or '
+                                         'split the log')
+                    pieces.append(piece)
+        except (pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
+            raise _bad_line(path.name, error, rows) from error
+    columns, at = {}, np.frombuffer(rows.numbers, np.int64)[:total]
+    units = {}
+    for i, (name, own) in enumerate(zip(names, dialect.layout.names)):
+        unit = dialect.layout.units.get(own, '')
+        columns[name], unit = _numbers_or_text([piece[i] for piece in pieces], dialect.decimal,
+                                               unit)
+        if unit:
+            units[name] = unit
+    return Table(path.name, _kind(dialect), columns, units, at)
+
+
+def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, str]:
+    """Return a column as floats, or text where it holds words, and its unit."""
+    if all(part.dtype.kind in 'biuf' for part in parts):
+        return np.concatenate([part.to_numpy(float) for part in parts]), unit
+    text = np.concatenate([part.to_numpy(object) for part in parts])
+    first = layout.with_unit(next((cell for cell in text if isinstance(cell, str)), ''), decimal)
+    if first and all(cell.rstrip().endswith(first[1]) for cell in text if isinstance(cell, str)):
+        unit = first[1]  # each cell carries it: '12.5 mm'
+        text = np.array([cell.rstrip()[:-len(unit)].strip() if isinstance(cell, str) else cell
+                         for cell in text], object)
+    if decimal == ',':  # cells that pandas left as text keep their comma
+        text = np.array([cell.replace(',', '.') if isinstance(cell, str)
+                         and layout.is_number(cell, ',') else cell for cell in text], object)
+    return text, unit
+
+
+def _kind(dialect: Dialect) -> str:
+    word = {',': 'commas', ';': 'semicolons', '\t': 'tabs', '|': 'bars', _BLANK: 'blanks'}
+    comma = ', decimal comma' if dialect.decimal == ',' else ''
+    return f'text separated by {word[dialect.separator]}{comma}'
+
+
+def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
+    """Yield lines; refuse what is no text before much of it is in memory."""
+    while True:
+        line = stream.readline(_LONGEST)
+        if not line:
+            return
+        if '\0' in line:
+            raise InputError(f'{name}: not a text file; expected a table with a header')
+        if len(line) >= _LONGEST and not line.endswith('\n'):
+            raise InputError(f'{name}: a line of more than {_LONGEST} characters; expected one '
+                             'row per line')
+        yield line
+
+
+class _Rows(io.TextIOBase):
+    """The rows of data of a text file, for pandas: without head, comments and blank lines."""
+
+    def __init__(self, lines: Iterator[str], first: int, separator: str):
+        self._lines, self._at, self._first, self._rest = lines, 0, first, ''
+        self._end = separator + ' \t\r\n'
+        #: Line number of each row handed on.
+        self.numbers = array('q')
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int | None = -1) -> str:
+        """Return the next rows, at least one while there are any."""
+        wanted = 1 << 30 if size is None or size < 0 else size
+        parts, length = [], 0
+        for line in self._lines:
+            self._at += 1
+            if self._at <= self._first or _is_comment(line) or not line.strip(' \t\r\n;,'):
+                continue
+            self.numbers.append(self._at)
+            # blank cells at the end are left to pandas, which takes more cells for a mistake
+            parts.append(line.rstrip(self._end) + '\n')
+            length += len(parts[-1])
+            if length >= wanted:
+                break
+        text = self._rest + ''.join(parts)
+        self._rest = text[wanted:]
+        return text[:wanted]
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(_COMMENTS)
+
+
+def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
+    """
+    Return how a table is written, by its first lines, and how many lines are above the data.
+
+    Raises
+    ------
+    InputError
+        Where there are no rows of at least two numbers.
+    """
+    odd = sum(not (ch.isprintable() or ch in '\t\r\n\f\v') for line in head for ch in line)
+    if odd > 0.02 * sum(map(len, head)):
+        raise InputError(f'{name}: not a text file; expected a table with a header')
+    plain = [(i, line) for i, line in enumerate(head) if line.strip() and not _is_comment(line)]
+    quoted = any('"' in line for _, line in plain)
+    best: tuple[float, int, int, Dialect | None] = (0.0, 0, 0, None)
+    for separator in _SEPARATORS:
+        if separator == _BLANK and best[0] >= 3.0:
+            break  # blanks part the words of a note too
+        grid = [split(line, separator) for _, line in plain]
+        for decimal in '.,':
+            if decimal == separator and not quoted:
+                continue
+            first, width = layout.find_data(grid, decimal)
+            if first < 0 or width < 2:
+                continue
+            rows = grid[first:]
+            readings = sum(layout.is_reading(cell, decimal) for row in rows for cell in row)
+            # of equals the one whose sign before decimals is met
+            score = readings / len(rows) + 0.5 * _decimals(rows, decimal)
+            if score > best[0]:
+                found = layout.Layout([], {}, first, width)
+                best = (score, plain[first][0], first, Dialect(separator, decimal, found))
+    _, line_at, first, dialect = best
+    if dialect is None:
+        if len(plain) == 1 and any(ch.isalpha() for ch in plain[0][1]):
+            raise InputError(f'{name}: a header but no rows; expected measurements below it')
+        one = sum(layout.is_number(line) or layout.is_number(line, ',') for _, line in plain)
+        raise InputError(f'{name}: ' + ('one column of numbers' if one > 0.5 * len(plain) else
+                                        'no rows of numbers were found')
+                         + '; expected a table with columns for strain (or length), pressure and '
+                         'force')
+    above = [_header_cells(line, dialect, dialect.layout.width) for line in head[:line_at]
+             if line.strip()]
+    names, units = layout.find_names(above, dialect.layout.width)
+    return dialect._replace(layout=layout.Layout(names, units, first, dialect.layout.width)
+                            ), line_at
+
+
+def _decimals(rows: list[list[str]], decimal: str) -> float:
+    """Return the share of cells with this sign before decimals."""
+    cells = [cell for row in rows for cell in row if cell.strip()]
+    return sum(decimal in cell and layout.is_number(cell, decimal) for cell in cells) / max(
+        len(cells), 1)
+
+
+def split(line: str, separator: str) -> list[str]:
+    """Return a line's cells, quotes taken off."""
+    line = line.strip('\r\n')
+    if separator == _BLANK:
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator,
+                                                         skipinitialspace=True), [])]
+    except csv.Error:
+        return [cell.strip().strip('"') for cell in line.split(separator)]
+
+
+def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
+    """Return the cells of a line above the data, be it a comment or written another way."""
+    text = line.strip('\r\n')
+    for sign in _COMMENTS:
+        if text.lstrip().startswith(sign):
+            text = text.lstrip().lstrip(sign)
+            break
+    separators = [dialect.separator] if dialect.separator != _BLANK else []
+    tries = [split(text, separator) for separator in separators]
+    tries += [split(text, separator) for separator in (',', ';', '\t', '|')
+              if separator not in separators]
+    # blanks: two or more part the names, or one where brackets keep a unit with its name
+    tries.append(list(re.split(r'\s{2,}|\t', text.strip())))
+    tries.append(re.findall(r'[^\s\[({]+(?:\s*[\[({][^\])}]*[\])}])?|[\[({][^\])}]*[\])}]',
+                            text))
+    if dialect.separator == _BLANK:
+        tries.append(text.split())
+    tries[:0] = [tries[0]]
+    fitting = [cells for cells in tries if len(layout.trimmed(cells)) == width]
+    return fitting[0] if fitting else tries[0]
+
+
+def _bad_line(name: str, error: Exception, rows: _Rows) -> InputError:
+    match = re.search(r'Expected (\d+) fields in line (\d+), saw (\d+)', str(error))
+    if match:
+        at = int(match[2]) - 1
+        row = rows.numbers[at] if at < len(rows.numbers) else at + 1
+        return InputError(f'{name}, row {row}: {match[3]} cells; expected {match[1]}')
+    first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+    return InputError(f'{name}: cannot be read as a table ({first})')

@@ -1,0 +1,109 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Excel workbooks (.xlsx) by pandas and openpyxl."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+import zipfile
+
+import numpy as np
+
+from fam_bundle_ros.data.formats import arrays, layout
+from fam_bundle_ros.data.formats.table import library, MAX_BYTES, pandas_of, Table, unique
+from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.errors import InputError
+
+_SNIFFED = 400
+
+
+def read_zip(path: Path, sheet: str | None = None) -> Table:
+    """Return the table of a file that is a zip inside: a workbook or an .npz."""
+    try:
+        with zipfile.ZipFile(path) as packed:
+            names = packed.namelist()
+            if sum(entry.file_size for entry in packed.infolist()) > MAX_BYTES:
+                raise InputError(f'{path.name}: more than {MAX_BYTES / 1e9:.1f} GB when unpacked; '
+                                 'expected less (decimate or split the log)')
+    except zipfile.BadZipFile as error:
+        raise InputError(f'{path.name}: damaged; expected a workbook (.xlsx)') from error
+    if 'xl/workbook.xml' in names:
+        return read_workbook(path, sheet)
+    if any(name.endswith('.npy') for name in names):
+        return arrays.read_npz(path, sheet)
+    if 'content.xml' in names:
+        raise InputError(f'{path.name}: an OpenDocument file; expected it saved as .xlsx or .csv')
+    raise InputError(f'{path.name}: a compressed folder; expected it unpacked')
+
+
+def read_workbook(path: Path, sheet: str | None = None) -> Table:
+    """
+    Return a sheet's table: the one that is named, else the one with most known columns.
+
+    Raises
+    ------
+    InputError
+        For a damaged workbook, a sheet that is not there, and one without rows of numbers.
+    """
+    pandas = pandas_of(path.name)
+    library('openpyxl', path.name)
+    try:
+        sheets = pandas.read_excel(path, sheet_name=None, header=None, dtype=object,
+                                   engine='openpyxl', na_filter=False)
+    except Exception as error:  # openpyxl raises its own and zip's, xml's, ...
+        first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f'{path.name}: cannot be read as a workbook ({first[:80]})') from error
+    if sheet is not None and sheet not in sheets:
+        raise InputError(f"{path.name}: no sheet '{sheet}'; expected one of {', '.join(sheets)}")
+    names = list(sheets) if sheet is None else [sheet]
+    found = [(table, known) for name in names
+             for table, known in [_of_sheet(path.name, name, sheets[name])] if table is not None]
+    if not found:
+        raise InputError(f'{path.name}: no rows of numbers in {", ".join(names)}; expected a '
+                         'table (formulas need the values that Excel saves with them)')
+    table, known = max(found, key=lambda pair: pair[1])
+    others = [other.kind for other, also in found if other is not table and also >= known]
+    notes = (f'not read: {", ".join(others)} (tell the sheet)',) if others else ()
+    return Table(table.name, table.kind, table.columns, table.units, table.rows, notes)
+
+
+def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
+    """Return a sheet's table, or None, and how many of its columns are known."""
+    values = frame.to_numpy(object)
+    head = [[_text(cell) for cell in row] for row in values[:_SNIFFED]]
+    # columns that are blank from top to bottom are margins
+    used = [j for j in range(values.shape[1]) if any(row[j].strip() for row in head)]
+    head = [[row[j] for j in used] for row in head]
+    decimal = max('.,', key=lambda sign: sum(layout.is_number(cell, sign)
+                                             for row in head for cell in row) + (sign == '.'))
+    filled = [i for i, row in enumerate(head) if any(cell.strip() for cell in row)]
+    first, width = layout.find_data([head[i] for i in filled], decimal)
+    if first < 0:
+        return None, 0
+    names, units = layout.find_names([head[i] for i in filled[:first]], width)
+    names = unique(names)
+    begin = filled[first]
+    columns = {name: _column(values[begin:, j], decimal) for name, j in zip(names, used)}
+    kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
+    columns = {name: column[kept] for name, column in columns.items()}
+    known = sum(recognise(name, units.get(name, '')).quantity != '' for name in names)
+    return Table(file, f'sheet {sheet}', columns, units,
+                 np.flatnonzero(kept) + begin + 1), known
+
+
+def _text(cell: Any) -> str:
+    return '' if cell is None or cell != cell else str(cell)
+
+
+def _column(cells: np.ndarray, decimal: str) -> np.ndarray:
+    """Return a column's cells as floats, or as text where one is neither number nor blank."""
+    values = np.full(len(cells), np.nan)
+    for i, cell in enumerate(cells):
+        if isinstance(cell, (int, float)) and not isinstance(cell, bool):
+            values[i] = cell
+        elif not layout.is_blank(text := _text(cell)):
+            if not layout.is_number(text, decimal):
+                return np.array([_text(cell) for cell in cells], object)
+            values[i] = float(text.replace(',', '.') if decimal == ',' else text.replace(',', ''))
+    return values

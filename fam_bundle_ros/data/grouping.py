@@ -1,0 +1,111 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Groups of samples that people think in: isobars, strain bins, directions, blocks of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fam_bundle_ros.data.measurement import Measurement
+
+
+def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the isobars of a pressure record: level of each sample (T,) int, mean per level (k,) Pa.
+
+    Levels are found as gaps in the sorted pressures; where there are none (a sweep) or too many
+    the range is cut into eight equal bins.
+    """
+    ordered = np.sort(column)
+    span = ordered[-1] - ordered[0]
+    if span <= 0:
+        return np.zeros(len(column), int), column[:1].copy()
+    # a gap is a step far larger than what lies within an isobar
+    steps = np.diff(ordered)
+    edges = ordered[:-1][steps > span / 60] + steps[steps > span / 60] / 2
+    index = np.searchsorted(edges, column)
+    spread = max(np.ptp(column[index == k]) for k in range(len(edges) + 1))
+    if not len(edges) or len(edges) >= most or spread > span / 4:
+        edges = np.linspace(ordered[0], ordered[-1], 9)[1:-1]
+        index = np.searchsorted(edges, column)
+    _, index = np.unique(index, return_inverse=True)
+    count = np.bincount(index)
+    return index, np.bincount(index, column) / count
+
+
+def varying_unit(measurement: Measurement) -> int:
+    """Return the motor unit whose pressure varies most: the one that isobars are named by."""
+    return int(np.argmax(measurement.pressure.std(axis=0)))
+
+
+def strain_bins(strain: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bin of each sample (T,) int and the edges (count + 1,), of equal width."""
+    low, high = float(strain.min()), float(strain.max())
+    edges = np.linspace(low, high, count + 1)
+    levels = np.unique(np.round(strain, 4))
+    if len(levels) <= count:  # a map at a few strains: bins between them
+        middle = (levels[1:] + levels[:-1]) / 2
+        edges = np.concatenate([[levels[0] - 1e-6], middle, [levels[-1] + 1e-6]])
+    return np.clip(np.searchsorted(edges, strain, side='right') - 1, 0, len(edges) - 2), edges
+
+
+def blocks(measurement: Measurement) -> dict[str, np.ndarray]:
+    """
+    Return the ways to leave data out: name of the scheme to a block label per sample (T,) int.
+
+    `isobar`, `strain`, `trial`, `direction`, `time`: those that the data offers.
+    """
+    schemes: dict[str, np.ndarray] = {}
+    unit = varying_unit(measurement)
+    level, means = pressure_levels(measurement.pressure[:, unit])
+    if len(means) >= 3:
+        schemes['isobar'] = merge(level, 8)
+    trials = len(measurement.trial_names)
+    if trials >= 3:
+        schemes['trial'] = merge(measurement.trial, 8)
+    if measurement.is_static:
+        bins, edges = strain_bins(measurement.strain, 6)
+        if len(edges) > 3:
+            schemes['strain'] = bins
+        return schemes
+    if len(np.unique(measurement.direction[measurement.direction != 0])) == 2:
+        schemes['direction'] = (measurement.direction > 0).astype(int)
+    if trials < 8:
+        rows = np.arange(len(measurement))
+        schemes['time'] = np.minimum(rows * 8 // len(rows), 7)
+    return schemes
+
+
+def merge(labels: np.ndarray, most: int) -> np.ndarray:
+    """Return at most so many blocks, neighbours of the label order taken together."""
+    _, index = np.unique(labels, return_inverse=True)
+    count = int(index.max()) + 1
+    return index if count <= most else index * most // count
+
+
+def rms(values: np.ndarray | Sequence[float]) -> float:
+    """Return the root mean square."""
+    values = np.asarray(values, float)
+    return float(np.sqrt(np.mean(values * values))) if len(values) else float('nan')
+
+
+def reversals(data: Measurement) -> np.ndarray:
+    """
+    Return the rows whose direction of motion cannot be known, (T,) bool.
+
+    Between the last sample one way and the first one back the force of friction may be anything;
+    nor is it known how a trial was entered. Rests in between are told apart from a reversal.
+    """
+    if data.is_static:
+        return np.zeros(len(data), bool)
+    turn = (data.direction[1:] * data.direction[:-1] < 0) | (data.trial[1:] != data.trial[:-1])
+    unsure = data.start.copy()
+    unsure[1:] |= turn
+    unsure[:-1] |= turn & (data.trial[1:] == data.trial[:-1])
+    still = np.zeros(len(data), bool)
+    still[1:] = unsure[:-1] & (data.trial[1:] == data.trial[:-1]) & ~data.start[:-1]
+    before = np.zeros(len(data), bool)
+    before[:-1] = unsure[1:] & (data.trial[1:] == data.trial[:-1]) & ~data.start[1:]
+    return unsure | still | before

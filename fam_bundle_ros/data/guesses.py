@@ -1,0 +1,94 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Units of columns that carry none, where only one would make sense.
+
+Where two would, the message names both and what to write; what was guessed is always said.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fam_bundle_ros.data.vocabulary import Unit, unit_of
+from fam_bundle_ros.errors import InputError
+
+#: Quantity: units that people leave out, and between what the largest reading then is (SI).
+_USUAL = {
+    'pressure': (('kPa', 'bar', 'MPa', 'psi', 'Pa', 'mbar'), 50e3, 1.2e6),
+    'force': (('N',), 0.0, 20e3),
+    'strain': (('1', '%'), 0.0, 0.6),
+    'strain_rate': (('1/s',), 0.0, np.inf),
+}
+#: The same for lengths, as shares of the rest length: no braid shortens by more than 0.42.
+_LENGTHS = {'length': (0.6, 1.15), 'contraction': (0.03, 0.45), 'elongation': (0.03, 0.45),
+            'shift': (0.03, 0.45)}
+_LIKE = {'pressure': 'Pa', 'force': 'N', 'strain': '1', 'strain_rate': '1/s'}
+
+
+def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
+               rest_length: float | None) -> tuple[Unit, str]:
+    """
+    Return the unit that a column without one must have, and the words that say so.
+
+    Parameters
+    ----------
+    name, header : str
+        File and column, for messages.
+    quantity : str
+    values : ndarray, shape (T,)
+        As they stand in the file.
+    rest_length : float, m, optional
+        Tells the unit of lengths.
+
+    Raises
+    ------
+    InputError
+        Where several units would do, or none.
+    """
+    # not the largest: a single slip must not choose the unit of all
+    top = float(np.nanpercentile(np.abs(values), 99)) if np.isfinite(values).any() else 0.0
+    if quantity in _USUAL:
+        names, low, high = _USUAL[quantity]
+        units = [unit for unit in (unit_of(text, _LIKE[quantity]) for text in names) if unit]
+        if quantity == 'strain' and top <= 1.0:
+            units = units[:1]  # no muscle shortens by less than 1 % from end to end
+        fitting = [unit for unit in units if low <= top * unit.factor <= high]
+    else:
+        low, high = _LENGTHS[quantity]
+        fitting = []
+        if rest_length is not None:
+            units = [unit for unit in (unit_of(text, 'm') for text in ('mm', 'cm', 'm', 'in'))
+                     if unit]
+            fitting = [unit for unit in units
+                       if low <= top * unit.factor / rest_length <= high]
+        if quantity in ('contraction', 'elongation', 'shift'):
+            ratio, percent = unit_of('1', '1'), unit_of('%', '1')
+            fitting += [unit for unit in (ratio, percent)
+                        if unit and low <= top * unit.factor <= high]
+    if len(fitting) == 1:
+        said = '' if fitting[0].text == '1' else f'{fitting[0].text} guessed, no unit given'
+        return fitting[0], said
+    texts = [unit.text.replace('1', 'ratio') for unit in fitting]
+    example = fitting[0].text if fitting else {'pressure': 'kPa', 'force': 'N', 'strain': '%',
+                                               'length': 'mm'}.get(quantity, 'mm')
+    reason = f' (up to {top:.4g} could be {" or ".join(texts)})' if texts else (
+        f' (up to {top:.4g})')
+    raise InputError(f"{name}: column '{header}' has no unit{reason}; expected it told, for "
+                     f'example --columns "{quantity.replace("shift", "contraction")}={header} '
+                     f'[{example}]"')
+
+
+def time_unit(values: np.ndarray) -> tuple[Unit, str]:
+    """Return the unit of a clock without one: s, or what Unix and spreadsheets count in."""
+    finite = values[np.isfinite(values)]
+    top = float(np.abs(finite).max()) if len(finite) else 0.0
+    for least, text in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms')):
+        unit = unit_of(text, 's')
+        if top > least and unit is not None:
+            return unit, f'{text} since 1970, by its size'
+    steps = np.abs(np.diff(finite))
+    steps = steps[steps > 0]
+    if 2e4 < top < 1e6 and len(steps) and np.median(steps) < 2e-5:
+        return Unit('d', 86400.0, 's'), 'days, as spreadsheets count'
+    return Unit('s', 1.0, 's'), ''

@@ -1,0 +1,406 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A measurement of a muscle or a bundle: arrays in SI units, with trials, direction and rate.
+
+`Measurement` is what every step of discovery takes. It comes from a file of any format
+(`formats`), a ROS 2 bag (`bagfile`) or a pandas frame; whichever way, `build` applies the same
+checks, and a wrong unit or a row of nonsense ends in one sentence that says where.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import csv
+from dataclasses import dataclass, field, replace
+import hashlib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fam_bundle_ros.data import checks, rates
+from fam_bundle_ros.errors import InputError
+
+#: Fewer rows than this cannot carry a comparison.
+MIN_ROWS = 12
+#: More rows than this are refused before they are held in memory (about 0.5 GB of arrays).
+MAX_ROWS = 5_000_000
+#: The best load cells are good to this share of the largest force; what is less is rounding.
+RESOLUTION = 1e-4
+#: Strain (0.3 um of 300 mm) and share of the largest pressure that no sensor tells from rest.
+_REST_STRAIN, _REST_PRESSURE = 1e-6, 0.01
+#: Less than this is one strain, and one pressure (share of the largest).
+_ONE_STRAIN, _ONE_PRESSURE = 1e-4, 0.01
+
+#: What `Measurement.direction` was read from.
+REST, BY_STRAIN, BY_PRESSURE = 0, 1, 2
+
+
+class Taken(NamedTuple):
+    """
+    What a column of a file was taken for.
+
+    Attributes
+    ----------
+    header : str
+        As it stands in the file.
+    quantity : str
+        'time', 'trial', 'strain', 'contraction', 'elongation', 'length', 'pressure',
+        'pressure.<motor unit>', 'force', 'strain_rate'; empty where the column is not used.
+    unit : str
+    sign : int
+        -1 where the sign was turned round.
+    why : str
+        Where the unit or the sign were guessed, or why the column is not used.
+    """
+
+    header: str
+    quantity: str
+    unit: str = ''
+    sign: int = 1
+    why: str = ''
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """
+    Measured force against strain and pressure, in SI units.
+
+    Attributes
+    ----------
+    name : str
+        Where it comes from, for messages and reports.
+    strain : ndarray, shape (T,)
+        Contraction over rest length, positive when shorter.
+    pressure : ndarray, shape (T, n), Pa (gauge)
+        One column per motor unit.
+    force : ndarray, shape (T,), N
+        Tension positive.
+    trial : ndarray of int, shape (T,)
+        Index into ``trial_names``; rows of one trial are neighbours.
+    time : ndarray, shape (T,), s, or None
+        Clock time; increasing within a trial (rows that shared a stamp are spread evenly up to
+        the next, `checks.spread_stamps`). None for a static map.
+    strain_rate : ndarray, shape (T,), 1/s
+        Smoothed slope of the strain, zero for a static map.
+    rate_noise : float, 1/s
+        Standard deviation of the noise left in ``strain_rate``.
+    direction : ndarray of int, shape (T,)
+        +1 shortening, -1 lengthening; where the strain rests, +1 filling, -1 venting (either
+        would shorten or lengthen a free muscle); 0 at rest or unknown.
+    motor_units : tuple of str
+        Names of the pressure columns, empty names for a single muscle.
+    sha256 : str
+        Digest of the file that was read, empty when there was none.
+    notes : tuple of str
+        What a reader should know: oddities that are not errors.
+    direction_basis : ndarray of int, shape (T,)
+        What ``direction`` was read from: `REST`, `BY_STRAIN` or `BY_PRESSURE`.
+    dropped : mapping of str to int
+        Rows that were left out, by reason.
+    taken : tuple of Taken
+        What each column of the file was taken for; empty for arrays and bags.
+    rest_length : float, m, or None
+        By which lengths were made strains, None where there were none.
+    """
+
+    name: str
+    strain: np.ndarray
+    pressure: np.ndarray
+    force: np.ndarray
+    trial: np.ndarray
+    time: np.ndarray | None = None
+    strain_rate: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    rate_noise: float = 0.0
+    direction: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    trial_names: tuple[str, ...] = ('0',)
+    motor_units: tuple[str, ...] = ('mu1',)
+    sha256: str = ''
+    notes: tuple[str, ...] = ()
+    direction_basis: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    taken: tuple[Taken, ...] = ()
+    rest_length: float | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.direction_basis) != len(self.direction):
+            # made by hand with a direction alone: that of the strain
+            object.__setattr__(self, 'direction_basis',
+                               np.where(self.direction != 0, BY_STRAIN, REST))
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    @property
+    def is_static(self) -> bool:
+        """True for a map without time: nothing that depends on history can be seen."""
+        return self.time is None
+
+    @property
+    def start(self) -> np.ndarray:
+        """Return a (T,) bool array, True at the first sample of each trial."""
+        first = np.ones(len(self), bool)
+        first[1:] = np.diff(self.trial) != 0
+        return first
+
+    @property
+    def clock(self) -> np.ndarray:
+        """Return the time, or for a static map seconds that merely count the rows, (T,)."""
+        return np.arange(len(self), dtype=float) if self.time is None else self.time
+
+    @property
+    def dropped_words(self) -> str:
+        """What was left out and why, empty where nothing was."""
+        total = sum(self.dropped.values())
+        if not total:
+            return ''
+        reasons = ', '.join(f'{count} {reason}' for reason, count in self.dropped.items())
+        return f'{total} of {total + len(self)} rows left out: {reasons}'
+
+    def select(self, keep: np.ndarray, reason: str = '') -> Measurement:
+        """
+        Return the rows where ``keep`` (bool or index array, shape (T,)) holds.
+
+        With a ``reason`` the others are counted in ``dropped``.
+        """
+        names = ('strain', 'pressure', 'force', 'trial', 'strain_rate', 'direction',
+                 'direction_basis')
+        picked = {name: getattr(self, name)[keep] for name in names if len(getattr(self, name))}
+        dropped = dict(self.dropped)
+        gone = len(self) - len(picked['force'])
+        if reason and gone:
+            dropped[reason] = dropped.get(reason, 0) + gone
+        return replace(self, time=None if self.time is None else self.time[keep],
+                       dropped=dropped, **picked)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return where the data come from and what was taken and left out, as plain values."""
+        return {'name': self.name, 'sha256': self.sha256, 'rows': len(self),
+                'trials': len(self.trial_names), 'dropped': dict(self.dropped),
+                'columns': [taken._asdict() for taken in self.taken], 'notes': list(self.notes)}
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame in SI units (pandas is an extra: `tools`)."""
+        import pandas
+        columns: dict[str, Any] = {}
+        if self.time is not None:
+            columns['time [s]'] = self.time
+        columns['trial'] = [self.trial_names[i] for i in self.trial]
+        columns['strain'] = self.strain
+        for label, values in zip(pressure_labels(self), self.pressure.T):
+            columns[f'{label} [Pa]'] = values
+        columns['force [N]'] = self.force
+        if self.time is not None:
+            columns['strain_rate [1/s]'] = self.strain_rate
+            columns['direction'] = self.direction
+        return pandas.DataFrame(columns)
+
+    def __str__(self) -> str:
+        low, high = self.pressure.min() / 1e3, self.pressure.max() / 1e3
+        kind = 'static map' if self.time is None else counted(len(self.trial_names), 'trial')
+        units = 'one muscle' if self.pressure.shape[1] == 1 else (
+            f'{self.pressure.shape[1]} motor units')
+        lines = [f'{self.name}: {len(self)} samples, {kind}, {units}, strain '
+                 f'{self.strain.min():.3f} to {self.strain.max():.3f}, pressure {low:.0f} to '
+                 f'{high:.0f} kPa, force {self.force.min():.0f} to {self.force.max():.0f} N']
+        said = [*([self.dropped_words] if self.dropped else []), *self.notes]
+        return '\n'.join(lines + [f'  note: {note}' for note in said])
+
+    def __repr__(self) -> str:
+        return f'<Measurement {str(self).splitlines()[0]}>'
+
+
+def pressure_labels(measurement: Measurement) -> list[str]:
+    """Return the pressure columns' names: `pressure`, or `pressure.mu1`, ... for a bundle."""
+    if measurement.pressure.shape[1] == 1:
+        return ['pressure']
+    return [f'pressure.{name}' for name in measurement.motor_units]
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number and a noun: `1 trial`, `2 trials`."""
+    return f'{number} {noun}{"s" * (number != 1)}'
+
+
+def file_digest(path: str | Path) -> str:
+    """Return a file's SHA-256 in hex, read in pieces."""
+    digest = hashlib.sha256()
+    with open(path, 'rb') as stream:
+        for piece in iter(lambda: stream.read(1 << 20), b''):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def write_csv(measurement: Measurement, path: str | Path,
+              extra: dict[str, np.ndarray] | None = None) -> None:
+    """
+    Write a measurement as a CSV that `read_measurement` takes (s, kPa, N).
+
+    Parameters
+    ----------
+    extra : dict of str to ndarray (T,), optional
+        More columns, named with their unit, such as ``'model_force [N]'``.
+    """
+    header, columns = [], []
+    if measurement.time is not None:
+        header, columns = ['time [s]'], [[f'{t:.6g}' if t < 1e3 else f'{t:.6f}'
+                                          for t in measurement.time]]
+    header += ['trial', 'strain'] + [f'{label} [kPa]' for label in pressure_labels(measurement)]
+    columns.append([measurement.trial_names[i] for i in measurement.trial])
+    columns.append([f'{v:.7g}' for v in measurement.strain])
+    columns += [[f'{v / 1e3:.6g}' for v in values] for values in measurement.pressure.T]
+    header.append('force [N]')
+    columns.append([f'{v:.6g}' for v in measurement.force])
+    for label, values in (extra or {}).items():
+        header.append(label)
+        columns.append([f'{v:.6g}' for v in values])
+    with open(path, 'w', newline='', encoding='utf-8') as stream:
+        writer = csv.writer(stream)
+        writer.writerow(header)
+        writer.writerows(zip(*columns))
+
+
+def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
+          trial: Sequence[Any] | np.ndarray | None = None, time: np.ndarray | None = None,
+          motor_units: Sequence[str] = ('mu1',), strain_rate: np.ndarray | None = None,
+          rows: np.ndarray | None = None, notes: Sequence[str] = (),
+          units: Mapping[str, tuple[str, float]] | None = None, max_pressure: float | None = None,
+          max_strain: float | None = None) -> Measurement:
+    """
+    Check SI arrays and make a `Measurement` of them: the one gate that every reader uses.
+
+    Rows without a finite number in every column are left out and counted. Rows that share a time
+    stamp are left out too where they repeat the row before in all columns (a row written
+    twice); where they differ the clock is coarser than the sampling, and they are spread evenly
+    up to the next stamp (`checks.spread_stamps`). One strain only (isometric) or
+    one pressure only (isobaric) is enough.
+
+    Parameters
+    ----------
+    rows : ndarray of int, shape (T,), optional
+        What to call each row in messages; by default 1, 2, ...
+    units : dict, optional
+        The unit that each quantity was given in and its factor to SI, for messages.
+    max_pressure, max_strain : float, optional
+        Limits of this muscle (Pa gauge, 1), where it goes further than others.
+
+    Raises
+    ------
+    InputError
+        For too few or too many rows, a reading out of range, time that runs backwards, and data
+        in which neither strain nor pressure changes.
+    """
+    strain, force = np.asarray(strain, float), np.asarray(force, float)
+    pressure = np.asarray(pressure, float)
+    pressure = pressure[:, None] if pressure.ndim == 1 else pressure
+    time = None if time is None else np.asarray(time, float)
+    rows = np.arange(1, len(force) + 1) if rows is None else np.asarray(rows)
+    if len(force) > MAX_ROWS:
+        raise InputError(f'{name}: {len(force)} rows; expected at most {MAX_ROWS} '
+                         '(decimate or split the log)')
+    labels = ['pressure'] if pressure.shape[1] == 1 else [f'pressure.{m}' for m in motor_units]
+    named = {'strain': strain, 'force': force, **dict(zip(labels, pressure.T))}
+    if time is not None:
+        named['time'] = time
+    if strain_rate is not None:
+        named['strain_rate'] = np.asarray(strain_rate, float)
+    keep, dropped, words = _complete(named, rows, None if trial is None else np.asarray(trial))
+    if keep.sum() < MIN_ROWS:
+        raise InputError(f'{name}{words}: only {int(keep.sum())} rows; expected at least '
+                         f'{MIN_ROWS} with a number in every column')
+    if not keep.all():
+        rows, named = rows[keep], {label: values[keep] for label, values in named.items()}
+        trial = None if trial is None else np.asarray(trial)[keep]
+    limits = checks.ranges(max_pressure, max_strain)
+    for label, values in named.items():
+        quantity = label.partition('.')[0]
+        if quantity in limits:
+            checks.check_range(name, label, values, rows, (units or {}).get(label), quantity,
+                               limits[quantity])
+    trials = checks.trials_of(name, trial, named.get('time'), rows)
+    if trials.order is not None:
+        named = {label: values[trials.order] for label, values in named.items()}
+    notes = list(notes)
+    strain, force = named['strain'], named['force']
+    pressure = np.stack([named[label] for label in labels], -1)
+    notes += _what_does_not_change(name, strain, pressure)
+    notes += checks.odd_signs(strain, pressure, force)
+    if time is None:
+        still = np.zeros(len(force), int)
+        return Measurement(name, strain, pressure, force, trials.of_row, None,
+                           np.zeros(len(force)), 0.0, still, trials.names, tuple(motor_units),
+                           '', tuple(notes), still, dropped)
+    time = checks.spread_stamps(named['time'], trials.of_row)
+    shared = int((np.diff(named['time'])[np.diff(trials.of_row) == 0] == 0).sum())
+    if shared:
+        notes.append(f'{counted(shared, "row")} with the time stamp of the row before: spread '
+                     'evenly up to the next stamp')
+    if not np.ptp(time) > 0:
+        raise InputError(f'{name}: time stands still at {time[0]:.6g} s; expected it to increase, '
+                         'or no column for it')
+    rate, rate_noise = rates.slope(time, strain, trials.of_row)
+    rate = named.get('strain_rate', rate)
+    direction, basis = _directions(time, strain, pressure, trials.of_row, rate, rate_noise)
+    return Measurement(name, strain, pressure, force, trials.of_row, time, rate, rate_noise,
+                       direction, trials.names, tuple(motor_units), '', tuple(notes), basis,
+                       dropped)
+
+
+def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarray | None,
+              ) -> tuple[np.ndarray, dict[str, int], str]:
+    """Return the rows to keep, (T,) bool, what the others lack, and where the first of them is."""
+    keep = np.ones(len(rows), bool)
+    dropped, words = {}, ''
+    for label, values in named.items():
+        bad = keep & ~np.isfinite(values)
+        if bad.any():
+            words = words or f', row {rows[np.argmax(bad)]}: {label} is not a finite number'
+            dropped[f'without a number in {label}'] = int(bad.sum())
+            keep &= ~bad
+    if 'time' in named:
+        kept = np.flatnonzero(keep)
+        shared = np.diff(named['time'][kept]) == 0
+        again = shared.copy()
+        for values in (*named.values(), *([] if trial is None else [trial])):
+            again &= values[kept[1:]] == values[kept[:-1]]
+        # readings that stand still under a coarse clock are no repeats: others then move
+        if again.any() and again.sum() > 0.9 * shared.sum():
+            dropped['that repeat the row before'] = int(again.sum())
+            keep[kept[1:][again]] = False
+    return keep, dropped, words
+
+
+def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:
+    isometric = np.ptp(strain) < _ONE_STRAIN
+    span = np.ptp(pressure, axis=0).max()
+    isobaric = span < max(1e3, _ONE_PRESSURE * np.abs(pressure).max())
+    if isometric and isobaric:
+        raise InputError(
+            f'{name}: neither strain ({strain.mean():.4f}) nor pressure '
+            f'({pressure.mean() / 1e3:.1f} kPa) changes; expected at least one of them to')
+    if isometric:
+        return [f'one strain only ({strain.mean():.4f}): effects of strain cannot be told apart']
+    if isobaric:
+        return [f'one pressure only ({pressure.mean() / 1e3:.1f} kPa): effects of pressure cannot '
+                'be told apart']
+    return []
+
+
+def _directions(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray, trial: np.ndarray,
+                rate: np.ndarray, rate_noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return direction and what it was read from: the strain's rate, else the pressure's."""
+    least = max(_REST_STRAIN, 2.0 * rates.signal_step(strain, trial))
+    way = rates.direction(time, rate, rate_noise, trial, least)
+    basis = np.where(way != 0, BY_STRAIN, REST)
+    resting = way == 0
+    top = float(np.abs(pressure).max())
+    # the motor unit whose pressure changes most says which way
+    column = pressure[:, int(np.argmax(pressure.std(axis=0)))]
+    if resting.any() and np.ptp(column) > _REST_PRESSURE * top:
+        slope, noise = rates.slope(time, column, trial)
+        least = max(_REST_PRESSURE * top, 2.0 * rates.signal_step(column, trial))
+        filling = rates.direction(time, slope, noise, trial, least)
+        way = np.where(resting, filling, way)
+        basis = np.where(resting & (filling != 0), BY_PRESSURE, basis)
+    return way, basis

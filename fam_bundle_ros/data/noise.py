@@ -1,0 +1,370 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The noise floor of a force measurement, three ways, none of which trusts the model's shape.
+
+- second differences: neighbours within one pass; sees white noise only
+- repeats: the same strain, pressure and direction met again later; sees all that does not repeat
+- visits: means of whole visits to a cell; against what white noise allows, it sees coloured noise
+
+A load cell that is read in steps q has rounding noise of q / sqrt(12), which neighbours of equal
+reading do not show: no estimate is below it.
+
+The residual of a fair model takes the slope out of the differences; any smooth error that the
+model has drops out again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.trials import trial_offsets
+
+#: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
+_LOOPS = 0.2
+#: Strains closer than this are one.
+_ONE_STRAIN = 2e-4
+_ROBUST = 1.4826  # median absolute deviation -> standard deviation, normal noise
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """
+    How much of the force does not repeat.
+
+    Attributes
+    ----------
+    value : float, N
+        The floor that errors are held against (standard deviation).
+    differences, repeats, visits : float or None, N
+        The three estimates; None where the data cannot give one.
+    correlation : float
+        Samples per independent sample, 1 for white noise (from visits against differences).
+    basis : str
+        Which estimate ``value`` is.
+    in_file_order, in_strain_order : float or None, N
+        For a map without time, how far an isobar's rows are from smooth, as they follow in the
+        file and sorted by strain; None with time, and where the file has no sweeps.
+    quantum : float, N
+        Step that the load cell is read in, 0 where none is seen.
+    note : str
+        What a disagreement between the estimates tells, empty when they agree.
+    """
+
+    value: float
+    differences: float | None
+    repeats: float | None
+    visits: float | None
+    correlation: float
+    basis: str
+    note: str = ''
+    in_file_order: float | None = None
+    in_strain_order: float | None = None
+    quantum: float = 0.0
+
+    @property
+    def hides_loops(self) -> bool:
+        """Whether a map without time counts loops (or drift) as noise."""
+        return (self.in_file_order is not None and self.in_strain_order is not None
+                and self.in_file_order < _LOOPS * self.in_strain_order)
+
+    def __str__(self) -> str:
+        def show(number: float | None) -> str:
+            return '-' if number is None else f'{number:.3g} N'
+        found = {'second differences': self.differences, 'repeats': self.repeats,
+                 'visits': self.visits}
+        others = ', '.join(f'{name} {show(value)}' for name, value in found.items()
+                           if name != self.basis)
+        if self.quantum > 0.5 * self.value:
+            others += f'; read in steps of {self.quantum:.3g} N'
+        text = f'noise floor {self.value:.3g} N by {self.basis} ({others})'
+        return text + (f'\n  {self.note}' if self.note else '')
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers and text."""
+        return asdict(self)
+
+
+def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) -> NoiseFloor:
+    """
+    Estimate the noise floor of the force.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    residual : ndarray, shape (T,), N, optional
+        Measured minus modelled force; by default the force itself (then slopes remain).
+
+    Returns
+    -------
+    NoiseFloor
+    """
+    values = measurement.force if residual is None else residual
+    if not measurement.is_static:
+        return _floor(measurement, values)
+    # rows of a map are neighbours across its trials: what those differ by is no noise
+    offsets = trial_offsets(measurement, values)
+    if offsets is not None:
+        values = values - offsets.rows
+    floor = _floor(measurement, values)
+    if offsets is not None:
+        floor = replace(floor, note=str(offsets))
+    floor = replace(floor, in_file_order=_smoothness(measurement, values, by_strain=False),
+                    in_strain_order=_smoothness(measurement, values, by_strain=True))
+    if not floor.hides_loops:
+        return floor
+    return replace(floor, note='rows that follow each other in the file agree to '
+                   f'{floor.in_file_order:.2g} N, rows of equal strain and pressure only to '
+                   f'{floor.in_strain_order:.2g} N: loops or drift, which cannot be judged '
+                   'without time')
+
+
+def force_step(force: np.ndarray) -> float:
+    """
+    Return the step that a load cell is read in, N, 0 where none is seen.
+
+    All distances between readings are multiples of it.
+
+    Examples
+    --------
+    >>> force_step(0.5 * np.round(np.linspace(0.0, 60.0, 300) / 0.5))
+    0.5
+    """
+    levels = np.unique(force)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * max(float(np.ptp(force)), 1e-12)]
+    if len(gaps) < 8:
+        return 0.0
+    share = gaps / gaps.min()
+    return float(gaps.min()) if np.mean(np.abs(share - np.round(share)) < 0.05) > 0.99 else 0.0
+
+
+def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
+    """
+    Return the standard deviation of differences with outliers, by their median deviation.
+
+    Differences of quantised readings are multiples of the step: where the step is not small
+    beside them, the median deviation is one too, often zero. The standard deviation of those
+    within 5 of it, or of the step, is taken then.
+
+    Parameters
+    ----------
+    gaps : ndarray
+    quantum : float
+        Step that the readings come in, 0 for none.
+    """
+    gaps = gaps - np.median(gaps)
+    robust = float(_ROBUST * np.median(np.abs(gaps)))
+    if robust > 4.0 * quantum:
+        return robust
+    return float(gaps[np.abs(gaps) <= 5.0 * max(robust, quantum)].std())
+
+
+def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:
+    quantum = force_step(measurement.force)
+    differences = second_differences(measurement, values)
+    cells = visit_cells(measurement)
+    repeats, visits, correlation, pairs = _from_visits(values, cells, quantum)
+    return replace(_chosen(values, differences, repeats, visits, correlation, pairs),
+                   quantum=quantum)
+
+
+def _chosen(values: np.ndarray, differences: float | None, repeats: float | None,
+            visits: float | None, correlation: float, pairs: int) -> NoiseFloor:
+    """Return the floor by the estimate that is to be believed."""
+    note = ''
+    if differences is None and repeats is None:
+        wide = _ROBUST * float(np.median(np.abs(values - np.median(values))))
+        return NoiseFloor(max(wide, 1e-9), None, None, None, 1.0, 'spread of the residual',
+                          'too few neighbours or repeats to tell noise from error')
+    if repeats is None:
+        return NoiseFloor(float(differences or 0.0), differences, None, None, 1.0,
+                          'second differences', 'nothing was measured twice: slow noise and '
+                          'drift cannot be told from a model error')
+    if differences is None:
+        return NoiseFloor(repeats, None, repeats, visits, correlation, 'repeats')
+    # a quarter better, and by more than two standard errors of a median deviation over the pairs
+    if repeats * (1.25 + 2.3 / np.sqrt(pairs)) < differences:
+        note = ('repeats agree better than neighbours do: the force has a fine ripple that comes '
+                'back each time')
+        return NoiseFloor(repeats, differences, repeats, visits, correlation, 'repeats', note)
+    if repeats > 1.3 * differences:
+        note = ('repeats differ more than neighbours do: slow noise, drift, or an effect of '
+                'history or speed')
+    return NoiseFloor(differences, differences, repeats, visits, correlation,
+                      'second differences', note)
+
+
+def second_differences(measurement: Measurement, values: np.ndarray) -> float | None:
+    """
+    Return the white-noise standard deviation from triples of neighbours, N, or None.
+
+    In a static map neighbours are rows of equal strain in the order of their pressure.
+    """
+    order, line = _lines(measurement)
+    v, g = values[order], line[order]
+    x = (measurement.clock if not measurement.is_static else measurement.pressure.sum(-1))[order]
+    if len(v) < 6:
+        return None
+    same = (g[2:] == g[:-2]) & (x[2:] > x[:-2]) & (x[1:-1] > x[:-2])
+    gap = _off_the_line(x, v, same)
+    if measurement.is_static:
+        # a slack stretch reads exactly zero: no noise is visible there
+        f = measurement.force[order]
+        flat = ((f[:-2] == f[1:-1]) & (f[2:] == f[1:-1]))[same]
+        gap = gap[~flat]
+    if len(gap) < 6:
+        return None
+    quantum = force_step(measurement.force)
+    return max(spread(gap, quantum), quantum / np.sqrt(12.0))
+
+
+def _off_the_line(x: np.ndarray, v: np.ndarray, same: np.ndarray) -> np.ndarray:
+    """Return how far middles of triples are off their neighbours' line, scaled to one sample."""
+    span = x[2:] - x[:-2]
+    use = same & (span != 0.0)
+    left = np.where(use, (x[2:] - x[1:-1]) / np.where(use, span, 1.0), 0.5)
+    gap = v[1:-1] - left * v[:-2] - (1.0 - left) * v[2:]
+    return (gap / np.sqrt(1.0 + left ** 2 + (1.0 - left) ** 2))[same]
+
+
+def _smoothness(measurement: Measurement, values: np.ndarray, *, by_strain: bool,
+                ) -> float | None:
+    """
+    Return how far the rows of a map's isobars are from smooth, in the file or by strain, N.
+
+    A sweep up and down is smooth as it follows in the file, and jumps to and fro between its two
+    branches when sorted by strain.
+    """
+    level = measurement.pressure.sum(-1)
+    width = max(0.02 * float(np.ptp(level)), 5e3)
+    order = np.arange(len(level))
+    if by_strain:
+        order = np.lexsort((measurement.strain, np.round(level / width)))
+    x, near = measurement.strain[order], np.abs(np.diff(level[order])) < width
+    step = np.diff(x)
+    onward = x[2:] >= x[:-2] if by_strain else step[1:] * step[:-1] > 0
+    gap = _off_the_line(x, values[order], onward & near[1:] & near[:-1])
+    if len(gap) < max(6, len(x) // 4):
+        return None
+    return float(_ROBUST * np.median(np.abs(gap)))
+
+
+def _lines(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
+    """Return a row order and a line label: rows of one line are neighbours in that order."""
+    if not measurement.is_static:
+        return np.arange(len(measurement)), measurement.trial
+    level = np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, _ONE_STRAIN))
+    _, line = np.unique(level, return_inverse=True)
+    total = measurement.pressure.sum(-1)
+    return np.lexsort((total, line)), line
+
+
+def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return a cell label and a visit label for each row, (T,) int; -1 where there is no cell.
+
+    A cell is a bin of strain, of each pressure, and the direction; a visit is an unbroken stay
+    in one. For a static map all rows of one trial in a cell are a visit.
+    """
+    span = float(np.ptp(measurement.strain))
+    # one strain held at rest is one bin, whatever its last digits
+    held = np.zeros(len(measurement), int)
+    parts = [held if span < _ONE_STRAIN else
+             np.floor(measurement.strain / span * strains).astype(int)]
+    for column in measurement.pressure.T:
+        width = max(float(np.ptp(column)) / 40.0, 5e3)
+        # isobars differ by their noise: bins are centred on the usual steps by rounding
+        parts.append(np.round(column / width).astype(int))
+    parts.append(measurement.direction)
+    _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    change = np.ones(len(cell), bool)
+    change[1:] = (np.diff(cell) != 0) | (np.diff(measurement.trial) != 0)
+    visit = np.cumsum(change) - 1
+    return cell, visit
+
+
+def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray], quantum: float,
+                 ) -> tuple[float | None, float | None, float, int]:
+    """Return repeat noise, noise of visit means, the correlation they imply, pairs of visits."""
+    cell, visit = cells
+    count = np.bincount(visit)
+    mean = np.bincount(visit, values) / count
+    where = np.zeros(len(count), int)
+    where[visit] = cell
+    order = np.argsort(where, kind='stable')
+    again = np.flatnonzero(np.diff(where[order]) == 0)
+    if len(again) < 12:
+        return None, None, 1.0, len(again)
+    a, b = order[again], order[again + 1]
+    # a visit's first sample stands for a sample met again later
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])
+    gap = values[first[a]] - values[first[b]]
+    repeats = max(spread(gap, quantum) / np.sqrt(2.0), quantum / np.sqrt(12.0))
+    scale = np.sqrt(1.0 / count[a] + 1.0 / count[b])
+    of_means = float(_ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
+    correlation = max((of_means / repeats) ** 2, 1.0) if repeats > 0 else 1.0
+    return repeats, of_means, float(min(correlation, 100.0)), len(again)
+
+
+def what_does_not_repeat(measurement: Measurement, values: np.ndarray) -> np.ndarray | None:
+    """
+    Return the pure error of a lack-of-fit test, (T,); nan where nothing was visited twice.
+
+    What a cell's visits have in common is taken off; the rest is noise of whatever colour, and
+    nothing that a model could have foretold. None where less than half of the rows were visited
+    again.
+
+    Parameters
+    ----------
+    values : ndarray, shape (T,)
+        Measured minus modelled force, in any unit.
+    """
+    cell, visit = visit_cells(measurement)
+    count = np.bincount(visit)
+    of_visit = np.zeros(len(count), int)
+    of_visit[visit] = cell
+    visits = np.bincount(of_visit)
+    mean = np.bincount(of_visit, np.bincount(visit, values) / count) / np.maximum(visits, 1)
+    again = visits[cell] > 1
+    if 2 * again.sum() < len(values):
+        return None
+    # as many deviations as visits, but one fewer are free
+    free = np.sqrt(visits[cell] / np.maximum(visits[cell] - 1.0, 1.0))
+    return np.where(again, (values - mean[cell]) * free, np.nan)
+
+
+def autocorrelation_time(residual: np.ndarray, trial: np.ndarray, longest: int = 400) -> float:
+    """
+    Return how many samples make one independent sample: 1 + 2 sum of autocorrelations.
+
+    The sum stops at the first pair of lags that is not positive (Geyer). At least 1.
+    """
+    values = residual - residual.mean()
+    parts = np.split(values, np.flatnonzero(np.diff(trial)) + 1)
+    lags = min(longest, max(len(values) // 4, 2))
+    total, weight = np.zeros(lags), np.zeros(lags)
+    for part in parts:
+        n = len(part)
+        if n < 4:
+            continue
+        size = 1 << int(np.ceil(np.log2(2 * n)))
+        spectrum = np.fft.rfft(part, size)
+        auto = np.fft.irfft(spectrum * np.conj(spectrum), size)[:min(n, lags)]
+        total[:len(auto)] += auto
+        weight[:len(auto)] += n - np.arange(len(auto))
+    if total[0] <= 0:
+        return 1.0
+    rho = (total / np.maximum(weight, 1)) / (total[0] / weight[0])
+    tau = 1.0
+    for k in range(1, lags - 1, 2):
+        pair = rho[k] + rho[k + 1]
+        if pair <= 0:
+            break
+        tau += 2.0 * pair
+    return float(max(tau, 1.0))

@@ -1,0 +1,196 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Smoothed rate and direction of sampled strain and pressure.
+
+A local quadratic (Savitzky-Golay) per trial that also takes uneven time steps. The window is the
+widest that the data bear: it grows until the rate is clean enough or the fit starts to miss the
+strain's own bends.
+"""
+
+import numpy as np
+
+_WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
+
+
+def local_quadratic(time: np.ndarray, value: np.ndarray, half: int,
+                    ) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return value and slope of a quadratic fitted to ``2 half + 1`` neighbours of each sample.
+
+    Cost is linear in the samples (running sums). At the ends the window is cut short.
+
+    Parameters
+    ----------
+    time, value : ndarray, shape (T,)
+    half : int
+
+    Returns
+    -------
+    fitted, slope : ndarray, shape (T,)
+    """
+    rows = len(time)
+    if rows < 3:
+        slope = np.gradient(value, time) if rows == 2 else np.zeros(rows)
+        return value.copy(), slope
+    scale = np.median(np.diff(time)) * max(half, 1)
+    centre = np.arange(rows)
+    low = np.clip(centre - half, 0, max(rows - 3, 0))
+    high = np.clip(centre + half + 1, 3, rows)
+    # running sums about the middle of blocks keep the numbers small enough to subtract
+    t = (time - time[rows // 2]) / scale
+    sums = [np.concatenate([[0.0], np.cumsum(t ** k)]) for k in range(5)]
+    moments = [np.concatenate([[0.0], np.cumsum(value * t ** k)]) for k in range(3)]
+    s = [total[high] - total[low] for total in sums]
+    m = [total[high] - total[low] for total in moments]
+    # shift the sums from the common origin to each sample's own time
+    c = t
+    s1 = s[1] - c * s[0]
+    s2 = s[2] - 2 * c * s[1] + c ** 2 * s[0]
+    s3 = s[3] - 3 * c * s[2] + 3 * c ** 2 * s[1] - c ** 3 * s[0]
+    s4 = s[4] - 4 * c * s[3] + 6 * c ** 2 * s[2] - 4 * c ** 3 * s[1] + c ** 4 * s[0]
+    m1 = m[1] - c * m[0]
+    m2 = m[2] - 2 * c * m[1] + c ** 2 * m[0]
+    normal = np.stack([np.stack([s[0], s1, s2], -1), np.stack([s1, s2, s3], -1),
+                       np.stack([s2, s3, s4], -1)], -2)
+    normal[:, 2, 2] += 1e-12
+    solved = np.linalg.solve(normal, np.stack([m[0], m1, m2], -1)[..., None])[..., 0]
+    return solved[:, 0], solved[:, 1] / scale
+
+
+def _blocks(time: np.ndarray, value: np.ndarray, half: int, block: int = 2000,
+            ) -> tuple[np.ndarray, np.ndarray]:
+    """Run `local_quadratic` in overlapping blocks, so that long logs lose no digits."""
+    rows = len(time)
+    if rows <= block + 2 * half:
+        return local_quadratic(time, value, half)
+    fitted, slope = np.empty(rows), np.empty(rows)
+    for begin in range(0, rows, block):
+        low, high = max(begin - half, 0), min(begin + block + half, rows)
+        part = local_quadratic(time[low:high], value[low:high], half)
+        keep = slice(begin - low, min(begin + block, rows) - low)
+        fitted[begin:begin + block], slope[begin:begin + block] = part[0][keep], part[1][keep]
+    return fitted, slope
+
+
+def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
+    """Return the white-noise standard deviation of a sampled signal, by third differences."""
+    third = np.diff(value, 3)
+    same = trial[3:] == trial[:-3]
+    third = third[same]
+    if len(third) < 4:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
+
+
+def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray:
+    """
+    Return a signal with less noise, bends and steps kept, (T,).
+
+    Each sample takes the widest local quadratic that stays within the noise of the narrower ones
+    (intersection of confidence intervals). Noise in strain and pressure would otherwise pass
+    through the model and make lags, which smooth, look like a gain.
+    """
+    noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
+    if noise <= 0.0:
+        return value
+    best, spread = value.copy(), np.full(len(value), noise)
+    going = np.ones(len(value), bool)
+    bounds = np.flatnonzero(np.diff(trial)) + 1
+    parts = np.split(np.arange(len(time)), bounds)
+    for window in (5, 9, 17, 33):
+        fitted = np.empty(len(value))
+        for rows in parts:
+            fitted[rows] = _blocks(time[rows], value[rows], window // 2)[0]
+        fits = np.abs(fitted - best) <= 2.0 * spread
+        # a bend inside the window shows at its neighbours first
+        going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
+        best = np.where(going, fitted, best)
+        spread = np.where(going, noise * 1.5 / np.sqrt(window), spread)
+    return best
+
+
+def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> tuple[np.ndarray, float]:
+    """
+    Return the smoothed slope of a signal, (T,) per s, and the standard deviation of its noise.
+
+    Parameters
+    ----------
+    time, value : ndarray, shape (T,)
+    trial : ndarray of int, shape (T,)
+        Rows of one trial are neighbours; no window reaches across trials.
+    """
+    # a signal read in steps q has rounding noise of q / sqrt(12), which differences do not see
+    noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
+    bounds = np.flatnonzero(np.diff(trial)) + 1
+    parts = np.split(np.arange(len(time)), bounds)
+    step = np.median(np.diff(time)[np.diff(trial) == 0]) if len(time) > len(parts) else 1.0
+    best, best_noise = np.zeros(len(time)), 0.0
+    for window in _WINDOWS:
+        half = window // 2
+        fitted, rate = np.empty(len(time)), np.empty(len(time))
+        for rows in parts:
+            fitted[rows], rate[rows] = _blocks(time[rows], value[rows], half)
+        # a quadratic through w points has the slope of a line: variance 12 s^2 / (w^3 dt^2)
+        rate_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
+        leverage = 1.0 - 2.25 / window
+        missed = float(np.mean((value - fitted) ** 2))
+        expected = noise ** 2 * leverage
+        if window > _WINDOWS[0] and missed > 1.3 * expected + (0.3 * noise) ** 2:
+            break
+        best, best_noise = rate, rate_noise
+        if rate_noise < 0.005 * np.sqrt(np.mean(rate ** 2)):
+            break
+    return best, float(best_noise)
+
+
+def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
+    """
+    Return the step that a sampled signal is read in, 0 where it is read in none.
+
+    All changes from sample to sample are multiples of it. At least 16 changes and a range of 16
+    steps are asked for: levels that were set one after another are no resolution. Nor is the
+    change of an even ramp: but for its ends, its samples neither stay nor skip a step.
+    """
+    every = np.abs(np.diff(value))[np.diff(trial) == 0]
+    moved = every > 1e-9 * max(float(np.ptp(value)), 1e-12)
+    change = every[moved]
+    if len(change) < 16:
+        return 0.0
+    step = float(change.min())
+    share = change / step
+    whole = np.abs(share - np.round(share)) < 0.05
+    stays = (np.diff(moved) != 0).sum() > 0.2 * len(change)
+    uneven = stays or (share > 1.5).mean() > 0.05
+    return step if uneven and whole.mean() > 0.99 and np.ptp(value) > 16.0 * step else 0.0
+
+
+def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.ndarray,
+              least: float) -> np.ndarray:
+    """
+    Return +1 rising, -1 falling, 0 where the motion is not beyond its own noise, (T,) int.
+
+    Crawling counts as rest: below 3 sd of the rate's noise, or 2 % of the usual fast motion. So
+    does a run of samples one way whose travel is less than ``least``: a signal that is constant
+    but for rounding rests.
+
+    Parameters
+    ----------
+    time : ndarray, shape (T,), s
+    rate : ndarray, shape (T,)
+        Smoothed slope of the signal.
+    rate_noise : float
+    trial : ndarray of int, shape (T,)
+    least : float
+        Smallest travel that counts, in the unit of the signal.
+    """
+    fast = np.percentile(np.abs(rate), 90) if len(rate) else 0.0
+    threshold = max(3.0 * rate_noise, 0.02 * fast)
+    way = np.where(rate > threshold, 1, np.where(rate < -threshold, -1, 0))
+    change = np.ones(len(way), bool)
+    change[1:] = (np.diff(way) != 0) | (np.diff(trial) != 0)
+    run = np.cumsum(change) - 1
+    duration = np.diff(time, append=time[-1:])
+    duration[np.append(np.diff(trial) != 0, True)] = 0.0
+    travel = np.bincount(run, np.abs(rate) * duration)
+    return np.where(travel[run] < least, 0, way)

@@ -1,0 +1,198 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""From a file of any format, a ROS 2 bag, a pandas frame or arrays to a `Measurement`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from fam_bundle_ros.data.bagfile import read_bag
+from fam_bundle_ros.data.columns import described, read_columns
+from fam_bundle_ros.data.formats import is_bag, read_table, Table
+from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
+from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
+from fam_bundle_ros.data.recipe import load_recipe, Recipe
+from fam_bundle_ros.errors import InputError
+
+#: Rows that `preview` shows.
+PREVIEW_ROWS = 20
+
+
+def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
+                     rest_length: float | str | None = None, gauge: bool | None = None,
+                     ambient_pressure: float | None = None,
+                     max_pressure: float | str | None = None, max_strain: float | None = None,
+                     sheet: str | None = None, recipe: Recipe | str | Path | None = None,
+                     name: str | None = None) -> Measurement:
+    r"""
+    Read a measurement from a file, a ROS 2 bag, a pandas frame or a dict of arrays.
+
+    Text tables of any separator, Excel, LabVIEW (.lvm, .tdms), MATLAB (.mat), parquet, feather,
+    .npz, JSON. Columns are recognised by their names, in English or German, and their units;
+    ``taken`` of the result says what each was taken for.
+
+    Parameters
+    ----------
+    source : path, pandas.DataFrame or mapping of str to array
+    columns : mapping of str to str, optional
+        Quantity (time, trial, strain, contraction, elongation, length, pressure,
+        pressure.<motor unit>, force, strain_rate) to column: the header, its name with a unit,
+        ``'-F [N]'`` to turn the sign, its number, or a constant (``'300 kPa'``, ``'100 Hz'``).
+    rest_length : float (m) or str ('250 mm'), optional
+        Needed where the data give a length instead of a strain.
+    gauge : bool, optional
+        Whether pressures are gauge or absolute; by default as headers say (``psia``, ``abs``),
+        gauge where they do not, and absolute in bags.
+    ambient_pressure : float, Pa, optional
+        Taken off absolute pressures; by default 101.325 kPa.
+    max_pressure : float (Pa) or str, optional
+        Highest gauge pressure of this muscle, where it is above 1 MPa.
+    max_strain : float, optional
+        Highest strain of this muscle, where it is above 0.5.
+    sheet : str, optional
+        Sheet of a workbook, group of a .tdms file, variable of a .mat file.
+    recipe : Recipe or path, optional
+        All of these together; what is given beside it counts more.
+    name : str, optional
+        Name for messages and reports; by default the file's.
+
+    Raises
+    ------
+    InputError
+        One sentence that names the file, the row and what was expected.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rows = 20
+    >>> data = read_measurement({'L [mm]': 250.0 - np.arange(rows), 'p (bar)': np.arange(rows) % 3,
+    ...                          'Kraft [N]': np.arange(rows)}, rest_length='250 mm')
+    >>> len(data), float(data.pressure.max()), round(float(data.strain[10]), 3)
+    (20, 200000.0, 0.04)
+    """
+    used = _recipe(recipe, columns=columns, rest_length=rest_length, gauge=gauge,
+                   ambient_pressure=ambient_pressure, max_pressure=max_pressure,
+                   max_strain=max_strain, sheet=sheet)
+    path = _path(source)
+    if path is not None and is_bag(path):
+        if used.columns:
+            raise InputError(f'{path.name}: columns are told for a bag; expected its topics '
+                             'force, strain and mu<i>/pressure')
+        return read_bag(path, rest_length=used.rest_length, gauge=used.gauge,
+                        ambient_pressure=used.ambient_pressure, name=name,
+                        max_pressure=used.max_pressure, max_strain=used.max_strain)
+    measured = read_columns(_table(source, path, used, name), used)
+    return measured if path is None else replace(measured, sha256=file_digest(path))
+
+
+@dataclass(frozen=True)
+class Preview:
+    """
+    What a file looks like and what it was taken for, before anything is computed with it.
+
+    Attributes
+    ----------
+    name, kind : str
+        The file's name, and what it is ('text separated by tabs', 'sheet Run 1', ...).
+    taken : tuple of Taken
+        What each column was taken for, and why not.
+    cells : dict of str to list of str
+        The first rows of each column.
+    rows : int
+    problem : str
+        The error that `read_measurement` would raise; empty where the file is taken.
+    measurement : Measurement or None
+    """
+
+    name: str
+    kind: str
+    taken: tuple[Taken, ...]
+    cells: Mapping[str, list[str]]
+    rows: int
+    problem: str
+    measurement: Measurement | None
+
+
+def preview(source: Any, *, recipe: Recipe | str | Path | None = None, name: str | None = None,
+            **options: Any) -> Preview:
+    """
+    Return the first rows of a file, what each column was taken for, and what is wrong.
+
+    Parameters
+    ----------
+    source, recipe, name, options
+        As for `read_measurement`.
+
+    Raises
+    ------
+    InputError
+        Only where the file is no table at all.
+    """
+    used = _recipe(recipe, **options)
+    table = _table(source, _path(source), used, name)
+    taken, problem, measured = described(table, used)
+    cells = {header: [_cell(value) for value in column[:PREVIEW_ROWS]]
+             for header, column in table.columns.items()}
+    return Preview(table.name, table.kind, taken, cells, len(table.rows), problem, measured)
+
+
+def as_measurement(source: Any) -> Measurement:
+    """Return a `Measurement` as it is, and what `read_measurement` makes of anything else."""
+    return source if isinstance(source, Measurement) else read_measurement(source)
+
+
+def taken_words(measurement: Measurement) -> str:
+    """
+    Return in one line what the columns of a file were taken for; empty where it is as written.
+
+    As written are columns that are called by their quantity and carry their unit.
+    """
+    used, unused, plain = [], [], True
+    for taken in measurement.taken:
+        if not taken.quantity:
+            unused.append(f"'{taken.header}' ({taken.why})")
+            continue
+        said = f' ({taken.why})' if taken.why else ''
+        turned = ', sign turned round' if (taken.sign < 0) != (taken.quantity == 'elongation'
+                                                               ) else ''
+        used.append(f"{taken.quantity} '{taken.header}'{said}{turned}")
+        first = taken.header.partition('[')[0].strip().casefold()
+        plain &= not said and first in (taken.quantity.casefold(), taken.quantity)
+    if plain and not unused:
+        return ''
+    rest = measurement.rest_length
+    used += [f'rest length {1e3 * rest:.4g} mm'] if rest else []
+    return ', '.join(used) + (f'; not used: {", ".join(unused)}' if unused else '')
+
+
+def _recipe(recipe: Recipe | str | Path | None, **options: Any) -> Recipe:
+    base = recipe if isinstance(recipe, Recipe) else (
+        Recipe() if recipe is None else load_recipe(recipe))
+    return base.merged(**options)
+
+
+def _path(source: Any) -> Path | None:
+    if hasattr(source, 'columns') or isinstance(source, Mapping):
+        return None
+    path = Path(source)
+    if not path.exists():
+        raise InputError(f'{path}: no such file; expected a measurement or a ROS 2 bag')
+    return path
+
+
+def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> Table:
+    if path is not None:
+        table = read_table(path, recipe.sheet)
+        return table if name is None else replace(table, name=name)
+    if isinstance(source, Mapping):
+        return of_arrays(name or 'arrays', 'arrays', source)
+    return of_frame(source, name or 'frame')
+
+
+def _cell(value: Any) -> str:
+    if value is None or value != value:
+        return ''
+    return f'{value:.6g}' if isinstance(value, float) else str(value)[:60]

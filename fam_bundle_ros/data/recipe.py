@@ -1,0 +1,157 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How the files of a lab are to be read, as one object and as a file for a hundred logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.vocabulary import QUANTITIES, recognise
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.units import express, parse
+
+FORMAT = 'fam-bundle-recipe/1'
+#: Keys with a unit: (unit like, unit to write).
+_WITH_UNIT = {'rest_length': ('m', 'mm'), 'ambient_pressure': ('Pa', 'kPa'),
+              'max_pressure': ('Pa', 'MPa')}
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """
+    How to read a file.
+
+    Attributes
+    ----------
+    columns : mapping of str to str
+        Quantity to column, ``{'length': 'L [mm]', 'force': '-F [N]'}``: the header as it stands
+        or its name, with another unit in brackets if need be, a minus where the sign is to be
+        turned round, or the column's number. A quantity that no column has may be a constant:
+        ``{'pressure': '300 kPa'}``, ``{'time': '100 Hz'}``. What is not named is recognised.
+    rest_length : float, m, optional
+        By which lengths become strains.
+    gauge : bool, optional
+        Whether pressures are gauge (True) or absolute (False); by default as headers say, and
+        gauge where they do not.
+    ambient_pressure : float, Pa
+        Taken off absolute pressures.
+    max_pressure, max_strain : float, optional
+        Limits of the muscle (Pa gauge, 1) where it goes beyond 1 MPa or a strain of 0.5.
+    sheet : str, optional
+        Sheet of a workbook, group of a .tdms file, variable of a .mat file.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    rest_length: float | None = None
+    gauge: bool | None = None
+    ambient_pressure: float = 101325.0
+    max_pressure: float | None = None
+    max_strain: float | None = None
+    sheet: str | None = None
+
+    def __post_init__(self) -> None:
+        for key in self.columns:
+            if key.partition('.')[0] not in QUANTITIES or key == 'shift':
+                known = ', '.join(name for name in QUANTITIES if name != 'shift')
+                raise InputError(f"columns: '{key}' is not a quantity; expected one of {known}, "
+                                 'pressure.<motor unit>')
+        for key in ('rest_length', 'ambient_pressure', 'max_pressure', 'max_strain'):
+            value = getattr(self, key)
+            if value is not None and not value > 0.0:
+                raise InputError(f'{key} is {value:g}; expected more than 0')
+
+    def merged(self, **options: Any) -> Recipe:
+        """Return the recipe with other options; those that are None stay; columns add up."""
+        given = {key: value for key, value in options.items() if value is not None}
+        for key, (like, _) in _WITH_UNIT.items():
+            if isinstance(given.get(key), str):
+                given[key] = _quantity(given[key], like, key)
+        if 'columns' in given:
+            given['columns'] = {**self.columns, **{str(key): str(value) for key, value in
+                                                   given['columns'].items()}}
+        return replace(self, **given)
+
+
+def load_recipe(path: str | Path) -> Recipe:
+    """
+    Return the recipe of a file.
+
+    Raises
+    ------
+    InputError
+        For a file that is no recipe, an unknown key, or a value without its unit.
+    """
+    import yaml
+    path = Path(path)
+    try:
+        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise InputError(f'{path}: cannot be read ({error.strerror}); expected a recipe '
+                         '(--save-recipe writes one)') from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f'{path.name}: not YAML; expected a recipe (format: {FORMAT})'
+                         ) from error
+    if not isinstance(content, dict) or content.pop('format', None) != FORMAT:
+        raise InputError(f'{path.name}: no recipe; expected the key format: {FORMAT}')
+    known = [entry.name for entry in fields(Recipe)]
+    for key, value in content.items():
+        if key not in known:
+            raise InputError(f"{path.name}: key '{key}' is not known; expected some of "
+                             f'{", ".join(known)}')
+        if key in _WITH_UNIT:
+            content[key] = _quantity(value, _WITH_UNIT[key][0], f'{path.name}: {key}')
+        wanted: dict[str, tuple[type, ...]] = {'columns': (dict,), 'gauge': (bool,),
+                                               'sheet': (str,), 'max_strain': (int, float)}
+        if key in wanted and not isinstance(value, wanted[key]):
+            raise InputError(f"{path.name}: {key} is '{value}'; expected "
+                             + {'columns': 'quantities with their columns', 'gauge':
+                                'true or false', 'sheet': 'a name', 'max_strain': 'a number'}[key])
+    content['columns'] = {str(key): str(value) for key, value in content.get('columns',
+                                                                             {}).items()}
+    try:
+        return Recipe(**content)
+    except InputError as error:
+        raise InputError(f'{path.name}: {error}') from error
+
+
+def save_recipe(recipe: Recipe, path: str | Path) -> None:
+    """Write a recipe as YAML."""
+    import yaml
+    content: dict[str, Any] = {'format': FORMAT}
+    for entry in fields(Recipe):
+        value = getattr(recipe, entry.name)
+        if value is None or value == {}:
+            continue
+        if entry.name in _WITH_UNIT:
+            value = express(value, _WITH_UNIT[entry.name][1], digits=9)
+        content[entry.name] = dict(value) if entry.name == 'columns' else value
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    try:
+        Path(path).write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written ({error.strerror})') from error
+
+
+def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
+    """Return a recipe with everything that was recognised or guessed in reading a file."""
+    columns = dict(recipe.columns)
+    for taken in measurement.taken:
+        if not taken.quantity or taken.quantity in columns:
+            continue
+        own = recognise(taken.header).unit
+        unit = f' [{taken.unit}]' if taken.unit and own is None else ''
+        turned = taken.sign < 0 if taken.quantity != 'elongation' else taken.sign > 0
+        columns[taken.quantity] = ('-' if turned else '') + taken.header + unit
+    return replace(recipe, columns=columns,
+                   rest_length=recipe.rest_length or measurement.rest_length)
+
+
+def _quantity(value: Any, like: str, what: str) -> float:
+    try:
+        return parse(value, like)
+    except InputError as error:
+        raise InputError(f'{what}: {error}') from error

@@ -1,0 +1,59 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Slips of unit or sign that pass every range: found by how much better the model then fits."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import Measurement
+
+#: Force as it may have been meant: (factor, words).
+_FORCES = (
+    (-1.0, 'with the sign of the force turned round (tension is positive)'),
+    (4.448222, 'with a force in lbf, not in N'), (1.0 / 4.448222, 'with a force in N, not in lbf'),
+    (9.80665, 'with a force in kgf, not in N'), (1.0 / 9.80665, 'with a force in N, not in kgf'))
+#: Pressure as it may have been meant: (factor, words).
+_PRESSURES = (
+    (6.894757, 'with pressures in psi, not in kPa'),
+    (1.0 / 6.894757, 'with pressures in kPa, not in psi'),
+    (100.0, 'with pressures in bar, not in kPa'), (0.01, 'with pressures in kPa, not in bar'))
+#: Pa: where the lowest pressure is above this the gauge may show absolute pressure.
+_NEVER_VENTED = 85e3
+#: A slip is mentioned where the error falls to this share by it, and of the force.
+_BETTER, _GOOD = 0.4, 0.25
+
+
+def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
+          residual: np.ndarray, *, ambient_pressure: float = 101325.0) -> tuple[str, ...]:
+    """
+    Return what the data were probably meant to be, in words; empty where they fit as they are.
+
+    Parameters
+    ----------
+    predict : callable
+        Predicted force, (T,) N, of a measurement: a model knows how, this module does not.
+    data : Measurement
+    residual : ndarray, shape (T,), N
+        Measured minus modelled force.
+    ambient_pressure : float, Pa
+    """
+    prediction = data.force - residual
+    tries = [(rms(factor * data.force - prediction), rms(factor * data.force), words)
+             for factor, words in _FORCES]
+    if data.pressure.min() > _NEVER_VENTED:
+        vented = replace(data, pressure=data.pressure - ambient_pressure)
+        tries.append((rms(data.force - predict(vented)), rms(data.force),
+                      'with pressures that are absolute, not gauge'))
+    now = rms(residual)
+    if now > _GOOD * rms(data.force):  # a pressure several times as large is no small error
+        for factor, words in _PRESSURES:
+            meant = predict(replace(data, pressure=factor * data.pressure))
+            tries.append((rms(data.force - meant), rms(data.force), words))
+    error, force, words = min(tries)
+    if error > _BETTER * now or error > _GOOD * force:
+        return ()
+    return (f'{words} the model would be off by {error:.3g} N ({100 * error / force:.0f} % of '
+            f'the force), not {now:.3g} N',)

@@ -1,0 +1,97 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Does each trial have an offset of its own? A load cell that was not tared in between."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fam_bundle_ros.data.grouping import pressure_levels
+from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
+
+#: Chance of an alarm where trials differ by nothing but noise.
+_ALARM = 1e-3
+
+
+class Offsets(NamedTuple):
+    """The offset of each row's trial, (T,), and the standard deviation between trials, N."""
+
+    rows: np.ndarray
+    size: float
+
+    def __str__(self) -> str:
+        return f'each trial has its own offset, {self.size:.2g} N rms: tare before each trial'
+
+
+def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | None:
+    """
+    Return what trials differ by, or None where they do not differ by offsets.
+
+    Trials are compared only where they met the same strain, pressure and direction, so that no
+    error of a model can pass for an offset: a two-way analysis of variance with cells and trials,
+    the noise counted by its independent samples. In a map without trials, where each repeat is a
+    block of the file, blocks are the trials.
+
+    Parameters
+    ----------
+    values : ndarray, shape (T,), N
+        Measured minus modelled force.
+    """
+    from scipy import stats
+
+    from fam_bundle_ros.data.noise import autocorrelation_time, visit_cells
+    if measurement.is_static:
+        cell = _cells_of_a_map(measurement)
+        trial = measurement.trial if len(measurement.trial_names) > 1 else _repeats(cell)
+    else:
+        cell, trial = visit_cells(measurement)[0], measurement.trial
+    if trial is None or trial.max() < 1:
+        return None
+    count = np.bincount(cell)
+
+    def within_cells(column: np.ndarray) -> np.ndarray:
+        return column - (np.bincount(cell, column) / np.maximum(count, 1))[cell]
+
+    y = within_cells(values)
+    dummies = np.stack([within_cells((trial == k).astype(float))
+                        for k in range(trial.max() + 1)], -1)
+    offset, _, rank, _ = np.linalg.lstsq(dummies, y, rcond=1e-9)
+    if not rank:
+        return None
+    left = y - dummies @ offset
+    shared = np.abs(dummies).max(axis=1) > 1e-9
+    tau = autocorrelation_time(left, trial)
+    free = (shared.sum() - len(np.unique(cell[shared])) - rank) / tau
+    if free < 2:
+        return None
+    between = float(y @ y - left @ left) / rank
+    # a sum over correlated samples varies as if each were tau times as large
+    noise = float(left[shared] @ left[shared]) / free
+    if between < noise * stats.f.ppf(1.0 - _ALARM, rank, free):
+        return None
+    size = float(np.sqrt(offset @ offset / rank))
+    if size < RESOLUTION * np.abs(measurement.force).max():
+        return None
+    return Offsets(offset[trial], size)
+
+
+def _cells_of_a_map(measurement: Measurement) -> np.ndarray:
+    """Return the cell of each row: levels of strain and pressures, and the way in the file."""
+    strain, _ = pressure_levels(measurement.strain, 60)
+    levels = [pressure_levels(column)[0] for column in measurement.pressure.T]
+    same = np.all([np.diff(level) == 0 for level in levels], axis=0)
+    step = np.where(same, np.sign(np.diff(strain)), 0.0)
+    # up one time and down another is friction, not an offset: the two are no common cell
+    way = np.where(np.append(step, 0.0) != 0.0, np.append(step, 0.0), np.append(0.0, step))
+    return np.unique(np.stack([strain, *levels, way], -1), axis=0, return_inverse=True)[1].ravel()
+
+
+def _repeats(cell: np.ndarray) -> np.ndarray | None:
+    """Return how often each row's cell was met before, where such repeats are whole blocks."""
+    order = np.argsort(cell, kind='stable')
+    first = np.flatnonzero(np.diff(cell[order], prepend=-1))
+    count = np.empty(len(cell), int)
+    count[order] = np.arange(len(cell)) - np.repeat(first, np.diff(np.append(first, len(cell))))
+    return count if np.all(np.diff(count) >= 0) else None

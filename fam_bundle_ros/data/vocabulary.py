@@ -1,0 +1,320 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What people call the columns of a log: quantities and units, in English and German.
+
+`split_header` takes a header apart into name and unit; `recognise` tells which quantity a name
+means. A name is a set of words: 'Kraft (Ist) [N]', 'force_N' and 'Axial force / N' all say force
+in N. Words such as setpoint or supply rule a column out.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+import re
+from typing import NamedTuple
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.units import si_factor
+
+#: Quantity: SI unit. A 'shift' is a displacement whose sign its name does not tell.
+QUANTITIES = {'time': 's', 'trial': '', 'strain': '1', 'contraction': 'm', 'elongation': 'm',
+              'shift': 'm', 'length': 'm', 'pressure': 'Pa', 'force': 'N', 'strain_rate': '1/s'}
+#: Quantities of which one tells the strain, the plainest first.
+STRAINS = ('strain', 'contraction', 'elongation', 'shift', 'length')
+
+#: SI unit: {spelling in lower case without blanks: factor}. Others are left to pint.
+_UNITS: dict[str, dict[str, float]] = {
+    'N': {'n': 1.0, 'newton': 1.0, 'newtons': 1.0, 'kn': 1e3, 'mn': 1e-3, 'cn': 1e-2,
+          'dan': 10.0, 'lbf': 4.4482216, 'lb': 4.4482216, 'lbs': 4.4482216, 'pound': 4.4482216,
+          'pounds': 4.4482216, 'kgf': 9.80665, 'kg': 9.80665, 'kp': 9.80665, 'gf': 9.80665e-3,
+          'g': 9.80665e-3, 'ozf': 0.27801385},
+    'Pa': {'pa': 1.0, 'hpa': 100.0, 'kpa': 1e3, 'mpa': 1e6, 'n/m2': 1.0, 'n/mm2': 1e6,
+           'n/cm2': 1e4, 'bar': 1e5, 'mbar': 100.0, 'psi': 6894.757, 'lbf/in2': 6894.757,
+           'lb/in2': 6894.757, 'ksi': 6894757.0, 'atm': 101325.0, 'at': 98066.5,
+           'kgf/cm2': 98066.5, 'kg/cm2': 98066.5, 'kp/cm2': 98066.5, 'torr': 133.32237,
+           'mmhg': 133.32237, 'inhg': 3386.389, 'cmh2o': 98.0665, 'mmh2o': 9.80665,
+           'inh2o': 249.08891, 'mh2o': 9806.65, 'mmws': 9.80665, 'mws': 9806.65},
+    'm': {'m': 1.0, 'meter': 1.0, 'metre': 1.0, 'dm': 0.1, 'cm': 1e-2, 'zentimeter': 1e-2,
+          'mm': 1e-3, 'millimeter': 1e-3, 'millimetre': 1e-3, 'um': 1e-6, 'nm': 1e-9,
+          'in': 0.0254, 'inch': 0.0254, 'inches': 0.0254, 'zoll': 0.0254, '"': 0.0254,
+          'mil': 2.54e-5, 'ft': 0.3048},
+    's': {'s': 1.0, 'sec': 1.0, 'secs': 1.0, 'second': 1.0, 'seconds': 1.0, 'sek': 1.0,
+          'sekunde': 1.0, 'sekunden': 1.0, 'ms': 1e-3, 'msec': 1e-3, 'milliseconds': 1e-3,
+          'millisekunden': 1e-3, 'us': 1e-6, 'usec': 1e-6, 'microseconds': 1e-6, 'ns': 1e-9,
+          'min': 60.0, 'minutes': 60.0, 'minuten': 60.0, 'h': 3600.0, 'hours': 3600.0,
+          'stunden': 3600.0, 'd': 86400.0, 'days': 86400.0, 'tage': 86400.0},
+    '1': {'1': 1.0, '-': 1.0, '': 1.0, 'ratio': 1.0, 'mm/mm': 1.0, 'm/m': 1.0, 'in/in': 1.0,
+          'dimensionless': 1.0, 'unitless': 1.0, 'none': 1.0, '%': 1e-2, 'percent': 1e-2,
+          'pct': 1e-2, 'prozent': 1e-2, 'permille': 1e-3, '\u2030': 1e-3, 'um/m': 1e-6,
+          'microstrain': 1e-6, 'u\u03b5': 1e-6},
+    '1/s': {'1/s': 1.0, '/s': 1.0, 's-1': 1.0, 's^-1': 1.0, '%/s': 1e-2, '%/min': 1e-2 / 60.0},
+}
+_ABSOLUTE = re.compile(r'^(?P<unit>.*?)[\s_(]*(?:(?P<abs>absolute|absolut|abs|a)|'
+                       r'(?P<gauge>gauge|relative|relativ|rel|g|\u00fc))[.)]*$', re.IGNORECASE)
+
+
+class Unit(NamedTuple):
+    """
+    A unit as written, its factor to SI, and the SI unit that it is like.
+
+    ``absolute`` is what the unit says of a pressure: absolute, gauge (False) or neither (None).
+    """
+
+    text: str
+    factor: float
+    like: str
+    absolute: bool | None = None
+
+
+@lru_cache(maxsize=4096)
+def unit_of(text: str, like: str) -> Unit | None:
+    """
+    Return the unit that a text means, of the dimension of ``like``; None where it is none.
+
+    Examples
+    --------
+    >>> unit_of('psia', 'Pa').absolute, unit_of('kg', 'N').factor, unit_of('mm', 'N')
+    (True, 9.80665, None)
+    """
+    text = text.strip()
+    found = _factor(text, like)
+    if found is not None:
+        return Unit(text, found, like)
+    match = _ABSOLUTE.match(text) if like == 'Pa' else None
+    if match and match['unit']:
+        found = _factor(match['unit'], like)
+        if found is not None:
+            return Unit(match['unit'].strip(), found, like, match['abs'] is not None)
+    return None
+
+
+def _factor(text: str, like: str) -> float | None:
+    plain = re.sub(r'[\s^*\u00b7]', '', text).replace('\u00b2', '2')
+    plain = plain.replace('\u00b5', 'u').replace('\u03bc', 'u')
+    if plain == 'MN' and like == 'N':
+        return 1e6
+    key = plain.casefold()
+    if like in _UNITS and key in _UNITS[like]:
+        return _UNITS[like][key]
+    if like not in _UNITS or not re.search(r'[A-Za-z]', plain):
+        return None
+    try:
+        return si_factor(text, like)
+    except InputError:
+        return None
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a cell of a row of units holds a unit, with or without brackets."""
+    plain = text.strip().strip('[](){}<>')
+    return any(unit_of(plain, like) is not None for like in QUANTITIES.values() if like)
+
+
+# -- names ------------------------------------------------------------------------------------
+
+#: Quantity: its names, the words of each in any order.
+_NAMES: dict[str, tuple[str, ...]] = {
+    'time': ('time', 't', 'zeit', 'timestamp', 'time stamp', 'stamp', 'zeitstempel', 'uhrzeit',
+             'elapsed', 'elapsed time', 'clock', 'x value', 'seconds', 'sekunden', 'datetime',
+             'date time', 'datum uhrzeit', 'datum zeit', 'messzeit', 'laufzeit', 'zeitpunkt',
+             'relative time', 'rel time', 'test time', 'run time'),
+    'trial': ('trial', 'run', 'test', 'versuch', 'messung', 'lauf', 'wiederholung', 'rep',
+              'repeat', 'repetition', 'experiment', 'cycle', 'zyklus', 'series', 'reihe',
+              'messreihe'),
+    'force': ('force', 'f', 'kraft', 'load', 'last', 'tension', 'pull', 'load cell', 'loadcell',
+              'fx', 'fz', 'zugkraft', 'kraftsensor', 'kraftmessdose', 'axialkraft', 'force x',
+              'force z', 'tensile', 'tensile force', 'load force', 'load cell force'),
+    'pressure': ('pressure', 'p', 'druck', 'press', 'innendruck', 'ueberdruck', 'relativdruck',
+                 'absolutdruck', 'pressure p'),
+    'strain': ('strain', 'epsilon', 'eps', '\u03b5', 'contraction ratio', 'kontraktionsgrad',
+               'relative contraction', 'rel contraction', 'kontraktionsverhaeltnis',
+               'contraction strain', 'relative kontraktion', 'shortening ratio'),
+    'contraction': ('contraction', 'contr', 'shortening', 'kontraktion', 'verkuerzung',
+                    'contraction length', 'kontraktionsweg'),
+    'elongation': ('elongation', 'elong', 'extension', 'ext', 'verlaengerung', 'auszug'),
+    'shift': ('displacement', 'disp', 'displ', 'position', 'pos', 'weg', 'stroke', 'hub', 'travel',
+              'deflection', 'verschiebung', 'auslenkung', 'x', 's', 'dehnung', 'crosshead',
+              'traverse', 'traversenweg', 'standardweg', 'kolbenweg'),
+    'length': ('length', 'l', 'len', 'laenge'),
+    'strain_rate': ('strain rate', 'contraction rate', 'dehnrate'),
+}
+#: Words that say nothing about which quantity it is.
+_NEUTRAL = frozenset("""measured meas measurement actual act ist current gemessen messwert value
+    wert sensor signal channel kanal ch ai raw roh reading muscle muskel pam mckibben bpa dmsp
+    mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen der
+    des the of in am im total id nr no number nummer name avg average mean mittelwert filtered
+    filt gefiltert smoothed smooth""".split())
+#: Of these a column of its own is better, where there is one.
+_LESSER = frozenset('filtered filt gefiltert smoothed smooth avg average mean mittelwert'.split())
+#: Words of columns that are no reading of the muscle.
+_RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref reference cmd command
+    demand supply versorgung versorgungs tank source speise speicher ambient umgebung umgebungs
+    luft vor atmospheric atmosphere barometric model predicted prediction simulated sim residual
+    error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration temperature
+    temperatur temp voltage volt spannung strom valve ventil derivative noise max min limit
+    offset line regulator""".split())
+_GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
+                     r'kontraktion)$')
+_BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')
+
+
+class Match(NamedTuple):
+    """
+    What a header means.
+
+    Attributes
+    ----------
+    quantity : str
+        A key of `QUANTITIES`, empty where it is not known.
+    score : int
+        3 the name as it stands, 2 with words that do not matter, 1 one word among others.
+    unit : Unit or None
+    part : str
+        Which of several: the motor unit of `pressure.mu1` or `p 2`, else empty.
+    why : str
+        Why it is not used.
+    absolute : bool or None
+        What the name says of a pressure: absolute, gauge (False) or neither (None).
+    """
+
+    quantity: str
+    score: int = 0
+    unit: Unit | None = None
+    part: str = ''
+    why: str = 'not known'
+    absolute: bool | None = None
+
+
+def words_of(name: str) -> list[str]:
+    """
+    Return the words of a name, in lower case, German umlauts spelt out, numbers apart.
+
+    Examples
+    --------
+    >>> words_of('MU1_Pressure'), words_of('Muskell\u00e4nge (Ist)')
+    (['mu1', 'pressure'], ['muskellaenge', 'ist'])
+    """
+    text = re.sub(r'(?<=[a-z])(?=[A-Z])', ' ', name).casefold()
+    for umlaut, spelt in (('\u00e4', 'ae'), ('\u00f6', 'oe'), ('\u00fc', 'ue'), ('ss', 'ss')):
+        text = text.replace(umlaut, spelt)
+    words = re.findall(r'mu\d+|[^\W\d_]+|\d+', text)
+    return words
+
+
+def recognise(header: str, unit_text: str = '') -> Match:
+    """
+    Return which quantity a header names, and its unit.
+
+    Parameters
+    ----------
+    header : str
+        With or without a unit, in brackets or behind the name.
+    unit_text : str
+        The unit where it stands elsewhere (a row of units, an attribute of the file).
+
+    Examples
+    --------
+    >>> recognise('Muskeldruck in bar').quantity, recognise('p_set [kPa]').why
+    ('pressure', "'set' is no reading of the muscle")
+    """
+    best = Match('')
+    for name, unit in _splits(header, unit_text):
+        found = _named(name)._replace(absolute=_absolute(name))
+        if not found.quantity:
+            best = found if found.why != 'not known' else best
+            continue
+        found = _with_unit(found, unit)
+        if found.score > best.score or (found.quantity and not best.quantity):
+            best = found
+    return best
+
+
+def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
+    """Return the ways to take a header apart into name and unit (None: it has none)."""
+    brackets = list(_BRACKET.finditer(header))
+    if unit_text:
+        return [(header, unit_text)]
+    for match in reversed(brackets):
+        inside = match.group(1).strip()
+        if match.group(0)[0] == '[' or is_unit(inside):
+            return [(header[:match.start()] + ' ' + header[match.end():], inside)]
+    ways: list[tuple[str, str | None]] = [(header, None)]
+    for match in re.finditer(r'\s+in\s+|\s*[/,:;|]\s*|[\s_.\-]+|(?<=[a-z])(?=[A-Z])', header):
+        unit = header[match.end():].strip()
+        if match.start() and unit and is_unit(unit):
+            ways.append((header[:match.start()], unit))
+    return ways
+
+
+def _with_unit(found: Match, text: str | None) -> Match:
+    if text is None:
+        # a bare name is worth less than one whose end is a unit that fits
+        return found
+    if found.quantity == 'trial':
+        return found
+    for like in likes(found.quantity):
+        unit = unit_of(text, like)
+        if unit is not None:
+            # a strain in mm is a contraction
+            quantity = 'contraction' if (found.quantity, like) == ('strain', 'm'
+                                                                   ) else found.quantity
+            if unit.absolute is None:
+                unit = unit._replace(absolute=found.absolute)
+            return found._replace(quantity=quantity, unit=unit, score=found.score + 1)
+    return found._replace(score=0, why=f"unit '{text}' does not fit; expected a unit like "
+                          f'{QUANTITIES[found.quantity]}')
+
+
+def likes(quantity: str) -> tuple[str, ...]:
+    """Return the SI units that a quantity may come in: a contraction as length or as ratio."""
+    if quantity in ('strain', 'contraction', 'elongation', 'shift'):
+        return ('1', 'm') if quantity == 'strain' else ('m', '1')
+    return (QUANTITIES[quantity],)
+
+
+def _named(name: str) -> Match:
+    words = words_of(name)
+    if not words:
+        return Match('', why='no name')
+    for quantity, names in _NAMES.items():
+        if ' '.join(words) in names:
+            return Match(quantity, 3)
+    dotted = re.match(r'^\s*(\w+)\.(\S+)\s*$', name)
+    if dotted and dotted[1].casefold() in _NAMES['pressure']:
+        return Match('pressure', 3, part=dotted[2])
+    out = [word for word in words if word in _RULED_OUT or _compound(word, _RULED_OUT)]
+    if out:
+        return Match('', why=f"'{out[0]}' is no reading of the muscle")
+    part = [word for word in words if re.fullmatch(r'(mu)?\d+', word)]
+    rest = [_last_of(word) for word in words if word not in part]
+    core = [word for word in rest if word not in _NEUTRAL] or rest
+    number = part[0].removeprefix('mu') if len(part) == 1 else ''
+    lesser = bool(_LESSER & set(words))
+    for quantity, names in _NAMES.items():
+        if any(sorted(core) == sorted(known.split()) for known in names):
+            return Match(quantity, 1 if lesser else 2, part=f'mu{number}' if number else '')
+    for quantity, names in _NAMES.items():
+        if any(word in names and len(word) > 2 for word in core):
+            return Match(quantity, 1, part=f'mu{number}' if number else '')
+    return Match('')
+
+
+def _absolute(name: str) -> bool | None:
+    words = ' '.join(words_of(name))
+    if re.search(r'\babs|absolut', words):
+        return True
+    return False if re.search(r'\b(gauge|rel|relativ\w*|ueberdruck)\b', words) else None
+
+
+def _last_of(word: str) -> str:
+    """Return what a German compound is about: `muskeldruck` is a druck."""
+    match = _GERMAN.match(word)
+    return match['last'] if match and match['first'] else word
+
+
+def _compound(word: str, firsts: frozenset[str]) -> bool:
+    """Return whether a German compound begins with one of some words: `solldruck`."""
+    match = _GERMAN.match(word)
+    first = match['first'].rstrip('s') if match else ''
+    return bool(first) and first in {one.rstrip('s') for one in firsts}

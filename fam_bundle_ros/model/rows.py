@@ -1,0 +1,212 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A bundle over a long record, law by law: forces, and their derivatives by parameters.
+
+The text of the bundle's `Composition` runs as it is, with arrays of rows for numbers and a
+`RowLaw` for each law: what acts where is said in one place. A record is computed in blocks, so
+that the space between laws does not grow with it; memory is carried from block to block.
+"""
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.compose import MUSCLES
+from fam_bundle_ros.model.dual import applied, Dual, DualWords, slopes_of, value_of
+from fam_bundle_ros.model.geometry import DERIVED, derived
+from fam_bundle_ros.model.laws.base import Place, SHAPE
+from fam_bundle_ros.model.parts import Motion
+from fam_bundle_ros.model.rowlaw import row_law
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.model.muscles import Muscles
+
+#: Rows in a block: what stands between laws then stays in the processor's cache.
+BLOCK = 4096
+#: Relative step of central differences: cube root of the rounding of a double.
+_STEP = 6e-6
+#: Dimensions of a muscle that a key ``geometry.radius`` ... may name.
+DIMENSIONS = ('radius', 'length', 'braid_angle', 'wall_thickness')
+
+
+def unit_forces(model: 'Muscles', motion: Motion) -> np.ndarray:
+    """
+    Return the tension of each motor unit over a record, N, shape (T, n).
+
+    Memory begins afresh where ``motion.start`` says so. Without time the static forces.
+    """
+    force = np.empty((model.shape.shape[1], len(motion.strain)))
+    for unit, rows, value in _blocks(_Numbers(model, ()), _floats(motion.strain),
+                                     _floats(motion.pressure).T, motion):
+        force[unit, rows] = value
+    return force.T
+
+
+def reading(model: 'Muscles', motion: Motion, keys: Sequence[str] = ()
+            ) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the force that the load cell would show over a record of readings, and its derivatives.
+
+    Parameters
+    ----------
+    model : Muscles
+    motion : Motion
+        Strain and pressure as the gauges show them.
+    keys : sequence of str
+        ``effect.parameter`` or ``geometry.radius`` ..., as `Bundle.with_parameters` takes them.
+
+    Returns
+    -------
+    force : array (T,), N
+    jacobian : array (T, K), N per SI unit of each key
+
+    Raises
+    ------
+    InputError
+        For a key that the model does not have.
+    NotImplementedError
+        When the source of a law cannot be differentiated.
+    """
+    numbers = _Numbers(model, keys)
+    strain = numbers.true('strain', _floats(motion.strain))
+    pressure = numbers.true('pressure', np.ascontiguousarray(_floats(motion.pressure).T))
+    force = np.zeros(len(motion.strain))
+    jacobian = np.zeros((len(keys), len(force)))
+    for _, rows, value in _blocks(numbers, strain, pressure, motion):
+        force[rows] += value_of(value)
+        for key, slope in slopes_of(value).items():
+            jacobian[key, rows] += slope
+    bias, gain = numbers.error('force')
+    jacobian *= value_of(gain)
+    for key, slope in slopes_of(gain).items():
+        jacobian[key] += slope * force
+    for key, slope in slopes_of(bias).items():
+        jacobian[key] += slope
+    return force * value_of(gain) + value_of(bias), jacobian.T
+
+
+def differences(bundle: Any, motion: Motion, keys: Sequence[str]) -> np.ndarray:
+    """Return central differences of `Bundle.predict` by keys, (T, K)."""
+    jacobian = np.empty((len(motion.strain), len(keys)))
+    for column, key in enumerate(keys):
+        owner, _, name = key.partition('.')
+        if owner == 'geometry':
+            value = getattr(bundle.motor_units[0].geometry, name)
+            step = _STEP * value
+        else:
+            value = bundle.effect(owner).values[name]
+            # a parameter that is zero has no size of its own
+            step = _STEP * (abs(value) or abs(bundle.effect(owner).limits(name)[1]) or 1.0)
+        above, below = (bundle.with_parameters({key: value + sign * step}).predict(motion)
+                        for sign in (1.0, -1.0))
+        jacobian[:, column] = (above - below) / (2.0 * step)
+    return jacobian
+
+
+class _Numbers:
+    """The parameters and dimensions of a model, with a slope where they are a key."""
+
+    def __init__(self, model, keys):
+        self.model = model
+        self.parameters = model.parameters.tolist()
+        self.shape = model.shape.T.tolist()
+        dimensions = {}
+        for key, text in enumerate(keys):
+            owner, _, name = text.partition('.')
+            if owner == 'geometry' and name in DIMENSIONS:
+                dimensions[name] = key
+            elif (owner, name) in model.laws.parameters:
+                index = model.laws.parameters.index((owner, name))
+                self.parameters[index] = Dual(self.parameters[index], {key: 1.0})
+            else:
+                raise InputError(
+                    f"the model has no parameter '{text}'; expected 'geometry.' with one of "
+                    f"{', '.join(DIMENSIONS)}, or an effect of the model and its parameter, such "
+                    'as ' + ' or '.join(map('.'.join, model.laws.parameters[:2])))
+        if dimensions:
+            self.shape = [self._resized(one, dimensions) for one in self.shape]
+
+    def _resized(self, one, dimensions):
+        """Return a unit's shape with slopes: dimensions keep their ratio to the first unit's."""
+        one = list(one)
+        for name, key in dimensions.items():
+            index = SHAPE.index(name)
+            ratio = 1.0 if name == 'braid_angle' else one[index] / self.model.shape[index, 0]
+            one[index] = Dual(one[index], {key: ratio})
+        of = [one[SHAPE.index(name)] for name in ('radius', 'braid_angle', 'wall_thickness')]
+        for name, value in zip(DERIVED, applied(derived, *of), strict=True):
+            one[SHAPE.index(name)] = value
+        return one
+
+    def error(self, quantity):
+        """Return b and g of a gauge that shows g x + b; 0 and 1 for one without error."""
+        bias, gain = 0.0, 1.0
+        for _, law, part in self.model.laws.at(Place.SENSOR):
+            if part.changes != quantity:
+                continue
+            values = {argument: self.parameters[self.model.laws.parameters.index(
+                (law.name, name))] for argument, name in law.names.items()}
+            at_zero, at_one = (applied(part.function, *(
+                values.get(name, at) for name in part.arguments))[0] for at in (0.0, 1.0))
+            bias, gain = at_zero + bias, at_one - at_zero + gain
+        return bias, gain
+
+    def true(self, quantity, shown):
+        """Return what is there, for what a gauge shows; the laws of gauges are linear."""
+        bias, gain = self.error(quantity)
+        return (shown - bias) / gain
+
+
+def _blocks(numbers: _Numbers, strain: Any, pressure: Any, motion: Motion
+            ) -> Iterator[tuple[int, slice, Any]]:
+    """
+    Yield the force of each motor unit, block by block: unit, rows, force in N.
+
+    ``strain`` (T,) and ``pressure`` (n, T) are those that the muscles feel.
+    """
+    laws, tables = numbers.model.laws, numbers.model.tables
+    functions = _functions(laws)
+    rate = _floats(motion.strain_rate)
+    count = len(motion.strain)
+    time = np.zeros(count) if motion.time is None else _floats(motion.time)
+    time = time - time[:1]
+    first = np.arange(count) == 0
+    start = first if motion.start is None else first | motion.start
+    dt = np.where(start, 0.0, np.diff(time, prepend=0.0))
+    stepping = laws.has_memory and motion.time is not None
+    memory = [[0.0] * len(laws.memory) for _ in numbers.shape]
+    for begin in range(0, count, BLOCK):
+        rows = slice(begin, min(begin + BLOCK, count))
+        felt = _part(strain, rows)
+        for unit, shape in enumerate(numbers.shape):
+            given = unit, felt, rate[rows], _part(pressure, (unit, rows)), time[rows]
+            if stepping:
+                after = [0.0] * len(laws.memory)
+                force = functions.muscle(
+                    *given, dt[rows], start[rows], first[rows], shape, numbers.parameters,
+                    tables, memory[unit], after)
+                memory[unit] = after
+            else:
+                force = functions.muscle_at_rest(*given, shape, numbers.parameters, tables)
+            yield unit, rows, force * shape[MUSCLES]
+
+
+@lru_cache(maxsize=512)
+def _functions(laws):
+    return laws.functions_of(DualWords, row_law)
+
+
+def _floats(values):
+    return np.asarray(values, float)
+
+
+def _part(number, rows):
+    """Return some rows of an array or of a dual number."""
+    if not isinstance(number, Dual):
+        return number[rows]
+    return Dual(number.value[rows], {key: slope[rows] if np.ndim(slope) else slope
+                                     for key, slope in number.slopes.items()})

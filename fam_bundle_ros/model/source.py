@@ -1,0 +1,56 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Functions from generated source text.
+
+The text must be made of known names and numbers, never of what a user wrote. It stays readable:
+tracebacks show its lines.
+"""
+
+from collections.abc import Callable, Mapping
+import hashlib
+import linecache
+import os
+from typing import Any
+
+from fam_bundle_ros import kernels
+
+
+def defined(text: str, name: str, names: Mapping[str, Any], to_compile: bool = False) -> Callable:
+    """
+    Return the function that a text defines.
+
+    Parameters
+    ----------
+    text : str
+    name : str
+        Name of the function in it.
+    names : mapping
+        Global names that it may use.
+    to_compile : bool
+        Whether numba will compile it: the text is then kept in a file of the cache folder, where
+        numba looks for it.
+    """
+    path = (to_compile and filed(text, name)) or f'<{name} {_digest(text)[:8]}>'
+    linecache.cache[path] = (len(text), None, text.splitlines(True), path)
+    scope = {**names, '__name__': __name__}
+    exec(compile(text, path, 'exec'), scope)
+    return scope[name]
+
+
+def filed(text: str, name: str) -> str:
+    """Return the path of a file in the cache folder that holds a text; empty if it cannot be."""
+    path = kernels.cache_root() / 'models' / f'{name}_{_digest(text)}.py'
+    if not path.exists():
+        draft = path.with_suffix(f'.{os.getpid()}')
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draft.write_text(text, encoding='utf-8')
+            draft.replace(path)
+        except OSError:
+            return ''
+    return str(path)
+
+
+def _digest(text):
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

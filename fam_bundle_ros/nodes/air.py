@@ -1,0 +1,130 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a driver may do with the air: who asked for it, and how long ago. No ROS.
+
+A motor unit whose valve command is old is vented. The supply is open only while `supply_enable`
+is true and fresh and the rig is not stopped; while it is shut, every valve exhausts.
+"""
+
+from dataclasses import dataclass
+
+VENT = -1.0
+
+
+@dataclass(frozen=True)
+class Order:
+    """
+    What the valves are to do now.
+
+    Attributes
+    ----------
+    supply : bool
+        Open.
+    valves : tuple of float
+        -1 exhaust, 0 closed, 1 fill.
+    answers : float or None
+        Time of the oldest reading that a valve command in use answers, s; None for none.
+    why : str
+        Why the supply is shut; empty while it is open.
+    """
+
+    supply: bool
+    valves: tuple[float, ...]
+    answers: float | None
+    why: str
+
+
+class Air:
+    """
+    Remembers valve commands and `supply_enable`, and says what is still good.
+
+    Times are of one steady clock, s.
+
+    Parameters
+    ----------
+    units : int
+    command_timeout : float, s
+        A valve command counts for so long after the reading that it answers.
+    supply_timeout : float, s
+        ``supply_enable`` counts for so long after it was heard.
+
+    Examples
+    --------
+    >>> air = Air(1, command_timeout=0.1, supply_timeout=0.5)
+    >>> air.enable(True, 0.0)
+    >>> air.command(0, 0.3, 0.0, 0.01)
+    True
+    >>> air.order(0.05).valves, air.order(0.2).valves, air.order(0.6).why
+    ((0.3,), (-1.0,), 'nothing on supply_enable for 0.5 s')
+    """
+
+    def __init__(self, units: int, command_timeout: float, supply_timeout: float):
+        self._command_timeout = command_timeout
+        self._supply_timeout = supply_timeout
+        #: Command and the time from which it counts.
+        self._commands: list[tuple[float, float] | None] = [None] * units
+        self._enable: tuple[bool, float] | None = None
+        self._forbidden = -supply_timeout
+
+    def command(self, unit: int, value: float, answers: float, now: float) -> bool:
+        """
+        Take a valve command; return whether it is fresh.
+
+        One that answers a reading of the future (another clock) counts from when it came.
+        """
+        if now - answers > self._command_timeout:
+            return False
+        self._commands[unit] = value, min(answers, now)
+        return True
+
+    def enable(self, value: bool, now: float, publishers: int = 1) -> None:
+        """
+        Take ``supply_enable``.
+
+        With more than one publisher a true counts only when nobody has said false of late.
+        """
+        if not value:
+            self._forbidden = now
+        elif publishers > 1 and now - self._forbidden < self._supply_timeout:
+            return
+        self._enable = value, now
+
+    def age(self, unit: int, now: float) -> float | None:
+        """Return the age of a motor unit's command, s; None before the first."""
+        command = self._commands[unit]
+        return None if command is None else now - command[1]
+
+    def stale(self, now: float) -> tuple[int, ...]:
+        """Return the motor units (from 0) without a fresh command."""
+        return tuple(unit for unit in range(len(self._commands)) if not self._fresh(unit, now))
+
+    def order(self, now: float, stopped: str = '') -> Order:
+        """
+        Return what the valves are to do.
+
+        Parameters
+        ----------
+        now : float, s
+        stopped : str
+            Why the rig is stopped, for whatever other reason; empty when it is not.
+        """
+        why = stopped or self._shut(now)
+        if why:
+            return Order(False, (VENT,) * len(self._commands), None, why)
+        used = [command if self._fresh(unit, now) else None
+                for unit, command in enumerate(self._commands)]
+        return Order(True, tuple(command[0] if command else VENT for command in used),
+                     min((command[1] for command in used if command), default=None), '')
+
+    def _fresh(self, unit: int, now: float) -> bool:
+        age = self.age(unit, now)
+        return age is not None and age <= self._command_timeout
+
+    def _shut(self, now: float) -> str:
+        if self._enable is None:
+            return 'nothing on supply_enable yet'
+        value, since = self._enable
+        if now - since > self._supply_timeout:
+            return f'nothing on supply_enable for {self._supply_timeout:g} s'
+        return '' if value else 'supply_enable is false'

@@ -1,0 +1,227 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The conversation with a microcontroller: greeting, samples, what is lost, who hears whom.
+
+No ROS and no port: bytes come in, samples with their times go out.
+"""
+
+from collections.abc import Callable
+from enum import Enum
+
+from fam_bundle_ros.nodes.board_clock import BoardClock
+from fam_bundle_ros.nodes.serial_protocol import (
+    BOARD_TIMEOUT,
+    BoardSample,
+    GarbledLineError,
+    Hello,
+    LineSplitter,
+    read_line,
+    VERSION,
+    WRAP,
+)
+
+#: s between two greetings of a board that has not answered.
+_GREETING = 0.25
+#: s. A board that takes no command for so long does not hear us: twice what it stands itself.
+_DEAF = 2.0 * BOARD_TIMEOUT
+#: Commands whose answer is waited for.
+_OPEN_COMMANDS = 512
+
+
+class Talk(Enum):
+    """How far the conversation has come."""
+
+    CLOSED = 'the port is not open'
+    GREETING = 'the board has not answered yet'
+    REFUSED = 'the board does not fit'
+    RUNNING = ''
+
+
+class Board:
+    """
+    What is known of a board.
+
+    Times are of one steady clock, s.
+
+    Parameters
+    ----------
+    units : int
+        Motor units that it must have.
+    timeout : float, s
+        Silent for so long, it is lost.
+    on_lost : callable
+        Gets the reason when a board that was running no longer is.
+
+    Attributes
+    ----------
+    talk : Talk
+    reason : str
+        Why it is not running; empty while it is.
+    name : str
+        What the board calls itself.
+    newest : BoardSample or None
+    taken : float, s
+        When it was taken.
+    lost, garbled, reconnects, restarts, skipped : int
+        Lines that never came, that could not be read, how often the port was opened again, how
+        often the board began anew, and samples whose time is not known (see `feed`).
+    last_garbled : str
+        Why the last garbled line could not be read.
+    round_trip : float, s
+        From sending a command to the first sample that answers it, the newest.
+    """
+
+    def __init__(self, units: int, timeout: float, on_lost: Callable[[str], None]):
+        self._units = units
+        self._timeout = timeout
+        self._on_lost = on_lost
+        self.lost = self.garbled = self.reconnects = self.restarts = self.skipped = 0
+        self.last_garbled = ''
+        self.name = ''
+        self.round_trip = 0.0
+        self.newest: BoardSample | None = None
+        self.taken = 0.0
+        self._clock = BoardClock()
+        self._splitter = LineSplitter()
+        self._greeted = float('-inf')
+        self._received = self._heard = 0.0
+        self._latest = float('-inf')
+        self._sent: dict[int, float] = {}
+        self._opened = 0
+        self._become(Talk.CLOSED)
+
+    @property
+    def running(self) -> bool:
+        """Whether samples come and commands may go."""
+        return self.talk is Talk.RUNNING
+
+    # --- what happens --------------------------------------------------------------------------
+
+    def opened(self) -> None:
+        """Note that the port is open."""
+        self._opened += 1
+        self.reconnects = self._opened - 1
+        self._splitter = LineSplitter()
+        self._begin_anew()
+        self._become(Talk.GREETING)
+
+    def closed(self, reason: str) -> None:
+        """Note that the port is not, or no longer, open."""
+        self._leave(Talk.CLOSED, reason)
+
+    def feed(self, data: bytes, received: float) -> list[tuple[BoardSample, float]]:
+        """
+        Take bytes; return the samples in them, each with when it was taken.
+
+        Of lines that come all at once when the port is opened only the first counts: nothing
+        tells yet how far apart they were read.
+        """
+        overlong = self._splitter.overlong
+        samples = []
+        for line in self._splitter.feed(data):
+            try:
+                said = read_line(line)
+                if isinstance(said, Hello):
+                    self._greet(said, received)
+                elif self.running and self._take(said, received):
+                    samples.append((said, self.taken))
+            except GarbledLineError as error:
+                self.garbled += 1
+                self.last_garbled = str(error)
+        if self._splitter.overlong > overlong:
+            self.garbled += self._splitter.overlong - overlong
+            self.last_garbled = 'it is too long'
+        return samples
+
+    def sent(self, number: int, now: float) -> None:
+        """Note that a command has gone out."""
+        self._sent[number] = now
+        if len(self._sent) > _OPEN_COMMANDS:
+            del self._sent[next(iter(self._sent))]
+
+    def greeting_due(self, now: float) -> bool:
+        """Return whether to greet the board now."""
+        if self.talk in (Talk.CLOSED, Talk.RUNNING) or now - self._greeted < _GREETING:
+            return False
+        self._greeted = now
+        return True
+
+    def check(self, now: float) -> None:
+        """Look after what does not come; call this often."""
+        if self.running and now - self._received > self._timeout:
+            self._leave(Talk.GREETING, f'the board was silent for {now - self._received:.2f} s')
+
+    # --- what is known -------------------------------------------------------------------------
+
+    @property
+    def deaf(self) -> str:
+        """Why the board seems not to hear us; empty while it takes our commands."""
+        since = self._received - self._heard
+        if not self.running or since <= _DEAF:
+            return ''
+        return f'the board has taken no command for {since:.2f} s'
+
+    def ticks(self, time: float) -> int:
+        """Return the board's clock at a time, that of the newest sample at most."""
+        assert self.newest is not None
+        ago = max(round(1e6 * (self.taken - time)), 0)
+        return (self.newest.time - ago) % WRAP
+
+    # --- inside --------------------------------------------------------------------------------
+
+    def _become(self, talk: Talk, reason: str = '') -> None:
+        self.talk = talk
+        self.reason = reason or talk.value
+
+    def _leave(self, talk: Talk, reason: str) -> None:
+        running = self.running
+        self._become(talk, reason)
+        self._begin_anew()
+        if running:
+            self._on_lost(reason)
+
+    def _begin_anew(self) -> None:
+        self._clock.reset()
+        self._sent.clear()
+        self._greeted = float('-inf')
+        self.newest = None
+
+    def _greet(self, hello: Hello, received: float) -> None:
+        if hello.version != VERSION:
+            self._leave(Talk.REFUSED, f'the board speaks version {hello.version} of the protocol; '
+                        f'expected {VERSION}')
+        elif hello.units != self._units:
+            self._leave(Talk.REFUSED, f'the board has {hello.units} motor units; expected '
+                        f'{self._units} (parameter units)')
+        elif not self.running:
+            self.name = hello.name
+            self._received = self._heard = received
+            self._become(Talk.RUNNING)
+
+    def _take(self, sample: BoardSample, received: float) -> bool:
+        """Take a sample; return whether it moves on in time."""
+        if len(sample.pressure) != self._units:
+            raise GarbledLineError(f'a sample has {len(sample.pressure)} pressures; expected '
+                                   f'{self._units}')
+        if self.newest is not None:
+            step = (sample.number - self.newest.number) % WRAP
+            if step == 0:
+                raise GarbledLineError(f'sample {sample.number} came twice')
+            if step > WRAP // 2:
+                self.restarts += 1
+                self._leave(Talk.GREETING, 'the board has restarted')
+                return False
+            self.lost += step - 1
+        self._received = received
+        answered = self._sent.pop(sample.command, None)
+        if answered is not None:
+            self._heard = max(self._heard, answered)
+            self.round_trip = received - answered
+        taken = self._clock.time(sample.time, received)
+        self.newest, self.taken = sample, taken
+        if taken <= self._latest:
+            self.skipped += 1
+            return False
+        self._latest = taken
+        return True

@@ -1,0 +1,267 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Measures a graph of nodes: time from a sample to the last valve command that answers it.
+
+The same stopwatch sits on the rig of the bundle's own graph and on that of the empty one
+(`fam_bundle_ros.nodes.empty`). One call of `measure` is one graph; `fam_bundle bench` calls it in
+a process of its own.
+"""
+
+from collections.abc import Callable
+import cProfile
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.executors import Executor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from fam_bundle_ros.model import Bundle, load_model, save_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.empty import empty_node, EmptyRig, roles
+from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.resources import config_path
+
+#: What is run: the bundle's nodes, empty nodes, or the bundle's pressure loops among empty nodes.
+GRAPHS = ('bundle', 'empty', 'pids')
+#: Answers before the measurement begins: processes find each other, caches fill.
+_WARM_UP = 100
+#: s until the first answer.
+_PATIENCE = 20.0
+
+
+class Stopwatch:
+    """
+    Times samples from their first message to the last valve command with their stamp.
+
+    Parameters
+    ----------
+    units : int
+    """
+
+    def __init__(self, units: int):
+        self._units = units
+        self._open: dict[int, tuple[float, int]] = {}
+        self._last = -1
+        self.future: Future | None = None
+        self.begin(float('inf'), _WARM_UP)
+
+    def begin(self, seconds: float, answers: float = float('inf')) -> None:
+        """Count anew, and end after some time or answers, whichever is first."""
+        self.start, self._seconds, self._answers = time.perf_counter(), seconds, answers
+        self.sent = 0
+        #: s from sample to last answer, one for each sample that was answered.
+        self.latencies: list[float] = []
+
+    @property
+    def elapsed(self) -> float:
+        """Time since `begin`, s."""
+        return time.perf_counter() - self.start
+
+    def sample(self, stamp: int) -> None:
+        """Note that a message of a sample is about to be sent: the first one counts."""
+        if stamp == self._last:
+            return
+        self._last = stamp
+        self.sent += 1
+        self._open[stamp] = (time.perf_counter(), self._units)
+        if self.future is not None and (self.elapsed > self._seconds
+                                        or len(self.latencies) >= self._answers):
+            self.future.set_result(None)
+
+    def answer(self, stamp: int) -> None:
+        """Note that a valve command has come."""
+        if stamp in self._open:
+            begin, left = self._open[stamp]
+            self._open[stamp] = (begin, left - 1)
+            if left == 1:
+                del self._open[stamp]
+                self.latencies.append(time.perf_counter() - begin)
+
+
+class _Timed:
+    """Puts a stopwatch on a rig: what it publishes of a sample, what it hears of the valves."""
+
+    def __init__(self, watch: Stopwatch, *arguments: Any, **keywords: Any):
+        self._watch = watch
+        super().__init__(*arguments, **keywords)
+
+    def publisher(self, topic: str, kind: Any, *qos: Any) -> Any:
+        publisher = super().publisher(topic, kind, *qos)  # type: ignore[misc]
+        if topic in (interface.FORCE, interface.STRAIN, interface.pressure_topic(1)):
+            publish = publisher.publish
+
+            def timed(message: Any) -> None:
+                self._watch.sample(interface.stamp_ns(message.header.stamp))
+                publish(message)
+            publisher.publish = timed
+        return publisher
+
+    def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], None],
+                  *qos: Any) -> Any:
+        def timed(message: Any) -> None:
+            self._watch.answer(interface.stamp_ns(message.header.stamp))
+            callback(message)
+        valve = topic.endswith(interface.valve_topic(1).partition('/')[2])
+        return super().subscribe(topic, kind, timed if valve else callback,  # type: ignore[misc]
+                                 *qos)
+
+
+class TimedSimulator(_Timed, PlantSimulator):
+    """The bundle's simulated rig with a stopwatch."""
+
+
+class TimedEmptyRig(_Timed, EmptyRig):
+    """The empty rig with a stopwatch."""
+
+
+def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.0,
+            lock_step: bool = False, processes: bool = False,
+            profile: str = '') -> dict[str, Any]:
+    """
+    Run a graph for some time and return what the stopwatch saw.
+
+    Parameters
+    ----------
+    graph : str
+        One of `GRAPHS`.
+    rate : float, Hz
+        Of the samples.
+    units : int
+    seconds : float
+    lock_step : bool
+    processes : bool
+        Every node in a process of its own.
+    profile : str
+        File for the profile of this process (CPU time); none when empty.
+
+    Returns
+    -------
+    dict
+        ``median``, ``p99``, ``max`` (s), ``answered`` and ``sent`` (1/s), ``cpu`` (of a core,
+        this process).
+
+    Raises
+    ------
+    RuntimeError
+        When no sample is answered.
+    """
+    namespace = f'bench_{os.getpid()}'
+    watch = Stopwatch(units)
+    children: list[subprocess.Popen] = []
+    context = Context()
+    context.init(args=['--ros-args', '--log-level', 'error'])
+    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch:
+        model = str(Path(scratch) / 'model.yaml')
+        save_model(_bundle(units), model)
+        values = {'model': model, 'rate': rate, 'lock_step': lock_step,
+                  'wait_for_reference': lock_step, 'publish_clock': False, 'start_stopped': False,
+                  'start_enabled': True, 'trajectory': 'trajectories/force_ramp.yaml',
+                  'repeat': True, 'load.kind': 'dynamometer', 'load.strain': 0.1,
+                  'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0,
+                  # An empty rig's readings do not follow the valve.
+                  'response_time': 0.0, 'stuck_time': 0.0, 'strain_stuck_time': 0.0}
+        nodes = _others(graph, units, values, context, namespace, processes, children)
+        where: dict[str, Any] = {'context': context, 'namespace': namespace}
+        nodes.append(
+            TimedSimulator(watch, overrides=values, **where) if graph == 'bundle'
+            else TimedEmptyRig(watch, units, rate, lock_step, **where))
+        executor = EventsExecutor(context=context)
+        for node in nodes:
+            executor.add_node(node)
+        try:
+            _until(executor, watch, _PATIENCE)
+            if not watch.latencies:
+                raise RuntimeError(f'{graph}: no sample was answered in {_PATIENCE:g} s')
+            return _timed(executor, watch, seconds, profile)
+        finally:
+            for child in children:
+                child.kill()
+            for child in children:
+                child.wait()
+            executor.shutdown()
+            for node in nodes:
+                node.destroy_node()
+            context.try_shutdown()
+
+
+def _timed(executor: Executor, watch: Stopwatch, seconds: float,
+           profile: str) -> dict[str, Any]:
+    profiler = cProfile.Profile(time.thread_time)
+    watch.begin(seconds)
+    cpu = time.process_time()
+    if profile:
+        profiler.enable()
+    _until(executor, watch, seconds + 1.0)
+    profiler.disable()
+    cpu, elapsed = time.process_time() - cpu, watch.elapsed
+    if profile:
+        profiler.dump_stats(profile)
+    found = sorted(watch.latencies)
+    if not found:
+        raise RuntimeError(f'no sample was answered in {seconds:g} s')
+    return {'median': found[len(found) // 2], 'p99': found[int(0.99 * len(found))],
+            'max': found[-1], 'answered': len(found) / elapsed, 'sent': watch.sent / elapsed,
+            'cpu': cpu / elapsed}
+
+
+def _until(executor: Executor, watch: Stopwatch, limit: float) -> None:
+    """Run until the stopwatch is content, or for a limit in s."""
+    watch.future = Future(executor=executor)
+    executor.spin_until_future_complete(watch.future, timeout_sec=limit)
+
+
+def _others(graph: str, units: int, values: dict[str, Any], context: Context, namespace: str,
+            processes: bool, children: list[subprocess.Popen]) -> list[Node]:
+    """Return all nodes but the rig that run in this process; start the others."""
+    lock_step = values['lock_step']
+    if processes:
+        for role in roles(units):
+            children.append(subprocess.Popen(
+                _own(role, values, namespace) if graph == 'bundle' else
+                [sys.executable, '-m', 'fam_bundle_ros.nodes.empty', role, str(units),
+                 str(lock_step), namespace]))
+        return []
+    if graph == 'bundle':
+        return list(make_nodes(context, namespace, overrides={**values, 'simulate': False}))
+    nodes: list[Node] = []
+    for role in roles(units):
+        if graph == 'pids' and role.startswith('pressure_pid'):
+            nodes.append(PressurePidNode(int(role.rpartition('mu')[2]), context=context,
+                                         namespace=namespace, overrides=values))
+        else:
+            nodes.append(empty_node(role, units, lock_step, context, namespace))
+    return nodes
+
+
+def _own(role: str, values: dict[str, Any], namespace: str) -> list[str]:
+    """Return the command that starts one of the bundle's nodes."""
+    name, _, unit = role.partition('_mu')
+    given = {**values, **({'motor_unit': int(unit)} if unit else {})}
+    parameters = []
+    for key, value in given.items():
+        shown = str(value).lower() if isinstance(value, bool) else value
+        parameters += ['-p', f'{key}:={shown}']
+    return [sys.executable, '-c',
+            f'import sys; from fam_bundle_ros.nodes.{name} import main; sys.exit(main())',
+            '--ros-args', '-r', f'__ns:=/{namespace}', '-r', f'__node:={role}', '--log-level',
+            'error', *parameters]
+
+
+def _bundle(units: int) -> Bundle:
+    """Return the bundle of the paper with as many motor units like its first."""
+    paper = load_model(config_path('models/spie2021.yaml'))
+    first = paper.motor_units[0]
+    return paper if units == 2 else Bundle(
+        f'units{units}', [type(first)(f'mu{k + 1}', first.muscles, first.geometry,
+                                      first.max_pressure) for k in range(units)], paper.effects)

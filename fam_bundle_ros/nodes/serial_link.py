@@ -1,0 +1,199 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A port that is opened again whenever it is lost: a serial port, or TCP. No ROS.
+
+One thread opens and reads; nothing that a port does, or does not do, holds the caller up.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import os
+import select
+import socket
+import threading
+import time
+from typing import Any
+
+from fam_bundle_ros.errors import InputError
+
+#: s. Bounds how late the thread sees that it is to end.
+_SLICE = 0.05
+#: s in which the last line must be on its way.
+_FAREWELL = 0.2
+_CHUNK = 4096
+
+
+@dataclass(frozen=True)
+class Event:
+    """
+    What happened on the port.
+
+    Attributes
+    ----------
+    kind : str
+        ``open``, ``data``, ``lost`` (it was open), or ``failed`` (it could not be opened).
+    time : float
+        Steady time, s.
+    data : bytes
+    reason : str
+        Of ``lost`` and ``failed``.
+    """
+
+    kind: str
+    time: float
+    data: bytes = b''
+    reason: str = ''
+
+
+class SerialLink:
+    """
+    Keeps a port open.
+
+    Parameters
+    ----------
+    url : str
+        A device such as ``/dev/ttyACM0``, or what pyserial opens, as ``socket://host:port``.
+    baud : int
+        Of a serial port.
+    on_event : callable
+        Gets an `Event`; called in the thread of the link.
+    retry : float, s
+        Between two attempts to open.
+
+    Raises
+    ------
+    InputError
+        When pyserial is not installed, or knows no such kind of port.
+    """
+
+    def __init__(self, url: str, baud: int, on_event: Callable[[Event], None], retry: float):
+        self._url = url
+        self._baud = baud
+        self._on_event = on_event
+        self._retry = retry
+        self._new_port()
+        #: Guards writing against closing.
+        self._lock = threading.Lock()
+        self._port: Any = None
+        self._torn = False
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='serial_link', daemon=True)
+
+    def start(self) -> None:
+        """Begin to open the port."""
+        self._thread.start()
+
+    def write(self, line: bytes) -> bool:
+        """Send a line if the port takes it at once; return whether it did."""
+        with self._lock:
+            port = self._port
+            if port is None:
+                return False
+            # The end of a line that went out in part spoils no more than that line.
+            data = b'\n' + line if self._torn else line
+            try:
+                if not _writable(port):
+                    return False
+                written = port.write(data)
+            except Exception:
+                # The reading thread sees it too, and opens the port anew.
+                return False
+            self._torn = written is not None and written < len(data)
+            return not self._torn
+
+    def close(self, farewell: bytes = b'') -> None:
+        """Send a last line and close the port."""
+        end = time.monotonic() + _FAREWELL
+        while farewell and self._port is not None and not self.write(farewell):
+            if time.monotonic() > end:
+                break
+            time.sleep(0.005)
+        self._ending.set()
+        if self._thread.is_alive():
+            self._thread.join(2.0 * _FAREWELL)
+
+    def _new_port(self) -> Any:
+        """Return the port, not open yet."""
+        try:
+            import serial
+        except ImportError:
+            raise InputError('serial_rig needs pyserial: apt install python3-serial, or '
+                             "pip install 'fam_bundle_ros[serial]'") from None
+        try:
+            port = serial.serial_for_url(self._url, baudrate=self._baud, timeout=0.0,
+                                         write_timeout=0.0, do_not_open=True)
+        except ValueError as error:
+            raise InputError(f"parameter url is '{self._url}'; expected a serial port as "
+                             f'/dev/ttyACM0, or socket://host:port ({error})') from None
+        # Two programs on one board would each get half of the lines.
+        port.exclusive = True
+        return port
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            try:
+                port = self._new_port()
+                port.open()
+                _prepare(port)
+            except Exception as error:
+                # Drivers and URL handlers raise what they like; the thread has to go on.
+                self._tell('failed', reason=_reason(error))
+                self._ending.wait(self._retry)
+                continue
+            with self._lock:
+                self._port, self._torn = port, True
+            self._tell('open')
+            reason = 'closed'
+            try:
+                while not self._ending.is_set():
+                    data = _read(port)
+                    if data:
+                        self._tell('data', data)
+            except Exception as error:
+                reason = _reason(error)
+            with self._lock:
+                self._port = None
+            try:
+                port.close()
+            except Exception as error:
+                reason += f'; {_reason(error)}'
+            self._tell('lost', reason=reason)
+            self._ending.wait(self._retry)
+
+    def _tell(self, kind: str, data: bytes = b'', reason: str = '') -> None:
+        self._on_event(Event(kind, time.monotonic(), data, reason))
+
+
+def _read(port: Any) -> bytes:
+    """Return what has come, after a short wait for something."""
+    if _has_file(port):
+        ready = select.select([port], [], [], _SLICE)[0]
+        return bytes(port.read(_CHUNK)) if ready else b''
+    return bytes(port.read(1) + port.read(port.in_waiting))
+
+
+def _has_file(port: Any) -> bool:
+    try:
+        return port.fileno() >= 0
+    except (OSError, AttributeError):
+        return False
+
+
+def _writable(port: Any) -> bool:
+    return not _has_file(port) or bool(select.select([], [port], [], 0.0)[1])
+
+
+def _prepare(port: Any) -> None:
+    if not _has_file(port):
+        # Nothing says when such a port is ready: bound how long it may take.
+        port.timeout = port.write_timeout = _SLICE
+    elif str(port.portstr).startswith('socket:'):
+        # The algorithm of Nagle would hold commands back by 40 ms, and pyserial has no option
+        # for it; the copy of the descriptor is the same socket.
+        with socket.socket(fileno=os.dup(port.fileno())) as same:
+            same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+def _reason(error: Exception) -> str:
+    return ' '.join(str(error).split()) or type(error).__name__

@@ -1,0 +1,102 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""serial_rig as ROS parameters, and the scales between the numbers of a board and SI units."""
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes.parameters import Spec
+from fam_bundle_ros.nodes.serial_protocol import BoardSample
+
+#: Of the protocol; a line has to stay below its longest.
+MOST_UNITS = 16
+
+UNITS = Spec('units', 2, 'motor units of the rig', 1, MOST_UNITS)
+SPECS = (
+    UNITS,
+    Spec('url', '/dev/ttyACM0', 'serial port, or socket://host:port'),
+    Spec('baud', 115200, 'of a serial port; USB CDC takes no notice of it', 300, 12_000_000),
+    Spec('reconnect_interval', 0.5, 'between two attempts to open the port, s', 0.05, 60.0),
+    Spec('board_timeout', 0.5, 'a board that is silent for so long is lost: stopped until '
+         'e_stop_reset, s', 0.05, 10.0),
+    Spec('command_timeout', 0.1, 'a motor unit without a fresh command is vented, s',
+         0.01, 10.0),
+    Spec('supply_timeout', 0.5, 'the supply is shut and dumped when supply_enable is silent for '
+         'so long, s', 0.15, 1.0),
+    Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
+    Spec('trip_pressure', 450e3, 'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
+    Spec('board_sends_gauge', True, 'the pressures of the board are gauge, else absolute, after '
+         'scale and offset; the topics are absolute always'),
+)
+_CHANNELS = {'force': ('N', 1.0), 'contraction': ('m', 1e-3), 'supply': ('Pa', 1e3)}
+
+
+def scale_specs(units: int) -> tuple[Spec, ...]:
+    """Return scale and offset of every channel; by default a board sends N, mm and kPa."""
+    channels = {**_CHANNELS, **{f'mu{i + 1}': ('Pa', 1e3) for i in range(units)}}
+    return tuple(spec for name, (unit, scale) in channels.items() for spec in (
+        Spec(f'{name}.scale', scale, f'{unit} per number of the board; negative turns the sign',
+             -1e9, 1e9),
+        Spec(f'{name}.offset', 0.0, f'{unit} where the board says 0', -1e7, 1e7)))
+
+
+@dataclass(frozen=True)
+class Readings:
+    """
+    A sample in SI units.
+
+    Attributes
+    ----------
+    force : float, N
+    contraction : float, m
+    supply : float or None, Pa (gauge)
+    pressure : tuple of float, Pa (gauge)
+    """
+
+    force: float
+    contraction: float
+    supply: float | None
+    pressure: tuple[float, ...]
+
+
+class Scales:
+    """
+    Turns a board's numbers into SI units: ``scale * number + offset``.
+
+    Parameters
+    ----------
+    values : dict
+        The parameters.
+    units : int
+
+    Raises
+    ------
+    InputError
+        When a scale is 0: the channel would be dead.
+    """
+
+    def __init__(self, values: dict[str, Any], units: int):
+        names = [*_CHANNELS, *(f'mu{i + 1}' for i in range(units))]
+        self._lines = {name: (values[f'{name}.scale'], values[f'{name}.offset'])
+                       for name in names}
+        for name, (scale, _) in self._lines.items():
+            if scale == 0.0 or not math.isfinite(scale):
+                raise InputError(f'parameter {name}.scale is {scale:g}; expected a number other '
+                                 'than 0')
+        self._above = 0.0 if values['board_sends_gauge'] else values['ambient_pressure']
+        self._units = units
+
+    def readings(self, sample: BoardSample) -> Readings:
+        """Return a sample of as many motor units as there are scales."""
+        supply = sample.supply
+        return Readings(
+            self._read('force', sample.force), self._read('contraction', sample.contraction),
+            None if supply is None else self._read('supply', supply) - self._above,
+            tuple(self._read(f'mu{i + 1}', value) - self._above
+                  for i, value in enumerate(sample.pressure)))
+
+    def _read(self, name: str, number: float) -> float:
+        scale, offset = self._lines[name]
+        return float(scale * number + offset)

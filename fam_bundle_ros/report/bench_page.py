@@ -1,0 +1,36 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The page of ``fam_bundle bench``: every figure beside its peer and what is to be reached."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fam_bundle_ros.benchmarks.speed import Result
+from fam_bundle_ros.report.page import Page, Section, Table
+from fam_bundle_ros.report.provenance import provenance
+
+_COLUMNS = ('what', 'measured', 'unit', 'beside', 'of', 'ratio', 'to reach', '')
+
+
+def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
+    """
+    Return the page of measured rows.
+
+    Parameters
+    ----------
+    results : sequence of Result
+    machine : mapping
+        What they were measured on.
+    """
+    asked = [figure for result in results for figure in result.figures
+             if figure.reached is not None]
+    reached = sum(figure.reached is True for figure in asked)
+    sections = [
+        Section(f'{result.row.name}: {result.row.what}', '; '.join(result.remarks), [
+            Table(_COLUMNS, [(f.what, f.value, f.unit, f.beside, f.peer, f.ratio, f.asked,
+                              f.verdict) for f in result.figures])] if result.figures else [])
+        for result in results]
+    return Page('How fast the parts run',
+                f'{reached} of {len(asked)} figures are reached. Ratios were measured in one run '
+                'on one machine; the shortest of repeats counts.', (), sections,
+                provenance((), [(name, str(value)) for name, value in machine.items()]))

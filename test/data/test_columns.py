@@ -1,0 +1,290 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a column is taken for, and when it is asked instead of guessed."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data import preview, read_measurement, taken_words
+from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.errors import InputError
+
+ROWS = 240
+
+
+@pytest.fixture
+def log(muscle):
+    """Return time, strain, pressure (Pa) and force of a log, SI."""
+    time = 0.05 * np.arange(ROWS)
+    strain = 0.1 - 0.1 * np.cos(2 * np.pi * time / 4.0)
+    pressure = np.repeat([150e3, 280e3, 410e3], ROWS // 3)
+    return time, strain, pressure, muscle(strain, pressure)
+
+
+def table(log, **renamed):
+    """Return the log as a dict of columns; a keyword renames one, or takes it away."""
+    time, strain, pressure, force = log
+    columns = {'time': ('time [s]', time), 'strain': ('strain', strain),
+               'pressure': ('pressure [kPa]', pressure / 1e3), 'force': ('force [N]', force)}
+    columns.update({key: value for key, value in renamed.items() if value is not None})
+    return {header: values for key, (header, values) in columns.items()
+            if renamed.get(key, True) is not None}
+
+
+@pytest.mark.parametrize(('header', 'quantity', 'unit', 'factor'), [
+    ('Muskeldruck in bar', 'pressure', 'bar', 1e5), ('p/psi', 'pressure', 'psi', 6894.757),
+    ('Pressure (cmH2O)', 'pressure', 'cmH2O', 98.0665), ('Load [g]', 'force', 'g', 9.80665e-3),
+    ('Load [kgf]', 'force', 'kgf', 9.80665), ('F_lbf', 'force', 'lbf', 4.4482216),
+    ('Zugkraft [kN]', 'force', 'kN', 1e3), ('Force [MN]', 'force', 'MN', 1e6),
+    ('Force [mN]', 'force', 'mN', 1e-3), ('L\u00e4nge [mm]', 'length', 'mm', 1e-3),
+    ('\u03b5 [%]', 'strain', '%', 1e-2), ('t_ms', 'time', 'ms', 1e-3),
+    ('PRESSURE_KPA', 'pressure', 'KPA', 1e3), ('Weg [\u00b5m]', 'shift', '\u00b5m', 1e-6),
+    ('Verk\u00fcrzung [%]', 'contraction', '%', 1e-2),
+])
+def test_names_and_units_are_recognised(header, quantity, unit, factor):
+    """English and German, brackets or not, whatever the case."""
+    found = recognise(header)
+    assert (found.quantity, found.unit.text) == (quantity, unit)
+    assert found.unit.factor == pytest.approx(factor)
+
+
+@pytest.mark.parametrize('header', [
+    'Solldruck [bar]', 'pressure setpoint [kPa]', 'supply pressure [bar]', 'p_ref [kPa]',
+    'Luftdruck [hPa]', 'ambient pressure [kPa]', 'model force [N]', 'residual [N]',
+    'force error [N]', 'torque [Nm]', 'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]',
+    'target length [mm]'])
+def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
+    """Setpoints, supplies, models and other sensors are left alone."""
+    assert recognise(header).quantity == ''
+
+
+@pytest.mark.parametrize(('unit', 'factor', 'absolute'), [
+    ('kPa', 1e3, False), ('psi', 6894.757, False), ('psia', 6894.757, True),
+    ('bar abs', 1e5, True), ('bar(a)', 1e5, True), ('barg', 1e5, False), ('kPa rel', 1e3, False),
+    ('bar \u00fc', 1e5, False), ('MPa', 1e6, False), ('mmHg', 133.32237, False)])
+def test_pressures_arrive_as_gauge(log, unit, factor, absolute):
+    """What the unit says of absolute and gauge is heard."""
+    given = (log[2] + (101325.0 if absolute else 0.0)) / factor
+    data = read_measurement(table(log, pressure=(f'p [{unit}]', given)))
+    assert np.allclose(data.pressure[:, 0], log[2])
+
+
+def test_absolute_pressures_can_be_told(log):
+    """The option counts more than the header; another ambient pressure may be given."""
+    absolute = table(log, pressure=('p [kPa]', (log[2] + 101325.0) / 1e3))
+    assert np.allclose(read_measurement(absolute, gauge=False).pressure[:, 0], log[2])
+    up_high = read_measurement(absolute, gauge=False, ambient_pressure=80e3)
+    assert np.allclose(up_high.pressure[:, 0], log[2] + 21325.0)
+    gauge = table(log, pressure=('p [kPa abs]', log[2] / 1e3))
+    assert np.allclose(read_measurement(gauge, gauge=True).pressure[:, 0], log[2])
+
+
+@pytest.mark.parametrize(('values', 'unit'), [
+    (lambda p: p / 1e3, 'kPa'), (lambda p: p / 1e6, 'MPa'), (lambda p: p, 'Pa')])
+def test_a_pressure_without_a_unit_gets_the_only_one_that_fits(log, values, unit):
+    """410 can only be kPa: it is taken, and said."""
+    data = read_measurement(table(log, pressure=('pressure', values(log[2]))))
+    assert np.allclose(data.pressure[:, 0], log[2])
+    assert f'{unit} guessed' in taken_words(data)
+
+
+@pytest.mark.parametrize(('top', 'words'), [(90.0, 'kPa or psi'), (7.5, 'bar or psi')])
+def test_a_pressure_that_may_be_two_units_is_asked_for(log, top, words):
+    """90 may be kPa or psi: the message says both and what to write."""
+    data = table(log, pressure=('pressure', log[2] * top / log[2].max()))
+    with pytest.raises(InputError, match=words) as caught:
+        read_measurement(data)
+    assert '--columns "pressure=pressure [' in str(caught.value)
+
+
+def test_percent_without_a_unit_is_taken_and_said(log):
+    """A strain up to 20 can only be percent; one slip of 90 among ratios changes nothing."""
+    data = read_measurement(table(log, strain=('strain', 100.0 * log[1])))
+    assert np.allclose(data.strain, log[1])
+    assert '% guessed' in taken_words(data)
+    slip = log[1].copy()
+    slip[7] = 90.0
+    with pytest.raises(InputError, match='row 8: strain is 90'):
+        read_measurement(table(log, strain=('strain', slip)))
+
+
+def test_percent_that_are_ratios_are_noticed(log):
+    """0.2 under a header of percent is 0.002: a note asks."""
+    data = read_measurement(table(log, strain=('strain [%]', log[1])))
+    assert any('ratio, not %' in note for note in data.notes)
+
+
+@pytest.mark.parametrize(('header', 'values'), [
+    ('length [mm]', lambda e: 250 * (1 - e)), ('L [cm]', lambda e: 25 * (1 - e)),
+    ('length', lambda e: 250 * (1 - e)), ('contraction [mm]', lambda e: 250 * e),
+    ('strain [mm]', lambda e: 250 * e), ('shortening [in]', lambda e: 250 * e / 25.4),
+    ('elongation [mm]', lambda e: -250 * e), ('Verl\u00e4ngerung [%]', lambda e: -100 * e),
+    ('position [mm]', lambda e: 250 * e), ('position [mm]', lambda e: -250 * e),
+    ('Weg [mm]', lambda e: 250 * e), ('Dehnung [%]', lambda e: -100 * e)])
+def test_lengths_and_displacements_become_strain_positive_when_shorter(log, header, values):
+    """Lengths by the rest length; a displacement's direction by the force, which falls."""
+    data = read_measurement(table(log, strain=(header, values(log[1]))), rest_length='250 mm')
+    assert np.allclose(data.strain, log[1])
+
+
+@pytest.mark.parametrize(('quantity', 'sign'), [
+    ('elongation', -1), ('contraction', 1), ('length', 0)])
+def test_told_lengths_mean_what_they_say(log, quantity, sign):
+    """An elongation that is told lengthens; a contraction shortens."""
+    values = 250 * (1 - log[1]) if quantity == 'length' else sign * 250 * log[1]
+    data = read_measurement(table(log, strain=('b', values)), columns={quantity: 'b [mm]'},
+                            rest_length=0.25)
+    assert np.allclose(data.strain, log[1])
+
+
+def test_the_direction_of_a_displacement_is_said(log):
+    """What was concluded from the force stands in the line of what was taken."""
+    data = read_measurement(table(log, strain=('position [mm]', -250 * log[1])),
+                            rest_length=0.25)
+    assert 'positive when longer, as the force tells' in taken_words(data)
+
+
+def test_lengths_need_a_rest_length_that_fits(log):
+    """None, or that of another muscle, is an error that shows the lengths."""
+    data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
+    with pytest.raises(InputError, match='longest here is 250 mm'):
+        read_measurement(data)
+    with pytest.raises(InputError, match='250 mm beside a rest length of 127 mm'):
+        read_measurement(data, rest_length='127 mm')
+
+
+def test_a_displacement_with_an_offset_is_noticed(log):
+    """A position that never is near zero is no contraction from the rest length."""
+    data = read_measurement(table(log, strain=('contraction [mm]', 25 + 125 * log[1])),
+                            rest_length=0.25)
+    assert any('never is near zero' in note for note in data.notes)
+
+
+def test_a_column_that_counts_rows_is_no_trial(log):
+    """As many values as rows: said and not used; a few are trials."""
+    counting = {**table(log), 'test': np.arange(ROWS)}
+    data = read_measurement(counting)
+    assert data.trial_names == ('0',)
+    assert f'{ROWS} different values in {ROWS} rows' in taken_words(data)
+    few = read_measurement({**table(log), 'Versuch': np.repeat(['a', 'b', 'c'], 80)})
+    assert few.trial_names == ('a', 'b', 'c')
+
+
+def test_a_blank_trial_belongs_to_the_one_above(log):
+    """Merged cells of a spreadsheet name the trial once."""
+    names = np.full(ROWS, None, object)
+    names[[0, 80, 160]] = ['a', 'b', 'c']
+    data = read_measurement({**table(log), 'run': names})
+    assert np.array_equal(np.bincount(data.trial), [80, 80, 80])
+    numbers = np.full(ROWS, np.nan)
+    numbers[[0, 80, 160]] = [1.0, 2.0, 3.5]
+    assert read_measurement({**table(log), 'run': numbers}).trial_names == ('1', '2', '3.5')
+
+
+def test_the_best_of_two_columns_is_taken_and_a_tie_is_asked(log):
+    """'force' beats 'force filtered'; two equal names are an error that shows both."""
+    better = {**table(log), 'force filtered [N]': np.zeros(ROWS)}
+    assert np.allclose(read_measurement(better).force, log[3])
+    with pytest.raises(InputError, match=r"'force \[N\]' and 'Kraft \[N\]' both may be force"):
+        read_measurement({**table(log), 'Kraft [N]': np.zeros(ROWS)})
+
+
+def test_two_pressures_are_two_motor_units(log):
+    """p1 and p2, pressure.left and pressure.right, in the order of the file."""
+    data = read_measurement({**table(log, pressure=('p1 [kPa]', log[2] / 1e3)),
+                             'p2 [bar]': log[2] / 2e5})
+    assert data.motor_units == ('mu1', 'mu2')
+    assert np.allclose(data.pressure, np.stack([log[2], log[2] / 2], -1))
+    named = read_measurement({**table(log, pressure=('pressure.left [kPa]', log[2] / 1e3)),
+                              'pressure.right [kPa]': log[2] / 2e3})
+    assert named.motor_units == ('left', 'right')
+
+
+def test_what_is_missing_lists_every_column(log):
+    """The message has each column, what it was taken for or why not, and what to write."""
+    data = {**table(log, force=('Kanal 3', log[3])), 'note': np.full(ROWS, 'x', object)}
+    with pytest.raises(InputError) as caught:
+        read_measurement(data, name='log.csv')
+    message = str(caught.value)
+    assert message.startswith("log.csv: column 'force' is missing")
+    for words in ("'time [s]' time", "'strain' strain", "'pressure [kPa]' pressure",
+                  "'Kanal 3' not known (", "'note' text", '--columns "force=Kanal 3 [N]"'):
+        assert words in message
+    assert '\n' not in message
+
+
+@pytest.mark.parametrize(('columns', 'right'), [
+    ({'force': 'Kanal 3 [N]'}, 1.0), ({'force': 'kanal 3 [mN]'}, 1e-3),
+    ({'force': '-Kanal 3'}, -1.0), ({'force': '4'}, 1.0)])
+def test_columns_can_be_told(log, columns, right):
+    """By header, with a unit, with the sign turned, or by number."""
+    data = read_measurement(table(log, force=('Kanal 3', log[3])), columns=columns)
+    assert np.allclose(data.force, right * log[3])
+
+
+def test_what_is_told_counts_more_than_what_would_be_recognised(log):
+    """A told column is used though another has the plainer name."""
+    data = read_measurement({**table(log), 'Kanal 3': 2.0 * log[3], 'L [mm]': log[1]},
+                            columns={'force': 'Kanal 3 [N]', 'strain': 'strain'})
+    assert np.allclose(data.force, 2.0 * log[3])
+    assert "'force [N]' (force was told)" in taken_words(data)
+
+
+def test_a_name_among_other_words_needs_a_unit(log):
+    """'left spring load' may be anything; with N it is a force."""
+    with pytest.raises(InputError, match='may be force, but for its other words'):
+        read_measurement(table(log, force=('left spring load', log[3])))
+    assert np.allclose(read_measurement(table(log, force=('left spring load [N]', log[3]))).force,
+                       log[3])
+
+
+def test_constants_can_be_told(log):
+    """One pressure that was never logged, and the rate of a log without a clock."""
+    held = read_measurement(table(log, pressure=None, time=None),
+                            columns={'pressure': '300 kPa', 'time': '20 Hz'})
+    assert np.allclose(held.pressure, 300e3)
+    assert np.allclose(held.time, log[0])
+
+
+@pytest.mark.parametrize(('columns', 'words'), [
+    ({'forse': 'force'}, "'forse' is not a quantity"), ({'force': 'nix'}, "no column 'nix'"),
+    ({'force': 'strain [mm]'}, "unit 'mm' does not fit"), ({'pressure': '300'}, 'no column')])
+def test_what_is_told_wrongly_fails(log, columns, words):
+    """An unknown quantity, column or unit is named."""
+    with pytest.raises(InputError, match=words):
+        read_measurement(table(log), columns=columns)
+
+
+def test_the_unit_told_counts_more_than_the_header(log):
+    """A header that says kPa over readings in bar is put right by the option."""
+    data = read_measurement(table(log, pressure=('pressure [kPa]', log[2] / 1e5)),
+                            columns={'pressure': 'pressure [bar]'})
+    assert np.allclose(data.pressure[:, 0], log[2])
+
+
+@pytest.mark.parametrize(('stamps', 'step'), [
+    (lambda t: 1.777e12 + 1e3 * t, 0.05), (lambda t: 1.777e9 + t, 0.05),
+    (lambda t: 45000 + t / 86400, 0.05)])
+def test_clocks_of_computers_and_spreadsheets_become_seconds(log, stamps, step):
+    """Milliseconds since 1970, seconds since 1970, days since 1900."""
+    data = read_measurement(table(log, time=('timestamp', stamps(log[0]))))
+    assert np.allclose(np.diff(data.time), step, atol=1e-4)
+
+
+def test_a_file_as_we_write_it_needs_no_words(log):
+    """Where names and units are plain nothing is said; an extra column is."""
+    assert taken_words(read_measurement(table(log))) == ''
+    said = taken_words(read_measurement({**table(log), 'T [K]': log[0]}))
+    assert "not used: 'T [K]'" in said
+
+
+def test_a_preview_shows_what_reading_would_do(log):
+    """Columns with their meaning and the first cells; the problem is the reader's own error."""
+    shown = preview(table(log, strain=('length [mm]', 250 * (1 - log[1]))))
+    assert [taken.quantity for taken in shown.taken] == ['time', 'length', 'pressure', 'force']
+    assert 'rest length' in shown.problem
+    assert shown.measurement is None
+    assert len(shown.cells['force [N]']) == 20
+    fine = preview(table(log))
+    assert fine.problem == ''
+    assert len(fine.measurement) == fine.rows == ROWS

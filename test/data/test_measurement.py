@@ -1,0 +1,209 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Reading measurements: units, bags, and every kind of garbage."""
+
+from dataclasses import replace
+import os
+import resource
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
+from fam_bundle_ros.errors import InputError
+
+
+def rows_of(count=40, pressure=lambda k: 50.0 * (k % 5), force=lambda k: 3.0 * k):
+    """Return rows of a small CSV."""
+    return [f'{0.1 * k:.2f},a,{0.005 * k:.4f},{pressure(k):.3f},{force(k):.3f}'
+            for k in range(count)]
+
+
+HEADER = 'time [s],trial,strain,pressure [kPa],force [N]'
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Return a function that writes a CSV."""
+    def save(header, rows, name='data.csv'):
+        path = tmp_path / name
+        path.write_text('\n'.join([header, *rows]) + '\n')
+        return path
+    return save
+
+
+def test_units_in_the_header_become_si(write):
+    """Psi, lbf, milliseconds and a contraction in mm all arrive in SI."""
+    rows = [f'{100 * k},{0.5 * k:.2f},{10 * (k % 4)},{k}' for k in range(30)]
+    path = write('time [ms],contraction [mm],pressure [psi],force [lbf]', rows)
+    data = read_measurement(path, rest_length=0.127)
+    assert np.isclose(data.time[3], 0.3)
+    assert np.isclose(data.strain[10], 5e-3 / 0.127)
+    assert np.isclose(data.pressure[1, 0], 68947.57, rtol=1e-6)
+    assert np.isclose(data.force[2], 8.896443)
+
+
+def test_written_csv_reads_back_the_same(write, tmp_path):
+    """What write_csv writes, read_measurement gives again."""
+    first = read_measurement(write(HEADER, rows_of()))
+    write_csv(first, tmp_path / 'again.csv')
+    again = read_measurement(tmp_path / 'again.csv')
+    assert np.allclose(first.force, again.force)
+    assert np.allclose(first.pressure, again.pressure)
+    assert first.trial_names == again.trial_names
+
+
+@pytest.mark.parametrize(('spoil', 'words'), [
+    (lambda rows: [*rows[:5], '0.5,a,0.1,high,3', *rows[6:]], "row 7: pressure [kPa] is 'high'"),
+    (lambda rows: [*rows[:5], '0.5,a,0.1,100,3,7', *rows[6:]], 'row 7: 6 cells; expected 5'),
+    (lambda rows: rows[:3], 'only 3 rows'),
+    (lambda rows: [], 'a header but no rows'),
+    (lambda rows: rows[20:] + rows[:20], 'expected time to increase'),
+    (lambda rows: rows_of(pressure=lambda k: 5e4 * (k % 5)), 'did you mean Pa?'),
+    (lambda rows: rows_of(pressure=lambda k: 0.1 * (k % 5)), 'did you mean MPa?'),
+    (lambda rows: rows_of(force=lambda k: 900.0 * k), 'force is 35100 N'),
+])
+def test_garbage_in_a_csv_is_one_line_that_says_where(write, spoil, words):
+    """A bad row, too few, shuffled or constant data: one sentence with file, row and guess."""
+    path = write(HEADER, spoil(rows_of()))
+    with pytest.raises(InputError) as caught:
+        read_measurement(path)
+    assert words in str(caught.value)
+    assert str(caught.value).startswith('data.csv')
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(('header', 'words'), [
+    ('time [s],trial,strain,pressure [kPa],torque [N]', "column 'force' is missing"),
+    ('time [s],trial,strain,pressure [mm],force [N]', 'does not fit'),
+    ('time [s],trial,strain,pressure [kPa],strain', "'strain' and 'strain (2)' both may be"),
+])
+def test_a_bad_header_names_the_column(write, header, words):
+    """A missing, unit-less or double column is named."""
+    with pytest.raises(InputError, match='data.csv') as caught:
+        read_measurement(write(header, rows_of()))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize('content', [b'', os.urandom(5000), b'\xff\xfe' + b'1,2\n' * 500])
+def test_files_that_are_no_csv_fail(tmp_path, content):
+    """An empty or a binary file is refused in one line."""
+    path = tmp_path / 'thing.csv'
+    path.write_bytes(content)
+    with pytest.raises(InputError, match='thing.csv'):
+        read_measurement(path)
+
+
+def test_huge_files_are_refused_with_bounded_memory(tmp_path):
+    """Neither a file of 2 GB nor one endless line is read into memory."""
+    pytest.importorskip('pandas')
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with open(tmp_path / 'big.csv', 'wb') as stream:
+        stream.truncate(2 << 30)
+    with open(tmp_path / 'line.csv', 'wb') as stream:
+        stream.write(b'strain,pressure [kPa],force [N]\n')
+        for _ in range(60):
+            stream.write(b'1' * (1 << 20))
+    for name in ('big.csv', 'line.csv'):
+        with pytest.raises(InputError, match=name):
+            read_measurement(tmp_path / name)
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert grown < 40_000  # kB
+
+
+def test_frames_read_like_files(sweeps):
+    """A pandas frame with the same column names gives the same measurement."""
+    pandas = pytest.importorskip('pandas')
+    data = sweeps()
+    frame = pandas.DataFrame({'time [s]': data.time, 'trial': data.trial, 'strain [%]':
+                              100 * data.strain, 'pressure [bar]': data.pressure[:, 0] / 1e5,
+                              'force [N]': data.force})
+    again = read_measurement(frame)
+    assert np.allclose(again.strain, data.strain)
+    assert np.allclose(again.pressure, data.pressure)
+    assert set(data.to_frame().columns) >= {'strain', 'force [N]', 'direction'}
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_bags_give_gauge_pressure_at_the_stamps_of_the_force(tmp_path, storage):
+    """A bag of the bundle's topics, in any namespace, reads like a CSV of the same run."""
+    rosbags = pytest.importorskip('rosbags.rosbag2')
+    from rosbags.typesys import get_typestore, Stores
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kinds = store.types
+    stamp = kinds['builtin_interfaces/msg/Time']
+    header = kinds['std_msgs/msg/Header']
+    vector = kinds['geometry_msgs/msg/Vector3']
+    path = tmp_path / f'run_{storage}'
+    plugin = getattr(rosbags.StoragePlugin, storage.upper())
+    with rosbags.Writer(path, version=9, storage_plugin=plugin) as writer:
+        topics = {name: writer.add_connection(f'/rig/left/{name}', kind, typestore=store)
+                  for name, kind in (('force', 'geometry_msgs/msg/WrenchStamped'),
+                                     ('strain', 'sensor_msgs/msg/JointState'),
+                                     ('mu1/pressure', 'sensor_msgs/msg/FluidPressure'),
+                                     ('mu2/pressure', 'sensor_msgs/msg/FluidPressure'))}
+        for k in range(200):
+            nanosec = k * 10_000_000
+            head = header(stamp(nanosec // 10**9, nanosec % 10**9), 'rig')
+            zero = vector(0.0, 0.0, 0.0)
+            strain = 0.1 + 0.05 * np.sin(0.02 * k)
+            messages = {
+                'force': kinds['geometry_msgs/msg/WrenchStamped'](
+                    head, kinds['geometry_msgs/msg/Wrench'](vector(10.0 + k, 0.0, 0.0), zero)),
+                'strain': kinds['sensor_msgs/msg/JointState'](
+                    head, ['contraction', 'strain'], np.array([0.127 * strain, strain]),
+                    np.array([]), np.array([])),
+                'mu1/pressure': kinds['sensor_msgs/msg/FluidPressure'](head, 101325.0 + 2e5, 0.0),
+                'mu2/pressure': kinds['sensor_msgs/msg/FluidPressure'](
+                    head, 101325.0 + 1e3 * k, 0.0)}
+            for name, message in messages.items():
+                kind = topics[name].msgtype
+                writer.write(topics[name], nanosec, store.serialize_cdr(message, kind))
+    data = read_measurement(path)
+    assert data.motor_units == ('mu1', 'mu2')
+    assert np.allclose(data.pressure[:, 0], 2e5)
+    assert np.allclose(np.diff(data.pressure[:, 1]), 1e3)
+    assert np.allclose(data.strain[50], 0.1 + 0.05 * np.sin(1.0))
+    assert data.force[10] == pytest.approx(20.0)
+
+
+def test_a_measurement_survives_the_way_into_a_bag_and_back(sweeps, tmp_path):
+    """Written as a bag and read again, a log has the same samples, trials and clock."""
+    pytest.importorskip('rosbags')
+    data = sweeps()
+    write_bag(data, tmp_path / 'bag')
+    again = read_measurement(tmp_path / 'bag')
+    assert not again.notes  # none of gauge pressures where absolute ones belong
+    for name in ('strain', 'pressure', 'force'):
+        assert np.allclose(getattr(again, name), getattr(data, name), rtol=1e-12, atol=1e-9)
+    assert (again.trial == data.trial).all()
+    inside = ~data.start[1:]
+    assert np.allclose(np.diff(again.time)[inside], np.diff(data.time)[inside], atol=2e-9)
+
+
+def test_a_bag_needs_time_and_a_new_folder(sweeps, tmp_path):
+    """A static map cannot be played; a folder that is there is not touched."""
+    pytest.importorskip('rosbags')
+    data = sweeps()
+    with pytest.raises(InputError, match='time'):
+        write_bag(replace(data, time=None), tmp_path / 'bag')
+    assert not (tmp_path / 'bag').exists()
+    (tmp_path / 'bag').mkdir()
+    with pytest.raises(InputError, match='is there already'):
+        write_bag(data, tmp_path / 'bag')
+
+
+def test_rate_is_smooth_and_directions_are_right(sweeps):
+    """The smoothed rate of a noisy sweep has the sweep's speed and the right sign."""
+    data = sweeps(noise=0.6)
+    rng = np.random.default_rng(1)
+    noisy = with_strain(data, data.strain + 1e-4 * rng.standard_normal(len(data)))
+    inside = (data.strain > 0.02) & (data.strain < 0.22)
+    assert np.abs(np.abs(noisy.strain_rate[inside]) - 0.024).max() < 3e-3
+    assert set(np.unique(noisy.direction[inside])) == {-1, 1}
+
+
+def with_strain(data, strain):
+    """Return the same measurement with another strain."""
+    return build('again', strain, data.pressure, data.force, data.trial, data.time)

@@ -1,0 +1,85 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A recipe read once serves for a hundred files."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data import load_recipe, read_measurement, Recipe, recipe_of, save_recipe
+from fam_bundle_ros.errors import InputError
+
+
+@pytest.fixture
+def log(muscle):
+    """Return a log with names of a lab of its own; the displacement's sign must be told."""
+    time = 0.05 * np.arange(200)
+    strain = 0.1 - 0.1 * np.cos(time)
+    pressure = 1e5 + 3e4 * time
+    return {'t': time, 'Weg': -250.0 * strain, 'p': pressure / 1e3,
+            'Kanal 3': -muscle(strain, pressure), 'Temp': time}
+
+
+def test_what_was_recognised_and_told_is_kept(log, tmp_path):
+    """A saved recipe reads the same file to the same numbers, without a guess."""
+    told = Recipe(columns={'force': '-Kanal 3 [N]'}, rest_length=0.25, gauge=True)
+    first = read_measurement(log, recipe=told)
+    full = recipe_of(first, told)
+    assert full.columns == {'force': '-Kanal 3 [N]', 'time': 't [s]', 'contraction': '-Weg [mm]',
+                            'pressure': 'p [kPa]'}
+    save_recipe(full, tmp_path / 'lab.yaml')
+    again = load_recipe(tmp_path / 'lab.yaml')
+    assert again == full
+    second = read_measurement(log, recipe=tmp_path / 'lab.yaml')
+    for name in ('strain', 'force', 'pressure', 'time'):
+        assert np.array_equal(getattr(first, name), getattr(second, name))
+    # in a file in which pressures are so low that nothing could be guessed
+    low = read_measurement({**log, 'p': 0.2 * log['p']}, recipe=again)
+    assert low.pressure.max() == pytest.approx(0.2 * first.pressure.max())
+
+
+@pytest.mark.parametrize('sign', [1, -1])
+def test_a_recipe_keeps_the_sign_of_an_elongation(log, sign):
+    """Recognised or told with a minus, it is read again as it was."""
+    lengths = {**log, 'Extension [mm]': sign * log['Weg']}
+    del lengths['Weg']
+    told = Recipe(columns={'force': '-Kanal 3 [N]', **(
+        {} if sign > 0 else {'elongation': '-Extension [mm]'})}, rest_length=0.25)
+    first = read_measurement(lengths, recipe=told)
+    assert first.strain.min() > -1e-9
+    again = read_measurement(lengths, recipe=recipe_of(first, told))
+    assert np.array_equal(first.strain, again.strain)
+
+
+def test_options_count_more_than_the_recipe(log, tmp_path):
+    """What is given beside a recipe replaces that part of it."""
+    recipe = Recipe(columns={'force': '-Kanal 3 [N]'}, rest_length=0.25)
+    save_recipe(recipe, tmp_path / 'lab.yaml')
+    data = read_measurement(log, recipe=tmp_path / 'lab.yaml', rest_length='300 mm')
+    assert data.strain.max() == pytest.approx(0.2 * 250 / 300, rel=1e-3)
+    more = read_measurement(log, recipe=recipe, columns={'pressure': 'p [bar]'}, max_pressure=1e8)
+    assert np.array_equal(more.force, data.force)
+    small = read_measurement(log, recipe=recipe, columns={'force': '-Kanal 3 [mN]'})
+    assert small.force.max() == pytest.approx(1e-3 * data.force.max())
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('columns: {force: F}', 'expected the key format'),
+    ('format: fam-bundle-recipe/1\nrest_lenth: 1 m', "'rest_lenth' is not known"),
+    ('format: fam-bundle-recipe/1\nrest_length: 250', 'has no unit'),
+    ('format: fam-bundle-recipe/1\nrest_length: -1 mm', 'expected more than 0'),
+    ('format: fam-bundle-recipe/1\ngauge: perhaps', 'true or false'),
+    ('format: fam-bundle-recipe/1\ncolumns: {forse: F}', "'forse' is not a quantity"),
+    ('format: [', 'not YAML'), ('\x00', 'not YAML')])
+def test_a_bad_recipe_fails_and_names_file_and_key(tmp_path, text, words):
+    """One sentence for each mistake."""
+    path = tmp_path / 'lab.yaml'
+    path.write_text(text)
+    with pytest.raises(InputError, match='lab.yaml') as caught:
+        load_recipe(path)
+    assert words in str(caught.value)
+
+
+def test_a_recipe_that_is_not_there_fails(tmp_path):
+    """The message says how one is made."""
+    with pytest.raises(InputError, match='--save-recipe'):
+        load_recipe(tmp_path / 'none.yaml')
