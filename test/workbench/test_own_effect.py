@@ -4,7 +4,8 @@
 
 import pytest
 
-from fam_bundle_ros.discovery.diagnose import diagnose
+from fam_bundle_ros.data.grouping import reversals, rms
+from fam_bundle_ros.discovery import compare
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench.cases import load_example
 from fam_bundle_ros.workbench.own_effect import Draft, Field, from_template, preview
@@ -31,10 +32,13 @@ def test_a_formula_asks_for_its_own_parameters():
 
 
 def test_friction_by_hand_takes_the_error_down(session):
-    """Coulomb's law, typed, brings the error from 6.7 N near the noise before any refit."""
+    """Coulomb's law, typed, brings the error near the noise before any refit."""
     effect = draft('-k * tanh(strain_rate / v)', k='6.7 N', v='0.002 1/s').effect()
     seen = preview(session, effect)
-    assert seen.error_N < 0.8
+    inside = ~reversals(session.data)
+    assert rms((session.data.force - seen.prediction)[inside]) < 0.8
+    assert seen.error_N == compare(session.now.model.with_effect(effect), session.data).error_N
+    assert seen.error_N < 0.2 * session.now.error_N
     assert seen.change_N == pytest.approx(6.7, abs=0.2)
 
 
