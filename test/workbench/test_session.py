@@ -93,9 +93,9 @@ def test_a_region_selects_its_rows():
     assert np.array_equal(rows, made.regions[0].rows)
 
 
-def test_choices_put_what_was_found_first(session):
+def test_choices_put_what_was_found_first(session, friction_found):
     """The friction leads the list, comes with its fitted value, and is what is missing."""
-    session.learn(diagnose(session.now.model, session.data))
+    session.learn(friction_found)
     assert session.diagnosis.verdict == 'missing_effect'
     first = session.choices()[0]
     assert (first.effect, first.found, first.added) == ('coulomb_friction', True, False)
@@ -105,15 +105,28 @@ def test_choices_put_what_was_found_first(session):
         session.candidate_effect('mesh')
 
 
-def test_ties_name_their_rivals():
-    """On the measured map slack and resistive buckling cannot be told apart; the page says so."""
-    made = Session()
-    made.open(load_example('dmsp20'))
-    made.learn(diagnose(made.now.model, made.data))
-    tied = [choice for choice in made.choices() if choice.rivals]
-    assert tied
-    for choice in tied:
-        assert choice.candidate.effect not in choice.rivals
+def test_ties_name_their_rivals(session, friction_found):
+    """Effects that data cannot tell apart name each other, beside what was found, and no more."""
+    rivals = [entry.effect for entry in friction_found.ranking
+              if entry.effect not in friction_found.effects][-2:]
+    group = (friction_found.effects[0], *rivals)
+    session.learn(replace(friction_found, tied=(group,)))
+    told = {choice.candidate.effect: choice.rivals for choice in session.choices()}
+    for name in group:
+        assert set(told[name]) == set(group) - {name}
+    assert all(not others for name, others in told.items() if name not in group)
+    first = len(friction_found.effects)
+    assert {row.candidate.effect for row in session.choices()[first:first + 2]} == set(rivals)
+
+
+def test_what_replaces_or_removes_is_no_choice_to_add(session, friction_found):
+    """A candidate that takes the place of an effect, or takes one away, cannot be added."""
+    first, *others = friction_found.ranking
+    changed = replace(first, effect='bladder_polynomial', shape='bladder_polynomial',
+                      replaces='bladder_elasticity')
+    gone = replace(first, effect='no mesh', shape='mesh', removes=True)
+    session.learn(replace(friction_found, ranking=(first, changed, gone, *others)))
+    assert not {'bladder_polynomial', 'mesh'} & {choice.effect for choice in session.choices()}
 
 
 def test_nothing_open_is_said_plainly():
