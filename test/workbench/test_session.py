@@ -63,7 +63,7 @@ def test_undo_past_a_diagnosis_forgets_it(with_friction):
 
 
 def test_every_row_counts(with_friction):
-    """The error of a step is over all rows, those too where the motion turns; as `compare` has it."""
+    """The error of a step is that of `compare`: over all rows, also where the motion turns."""
     turns = reversals(with_friction.data)
     assert turns.any()
     for step in with_friction.steps:
