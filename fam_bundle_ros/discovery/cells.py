@@ -104,7 +104,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
     Parameters
     ----------
     model : Bundle
-        Its residual shows the noise and rows that stand alone.
+        Its residual shows the noise and rows that stand alone; those are in no cell, nor is the
+        row with which a trial of a log begins (see `entered`).
     measurement : Measurement
     most : int
         Most cells; where visits are more, an even choice of them is kept.
@@ -123,7 +124,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
     strain_range = max(float(np.ptp(data.strain)), 1e-6)
     pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
     label = _labels(data, strain_range, pressure_range, most)
-    label = np.where(spikes(data, residual, noise), -1, label)
+    label = np.where(spikes(data, residual, noise) | entered(data), -1, label)
     label = _renumbered(label)
     if label.max() + 1 > most:
         kept = np.unique(np.linspace(0, label.max(), most).astype(int))
@@ -139,6 +140,19 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
                  np.round(mean(data.trial.astype(float))),
                  None if data.time is None else mean(data.time), noise, strain_range,
                  pressure_range)
+
+
+def entered(data: Measurement) -> np.ndarray:
+    """
+    Return which rows are the first of a trial of a log, (T,) bool.
+
+    How the muscle came there is in no row: neither the direction of motion nor the memory of a
+    loss is known. Where trials are cut at turning points friction is off there by its size, in
+    every trial at the same strain, and that looks like an effect of the strain.
+    """
+    if data.is_static:
+        return np.zeros(len(data), bool)
+    return data.start & ~np.append(data.start[1:], True)  # a trial of one row stays
 
 
 def _renumbered(label: np.ndarray) -> np.ndarray:

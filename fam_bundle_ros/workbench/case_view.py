@@ -81,7 +81,9 @@ class CaseView:
         found = self.session.diagnosis
         if found is None or len(self.session.steps) > self.session.diagnosed_at:
             return self.session.headline()
-        names = ', '.join(parts.words(name) for name in found.effects)
+        names = ', '.join(parts.words(name) for name in (
+            *found.effects, *(f'{new} in place of {old}' for old, new in found.replaced.items()),
+            *(f'no {old}' for old in found.removed)))
         return {
             'missing_effect': f'Found: {names}.',
             'partial': f'Found in part: {names}. Its shape is not quite right.',

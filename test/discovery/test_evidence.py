@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.stats import multivariate_normal
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.cells import entered, reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import head, Options
@@ -55,6 +55,15 @@ def test_a_small_map_is_taken_row_by_row(paper_muscle):
     np.testing.assert_allclose(cells.force, force)
     assert cells.time is None
     assert not cells.both_ways
+
+
+def test_the_row_with_which_a_trial_begins_is_in_no_cell(sweeps, paper_muscle):
+    """How the muscle came there is in no row; a trial of one row has nothing else and stays."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction'))
+    assert (reduce(paper_muscle, data).label[data.start] == -1).all()
+    one = entered(data.select(np.r_[True, np.zeros(len(data) - 1, bool)]))
+    assert one.tolist() == [False]
+    assert entered(data).sum() == len(data.trial_names)
 
 
 def test_averaging_takes_vectors_and_columns_alike(problem):
