@@ -13,6 +13,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fam_bundle_ros.control.adaptation import (
+    adaptation_settings,
+    AdaptationConfig,
+    forget_adaptation,
+)
 from fam_bundle_ros.control.allocation import Allocator
 from fam_bundle_ros.control.belief import Belief, belief_of
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
@@ -63,6 +68,8 @@ class ControllerConfig:
         What is known of the load, for strain references.
     still : float, Pa
         Pressures change only when they would by more than this: no air for sensor noise.
+    adaptation : AdaptationConfig
+        Online adaptation of the model's gains.
     hold_time : float, s
         Readings that are not finite hold the pressures so long, then everything is vented.
     """
@@ -74,6 +81,7 @@ class ControllerConfig:
     switching: SwitchingConfig = field(default_factory=SwitchingConfig)
     outer: OuterConfig = field(default_factory=OuterConfig)
     load: LoadModel = field(default_factory=LoadModel)
+    adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
     still: float = 400.0
     hold_time: float = 0.2
 
@@ -124,6 +132,7 @@ class RecruitmentController:
         #: The records that `recruitment_step` takes.
         self.memory = recruitment_state(self.order, self._allocator.grid,
                                         self._allocator.pushes_back)
+        forget_adaptation(self.settings.adaptation, self.memory.adaptation)
         self.model = self.belief()
         self._record = command_record(self.bundle.n)
         start_recruitment(self.settings, self.memory, self._record)
@@ -163,6 +172,13 @@ class RecruitmentController:
         """
         enable_step(self.settings, self.model, self.memory, self._read(measurement), self._record)
         self._command = self._told()
+
+    def keep_learnt(self, other: 'RecruitmentController') -> None:
+        """Go on with what another controller of the same bundle has learnt of the model."""
+        if self.settings.adaptation == other.settings.adaptation:
+            self.memory.adaptation = other.memory.adaptation
+            self.memory.table.pull[:] = other.memory.table.pull
+            self.memory.table.push[:] = other.memory.table.push
 
     def update(self, dt: float, measurement: Measurement, reference: Reference) -> Command:
         """
@@ -213,4 +229,5 @@ def controller_settings(bundle: Bundle, config: ControllerConfig) -> Recruitment
         bundle.max_pressure, config.max_pressure)
     return RecruitmentSettings(
         SCHEMES.index(config.scheme), config.still, config.hold_time, limit.tolist(),
-        switching_settings(config.switching), outer_settings(config.outer, config.load, bundle))
+        switching_settings(config.switching), outer_settings(config.outer, config.load, bundle),
+        adaptation_settings(config.adaptation, bundle))

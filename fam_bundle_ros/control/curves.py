@@ -51,6 +51,8 @@ class CurveTable:
     pushes_back : bool
         False for a controller that reckons without resistive forces: none below zero.
     moment : Moment
+    pull, push : list (n,)
+        What the model's tension and push-back of each unit are multiplied with.
     grid, force : list (n, m), Pa (gauge) and N
         From 0 to each unit's limit.
     rest_force : list (n,), N
@@ -75,6 +77,8 @@ class CurveTable:
     order: list
     pushes_back: bool
     moment: Moment
+    pull: list
+    push: list
     grid: list
     force: list
     rest_force: list
@@ -95,7 +99,7 @@ def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
 
     def zeros(count):
         return [0.0] * count
-    return CurveTable(list(order), pushes_back, Moment(), grid, [
+    return CurveTable(list(order), pushes_back, Moment(), [1.0] * n, [1.0] * n, grid, [
         zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
                       zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n))
 
@@ -109,7 +113,14 @@ def unit_force(table: Any, model: Any, unit: int, pressure: float) -> float:
     force = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt,
                         now.start, model.shape, model.parameters, model.tables, model.memory,
                         model.after)
-    return force if table.pushes_back else max(force, 0.0)
+    return adapted(table, unit, force)
+
+
+def adapted(table: Any, unit: int, force: float) -> float:
+    """Return the force of the adapted model for a force of the model, N."""
+    if force > 0.0:
+        return table.pull[unit] * force
+    return table.push[unit] * force if table.pushes_back else 0.0
 
 
 def _by_unit(table: Any, model: Any) -> None:
@@ -126,7 +137,7 @@ def _by_unit(table: Any, model: Any) -> None:
             pressure[unit] = grid[k]
             force = model.force(unit, now.strain, now.strain_rate, pressure, now.time, now.dt,
                                 now.start, shape, parameters, tables, memory, after)
-            curve[k] = force if table.pushes_back else max(force, 0.0)
+            curve[k] = adapted(table, unit, force)
             least = min(least, curve[k])
         for k in range(len(grid)):
             if curve[k] <= least + FLAT:
@@ -139,8 +150,8 @@ def _by_rows(table: Any, model: Any) -> None:
         _by_unit(table, model)
         return
     force = model.rows(table.moment, model.memory)
-    if not table.pushes_back:
-        force = np.maximum(force, 0.0)
+    push = np.array(table.push) if table.pushes_back else 0.0
+    force = np.where(force > 0.0, np.array(table.pull), push) * force
     tied = force <= force.min(axis=0) + FLAT
     table.bottom[:] = (len(force) - 1 - tied[::-1].argmax(axis=0)).tolist()
     table.force[:] = force.T.tolist()

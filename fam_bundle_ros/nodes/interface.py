@@ -25,7 +25,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool, UInt8
+from std_msgs.msg import Bool, String, UInt8
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -41,6 +41,7 @@ REFERENCE_STRAIN = 'reference/strain'
 TRAJECTORY = 'reference/trajectory'
 RECRUITMENT_STATE = 'recruitment_state'
 RECRUITMENT = 'recruitment'
+ADAPTATION = 'adaptation'
 MODEL_FORCE = 'model/force'
 MODEL_RESIDUAL = 'model/residual'
 E_STOP = 'e_stop'
@@ -53,8 +54,10 @@ E_STOP_TRIGGER = 'e_stop_trigger'
 E_STOP_RESET = 'e_stop_reset'
 RESET = 'reset'
 TARE = 'tare'
+ADAPTATION_RESET = 'adaptation/reset'
+ADAPTATION_SAVE = 'adaptation/save'
 SERVICES = {ENABLE: SetBool, E_STOP_TRIGGER: Trigger, E_STOP_RESET: Trigger, RESET: Trigger,
-            TARE: Trigger}
+            TARE: Trigger, ADAPTATION_RESET: Trigger, ADAPTATION_SAVE: Trigger}
 
 LOAD_CELL_FRAME = 'load_cell'
 
@@ -104,6 +107,7 @@ def topics(units: int) -> tuple[Topic, ...]:
             Topic(REFERENCE_FORCE, WrenchStamped), Topic(REFERENCE_STRAIN, JointState),
             Topic(TRAJECTORY, JointTrajectory),
             Topic(RECRUITMENT_STATE, UInt8, latched=True), Topic(RECRUITMENT, JointState),
+            Topic(ADAPTATION, String, latched=True),
             Topic(MODEL_FORCE, WrenchStamped), Topic(MODEL_RESIDUAL, WrenchStamped),
             Topic(E_STOP, Bool, latched=True), Topic(DIAGNOSTICS, DiagnosticArray))
 

@@ -52,7 +52,8 @@ SPECS = (
          dynamic=True),
     Spec('setpoint_rate', _CONFIG.setpoint_rate, 'largest rate of the setpoint, Pa/s', 1e3, 1e9,
          dynamic=True),
-    Spec('flow_lag', _CONFIG.flow_lag, 'from command to flow, s', 0.0, 0.5, dynamic=True),
+    Spec('transport_delay', _CONFIG.transport_delay, 'dead time from a reading through the valve '
+         'to the next reading, s', 0.0, 0.5, dynamic=True),
     Spec('valve.conductance', _CONFIG.valve.conductance, 'sonic conductance, m^3/(s Pa)',
          1e-12, 1e-5),
     Spec('valve.dead_band', _CONFIG.valve.dead_band, 'command that does not open the valve',
@@ -455,7 +456,7 @@ def _settings(values: dict[str, Any]) -> tuple[PidGains, PidConfig]:
         anti_windup=values['anti_windup'], volume=values['volume'],
         supply=values['supply.pressure'],
         ambient=values['ambient_pressure'], setpoint_rate=values['setpoint_rate'],
-        flow_lag=values['flow_lag'], quiet_error=values['quiet_error'],
+        transport_delay=values['transport_delay'], quiet_error=values['quiet_error'],
         feed_forward=values['feed_forward'],
         dead_band_compensation=values['dead_band_compensation'])
     return gains, config

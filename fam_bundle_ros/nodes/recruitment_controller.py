@@ -31,6 +31,7 @@ from fam_bundle_ros.control import (
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.adaptation import Adaptation
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
 from fam_bundle_ros.nodes.doubts import OffTarget, ReferenceTally
@@ -124,6 +125,7 @@ class RecruitmentNode(BundleNode):
         self.subscribe(interface.REFERENCE_STRAIN, JointState, self._tallied(self._on_strain))
         self._e_stop = EmergencyStop(self, self._on_e_stop)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
+        self._adaptation = Adaptation(self, lambda: self.controller)
         if self.bundle.unusual_order:
             self.get_logger().warning(self.bundle.unusual_order)
         self.p.on_change(self, self._check, self._change)
@@ -424,7 +426,10 @@ class RecruitmentNode(BundleNode):
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
         self._limit = self.bundle.max_pressure.tolist()
+        before = self.controller
         self.controller = RecruitmentController(self.bundle, controller_config(self.p))
+        if before.bundle is self.bundle:
+            self.controller.keep_learnt(before)
         self._take_over = True
         self.get_logger().info(f"taken over: {', '.join(sorted(changes))}")
 
@@ -452,6 +457,7 @@ class RecruitmentNode(BundleNode):
             report.value('overlap, N', command.margins.width)
             report.value('uncertainty, N', command.margins.uncertainty)
             report.value('bias, N', self.controller.outer.bias)
+            self._adaptation.report(report)
             if command.saturated in ('high', 'low'):
                 report.add(WARN, f'demand {command.demand:.1f} N is out of reach '
                            f'({command.saturated})')

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fam_bundle_ros.control import (
+    AdaptationConfig,
     ControllerConfig,
     LoadModel,
     OuterConfig,
@@ -20,7 +21,8 @@ from fam_bundle_ros.nodes.parameters import Spec
 _SWITCHING, _OUTER = SwitchingConfig(), OuterConfig()
 #: Fields of the outer loop that are parameters: name, unit, largest value.
 _OUTER_FIELDS = (
-    ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0), ('force_integral', '1/s', 1e3),
+    ('delay', 's', 0.5), ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0),
+    ('force_integral', '1/s', 1e3),
     ('strain_gain', 'N', 1e6), ('strain_integral', 'N/s', 1e7), ('strain_damping', 'N s', 1e5),
     ('still', 'N', 1e3), ('filter_time', 's', 10.0), ('fade_time', 's', 10.0))
 _LOAD_FIELDS = (('force', 'N at zero strain'), ('stiffness', 'N per strain'),
@@ -53,6 +55,10 @@ SPECS = (
          dynamic=True),
     Spec('feed_forward', True, 'use the model to meet the reference', dynamic=True),
     Spec('feedback', True, 'correct by the measured error', dynamic=True),
+    Spec('adaptation.enabled', True, 'learn what the model gets wrong while it works',
+         dynamic=True),
+    Spec('adaptation.memory', AdaptationConfig().memory, 'how long an error that no gain '
+         'explains stays alike, s', 0.01, 1e3, dynamic=True),
     *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
     *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
            dynamic=True) for name, unit in _LOAD_FIELDS),
@@ -90,6 +96,8 @@ def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
         outer=OuterConfig(
             feed_forward=values['feed_forward'], feedback=values['feedback'],
             **outer),
+        adaptation=AdaptationConfig(enabled=values['adaptation.enabled'],
+                                    memory=values['adaptation.memory']),
         load=LoadModel(**{name: values[f'load_model.{name}'] for name, _ in _LOAD_FIELDS}))
 
 

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 __all__ = ['CaseView']
 
 _CAPTIONS = {
-    'curves': 'Points: measured (filled: shortening; grey: where the motion turns, not counted). '
-              'Lines: model. Band: noise.',
+    'curves': 'Points: measured (open: lengthening). Lines: model. Band: noise.',
     'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '
             'sign with the motion.',
     'loops': 'The error on the way in and on the way out. Two branches apart: a loss such as '

@@ -67,7 +67,7 @@ class Table:
                 'edge is used', stacklevel=4)
 
 
-@law('force', family='discrepancy', candidate=False, load=Table, look=('indigo', 'dot'),
+@law('force', family='discrepancy', candidate=False, load=Table, look=('grey', 'dot'),
      summary='what no law of the model explains: a smooth surface, not physics',
      source="derived: mean of a Gaussian process (Kennedy and O'Hagan 2001), by diagnose",
      signature='whatever is left, inside the range that was measured')

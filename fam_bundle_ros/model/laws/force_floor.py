@@ -6,7 +6,7 @@ from fam_bundle_ros.model.laws.base import law, Parameter
 
 
 @law('limit', family='slack', leaves=('past_free',), off={'level': -1e6},
-     variant_of='tendon_slack', look=('brown', 'dash'),
+     variant_of='tendon_slack', look=('brown', 'longdash'),
      summary='readings end at a lowest force that need not be zero',
      source='derived: range of a load cell or its amplifier',
      signature='the measured force is never below one value where the model pushes back',
