@@ -68,7 +68,7 @@ class Candidate:
         return self.effect if self.shape == self.effect else f'{self.effect} as {self.shape}'
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entry as DESIGN.md's JSON has it."""
+        """Return the entry as JSON has it."""
         return {'effect': self.effect, 'shape': self.shape, 'family': self.family,
                 'probability': self.probability, 'error_N': self.error_N,
                 'score': self.score, 'reason': self.reason,
@@ -255,7 +255,7 @@ class Diagnosis:
                 if self.verdict == 'unexplained' else 'candidates')
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, lists and text; the keys of DESIGN.md and some more."""
+        """Return plain numbers, lists and text."""
         return {
             'verdict': self.verdict, 'summary': self.summary, 'model': self.model.name,
             'data': self.measurement.name, 'data_sha256': self.measurement.sha256,

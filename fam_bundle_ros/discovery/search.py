@@ -99,11 +99,16 @@ class Search:
                 self.options.log_prior(names))
         return self.fits[names]
 
-    def again(self, names: Names) -> Fit:
-        """Return a set fitted from its priors too: where its neighbours led may be a trap."""
+    def again(self, names: Names, start: dict[str, float] | None = None,
+              hyper: Hyper | None = None) -> Fit:
+        """
+        Return a set fitted from its priors, or another start, too, and the better of both.
+
+        Where its neighbours led may be a trap.
+        """
         fresh = self.fitter.fit(names, self.options.bundle(names), self.options.priors(names),
-                                log_prior=self.options.log_prior(names))
-        if fresh.posterior > self.fits[names].posterior:
+                                start, hyper, self.options.log_prior(names))
+        if names not in self.fits or fresh.posterior > self.fits[names].posterior:
             self.fits[names] = fresh
         return self.fits[names]
 
@@ -124,7 +129,8 @@ class Search:
             best = self.best
             self._tell(6 + turn)
             for names in self.options.back(best.names):
-                fewer = self.fit(names, best.start, best.hyper)
+                # from here again: in a trap the smaller set would make its effect seem needed
+                fewer = self.again(names, best.start, best.hyper)
                 swaps = [self.screen(fewer, other) for other in self.options.further(names)
                          if other not in self.fits]
                 for s in sorted(swaps, key=lambda s: -s.value)[:settings.BEAM]:
