@@ -17,7 +17,6 @@ HEAD = '<!-- Written by docs/make.py from the code; do not edit. -->\n\n'
 
 #: What each topic carries. A topic without a line here fails `api`.
 TOPICS = {
-    'adaptation': 'how the muscles differ from the model, in words',
     'force': 'force.x in N, tension positive, frame `load_cell`',
     'strain': 'joints `contraction` (m) and `strain`, positive when shorter, with velocities',
     'mu/pressure': 'absolute pressure of the motor unit, Pa',
@@ -37,8 +36,6 @@ TOPICS = {
     '/diagnostics': 'rate, age, saturation, margins, simulated or rig; 1 Hz',
 }
 SERVICES = {
-    'adaptation/reset': 'forget what was learnt of the muscles; the model file holds again',
-    'adaptation/save': 'write what was learnt as a model file; the answer names it',
     'enable': 'bumpless on and off', 'e_stop_trigger': 'vent all, latched',
     'e_stop_reset': 'leave the emergency stop',
     'reset': 'the simulated rig starts anew; an emergency stop stays',
