@@ -98,11 +98,13 @@ def test_ones_own_files_from_upload_to_ladder(watched):
 def test_a_bad_file_is_told_and_the_page_goes_on(watched, tmp_path):
     """The sentence names file and row; then a good file works."""
     bad = tmp_path / 'broken run.csv'
-    bad.write_text('strain,pressure [kPa],force [N]\n0.1,100,abc\n')
+    rows = CSV.read_text().splitlines()
+    rows[21] = 'abc' + rows[21]
+    bad.write_text('\n'.join(rows) + '\n')
     tab = watched()
     page = tab.open()
     page.set_input_files('input[type=file]', bad)
-    page.wait_for_selector('text=broken run.csv, row 2')
+    page.wait_for_selector('text=broken run.csv, row 22')
     page.set_input_files('input[type=file]', CSV)
     tab.drawn()
 

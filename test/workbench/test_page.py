@@ -126,7 +126,10 @@ async def test_a_wrong_unit_is_pointed_out(user):
 
 
 @pytest.mark.parametrize(('name', 'content', 'said'), [
-    ('broken.csv', b'strain,pressure [kPa],force [N]\n0,1,x\n', 'broken.csv, row 2'),
+    ('broken.csv', DATA.read_bytes().splitlines()[0] + b'\n' + b'\n'.join(
+        b'x' + row if k == 20 else row
+        for k, row in enumerate(DATA.read_bytes().splitlines()[1:])), 'broken.csv, row 22'),
+    ('words.csv', b'strain,pressure [kPa],force [N]\n0,1,x\n', "column 'force' is missing"),
     ('empty.csv', b'', 'empty'),
     ('photo.png', b'\x89PNG', "'.png' is not known"),
     ('bad.yaml', b'format: something', 'bad.yaml, line 1'),
