@@ -54,8 +54,8 @@ def whole_catalogue(bundle: Bundle) -> Bundle:
     for name in catalogue.names():
         law = catalogue.get(name)
         outside = law.place in (Place.SENSOR, Place.PNEUMATICS)
-        # A measured surface takes the place of the force laws.
-        if outside or law.family in present or law.family == 'surface':
+        # A table in a file is nobody's default.
+        if outside or law.family in present or law.load is not None:
             continue
         bundle = bundle.with_effect(name)
         present.add(law.family)
