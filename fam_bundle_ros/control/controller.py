@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fam_bundle_ros.control.allocation import Allocator
+from fam_bundle_ros.control.baselines import baseline_settings, BaselineConfig
 from fam_bundle_ros.control.belief import Belief, belief_of
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import KINDS, outer_settings, OuterState, SATURATION
@@ -49,7 +50,8 @@ class ControllerConfig:
         ``neglect``, ``hysteresis`` or ``reversal_aware``: see `SwitchingConfig`.
     scheme : str
         ``orderly``: a unit to its limit before the next; ``batch``: all active units at one
-        pressure; ``all_on``: all units always, at one pressure.
+        pressure; ``all_on``: all units always, at one pressure. Without a model, to compare with
+        (see `fam_bundle_ros.control.baselines`): ``equal_pressure``, ``threshold``.
     order : sequence of int, optional
         Of recruitment, from 0; that of the model file by default.
     max_pressure : sequence of float, Pa (gauge), optional
@@ -58,6 +60,8 @@ class ControllerConfig:
         Its policy is taken from ``policy``.
     outer : OuterConfig
         Force and strain loops.
+    baseline : BaselineConfig
+        Gains of ``equal_pressure`` and ``threshold``.
     load : LoadModel
         What is known of the load, for strain references.
     still : float, Pa
@@ -73,6 +77,7 @@ class ControllerConfig:
     switching: SwitchingConfig = field(default_factory=SwitchingConfig)
     outer: OuterConfig = field(default_factory=OuterConfig)
     load: LoadModel = field(default_factory=LoadModel)
+    baseline: BaselineConfig = field(default_factory=BaselineConfig)
     still: float = 400.0
     hold_time: float = 0.2
 
@@ -216,4 +221,5 @@ def controller_settings(bundle: Bundle, config: ControllerConfig) -> Recruitment
         bundle.max_pressure, config.max_pressure)
     return RecruitmentSettings(
         SCHEMES.index(config.scheme), config.still, config.hold_time, limit.tolist(),
-        switching_settings(config.switching), outer_settings(config.outer, config.load, bundle))
+        switching_settings(config.switching), outer_settings(config.outer, config.load, bundle),
+        baseline_settings(config.baseline, bundle, limit))

@@ -123,7 +123,8 @@ def rig_parts(plant: Any, config: RigConfig) -> RigParts:
     model = plant.model(False)
     air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
                        plant.pneumatics.supply_resistance)
-    rig = RigRecord(air, float(config.step), length, float(config.chamber.tube_volume),
+    tube = float(config.chamber.tube_volume)
+    rig = RigRecord(air, float(config.step), length, tube, tube - config.chamber.line_volume,
                     float(config.trip_pressure), *_dependences(plant, model))
     state = RigState.at_rest(Air.at_rest(air, [0.0] * n), config.load.start(length))
     begin(rig, None, model, state)
