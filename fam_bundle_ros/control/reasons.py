@@ -69,7 +69,8 @@ def sentence(reason: Any, names: Sequence[str]) -> str:
     if r.why == LOST:
         return f'vent: no usable reading for {r.time:.2f} s'
     if r.why == FULL:
-        return f'recruit {names[state]}: {names[state - 1] if state else "nothing"} gives no more'
+        return f'recruit {names[state]}: ' + (
+            f'{names[state - 1]} is full and more is asked for' if state else 'force is asked for')
     if r.why == EMPTY:
         return f'release {names[state - 1]}: it is empty and less is asked for'
     if r.why <= AHEAD:
