@@ -179,12 +179,12 @@ def _strain_trajectory(name, model, plant):
                           prepare=_PREPARE)
 
     if name == 'strain_sine':
-        load = _mass_spring(0.6 * top_force(0.14, model, plant), 0.14, length)
+        load = mass_spring(0.6 * top_force(0.14, model, plant), 0.14, length)
         return trajectory(_Sines(0.08, (0.06, 0.5)), 6.0, load)
     if name == 'strain_steps':
         levels = [0.03, 0.07, 0.11, 0.14, 0.09, 0.03]
         times = [t for k in range(len(levels)) for t in (1.2 * k, 1.2 * k + 0.6)]
-        load = _mass_spring(0.7 * top_force(0.14, model, plant), 0.14, length)
+        load = mass_spring(0.7 * top_force(0.14, model, plant), 0.14, length)
         return trajectory(_Path(times, np.repeat(levels, 2)), times[-1] + 0.6, load)
     if name == 'arm':
         path = _Path([0.0, 1.2, 1.6, 2.8, 3.2, 4.4, 5.2, 6.2, 7.2],
@@ -199,7 +199,7 @@ def _strain_trajectory(name, model, plant):
     return trajectory(path, 8.5, MassSpring(mass=mass, damping=40.0), events)
 
 
-def _mass_spring(force, strain, length):
+def mass_spring(force, strain, length):
     """Return a load that needs a force at a strain, not quite half of it for the weight."""
     return MassSpring(mass=0.45 * force / _GRAVITY,
                       stiffness_against=0.55 * force / (strain * length), damping=40.0)

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.control.outer_loop import FREE, HIGH, low_pass, LOW, STRAIN
 from fam_bundle_ros.control.reasons import EMPTY, FULL
 from fam_bundle_ros.errors import InputError
@@ -71,6 +73,8 @@ class BaselineSettings:
     dwell: float
     force_range: float
     strain_range: float
+    #: Share of the whole that each unit gives, (n,).
+    share: list
 
 
 @dataclass
@@ -108,9 +112,10 @@ def baseline_settings(config: BaselineConfig, bundle: Any, limit: Any) -> Baseli
         What a data sheet tells: what full pressure gives at a middling contraction.
     limit : ndarray (n,), Pa (gauge)
     """
-    force = float(bundle.force(_STRAIN, limit) - bundle.force(_STRAIN, 0.0 * limit))
-    return BaselineSettings(**vars(config), force_range=max(force, 1.0),
-                            strain_range=2.0 * _STRAIN)
+    force = bundle.unit_forces(_STRAIN, limit) - bundle.unit_forces(_STRAIN, 0.0 * limit)
+    force = np.maximum(force, 1.0)
+    return BaselineSettings(**vars(config), force_range=float(force.sum()),
+                            strain_range=2.0 * _STRAIN, share=(force / force.sum()).tolist())
 
 
 def forget_baseline(state: Any) -> None:
@@ -153,7 +158,6 @@ def baseline_step(settings: Any, state: Any, equal: bool, order: Any, limits: An
         for i in range(len(limits)):
             play(command, i, min(answer * highest(limits), limits[i]), limits[i], still)
     else:
-        # One unit answers where all would: its share of the force is less.
         answer = in_turn(settings, state, order, limits, gain * error, step, dt)
         for k in range(len(limits)):
             full = 1.0 if k < state.state - 1 else answer if k == state.state - 1 else 0.0
@@ -184,21 +188,23 @@ def in_turn(settings: Any, state: Any, order: Any, limits: Any, proportional: fl
             dt: float) -> float:
     """Return the answer for the unit that is being filled, 0..1, after switching if need be."""
     n = len(limits)
-    proportional, step = proportional * n, step * n
     if state.state == 0 and step > 0.0:
         state.state, state.integral, state.since = 1, 0.0, math.inf
     state.since += dt
     if state.state == 0:
         return 0.0
+    # One unit answers where all would: its share of the force is less.
+    share = settings.share[order[state.state - 1]]
+    proportional, step = proportional / share, step / share
     answer = pi_answer(state, proportional, step)
     size = limits[order[state.state - 1]]
     if state.since > settings.dwell:
         if answer * size >= size - _END and step > 0.0 and state.state < n:
             state.state, state.since = state.state + 1, 0.0
-            state.integral, answer = -proportional, 0.0
+            state.integral, answer = 0.0, 0.0
         elif answer * size <= _END and step < 0.0 and state.state > 1:
             state.state, state.since = state.state - 1, 0.0
-            state.integral, answer = 1.0 - proportional, 1.0
+            state.integral, answer = 1.0, 1.0
     return answer
 
 

@@ -1,0 +1,229 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Gain margin of any controller on any plant, and gains of the baselines at a given margin.
+
+The margin is measured in the closed loop, the same way for all: the controller is shown what it
+controls as deviating k times as much from where it is (the loop gain times k), and the largest k at
+which the response to a small step still settles is the gain margin. No noise; the worst of the
+operating points. A baseline is scaled to the margin asked for at each of several ratios of gain to
+integral; the ratio with the smallest error on a step and a sine is taken.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+import math
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.benchmarks.control_trajectories import (
+    make_trajectory,
+    mass_spring,
+    STRAIN,
+    top_force,
+)
+from fam_bundle_ros.benchmarks.plants import kind_of, model_of, plant_of
+from fam_bundle_ros.control import ControllerConfig, OuterConfig, PidConfig, PidGains, tune
+from fam_bundle_ros.control.baselines import BaselineConfig
+from fam_bundle_ros.plant import Dynamometer, RigConfig
+from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
+
+#: s, of the pressure loops and of the controller.
+PID_PERIOD, PERIOD = 2e-3, 4e-3
+#: No baseline is asked for a larger gain margin than this (6 dB), however large ours is.
+USUAL_MARGIN = 2.0
+#: ... nor for a smaller one.
+_LEAST_MARGIN = 1.25
+#: Range in which margins are looked for, and how exactly.
+_RANGE, _EXACT = (0.1, 64.0), 1.08
+#: s: before the step, and after it in two halves: in the second one it has to have settled.
+_BEFORE, _AFTER = 0.2, 1.2
+#: Shares of the largest force, and strain, of the operating points; steps.
+_LEVELS, _PLACE, _STEP_SHARE, _STEP_STRAIN = (0.25, 0.75), 0.09, 0.04, 4e-3
+#: Gain over integral, s, of the baselines that are tried.
+RATIOS = (0.0, 0.01, 0.025, 0.05, 0.1)
+#: What the ratio is chosen by.
+_JUDGES = {'force': ('steps', 'sine_0.5'), 'strain': ('strain_steps', 'strain_sine')}
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A controller of the benchmark: policy and scheme, and whether it has feedback."""
+
+    policy: str = 'reversal_aware'
+    scheme: str = 'orderly'
+    feedback: bool = True
+
+    @property
+    def baseline(self) -> bool:
+        """Whether it has no model."""
+        return self.scheme in ('equal_pressure', 'threshold')
+
+
+#: Name -> controller; the first is ours, the second what it is held against.
+CONTROLLERS = {
+    'reversal_aware': Controller(), 'equal_pressure': Controller(scheme='equal_pressure'),
+    'threshold': Controller(scheme='threshold'), 'hysteresis': Controller('hysteresis'),
+    'neglect': Controller('neglect'), 'batch': Controller(scheme='batch'),
+    'all_on': Controller(scheme='all_on'), 'no_feedback': Controller(feedback=False),
+}
+
+
+@cache
+def pressure_gains(delay: float) -> PidGains:
+    """Return what `tune` gives for a dead time, the same for all controllers."""
+    return tune(sample_period=PID_PERIOD, transport_delay=delay).gains
+
+
+def told(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig:
+    """Return what pressure loops are told of a plant: the nominal valve, and the dead time."""
+    config = pid_config(replace(rig, valve=RigConfig().valve), PID_PERIOD, noise_factor)
+    return replace(config, flow_lag=2e-3 + delay)
+
+
+def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineConfig,
+            seed: int = 1, noise: float = 1.0, deviation: tuple[float, float] = (1.0, 0.0),
+            ) -> ClosedLoop:
+    """
+    Return the closed loop of a case.
+
+    Parameters
+    ----------
+    plant : str
+    units : int
+    controller : Controller
+    baseline : BaselineConfig
+        Gains, for the schemes that have some.
+    seed : int
+    noise : float
+        Factor on the noise of the plant's sensors.
+    deviation : (float, float)
+        See `ClosedLoop`.
+    """
+    kind = kind_of(plant)
+    config = ControllerConfig(policy=controller.policy, scheme=controller.scheme,
+                              baseline=baseline,
+                              outer=OuterConfig(feedback=controller.feedback))
+    return ClosedLoop(plant_of(plant, units), model_of(units), config, kind.rig,
+                      PERIOD, PID_PERIOD, pressure_gains(kind.delay),
+                      told(kind.rig, kind.delay, kind.noise_factor),
+                      kind.noise_factor * noise, seed, deviation=deviation)
+
+
+def settles(plant: str, units: int, controller: Controller, baseline: BaselineConfig, kind: str,
+            k: float) -> bool:
+    """Return whether the response to a small step settles with the loop gain times ``k``."""
+    model, true = model_of(units), plant_of(plant, units)
+    if kind == 'force':
+        top = top_force(STRAIN, model, true)
+        points = [(share * top, _STEP_SHARE * top, Dynamometer(strain=STRAIN))
+                  for share in _LEVELS]
+    else:
+        load = mass_spring(0.6 * top_force(0.14, model, true), 0.14, model.length)
+        points = [(_PLACE, _STEP_STRAIN, load)]
+    for level, step, load in points:
+        trajectory = Trajectory(
+            'step', kind, _BEFORE + 2.0 * _AFTER,
+            lambda t, level=level, step=step: level + (step if t > _BEFORE else 0.0),
+            lambda t: 0.0, load, prepare=1.5)
+        log = loop_of(plant, units, controller, baseline, noise=0.0,
+                      deviation=(k, level)).run(trajectory)
+        first, last = (_unrest(k * log.error, (log.time > begin) & (log.time <= begin + _AFTER))
+                       for begin in (_BEFORE, _BEFORE + _AFTER))
+        if last > max(0.5 * first, 0.3 * step):
+            return False
+    return True
+
+
+def _unrest(signal: np.ndarray, inside: np.ndarray) -> float:
+    """Return how far a stretch of a signal swings about its slow drift, a parabola."""
+    x = np.linspace(-1.0, 1.0, int(inside.sum()))
+    return float(np.ptp(signal[inside] - np.polyval(np.polyfit(x, signal[inside], 2), x)))
+
+
+def gain_margin(plant: str, units: int, controller: Controller, baseline: BaselineConfig,
+                kind: str) -> float:
+    """
+    Return the gain margin of a controller on a plant with a ``kind`` of reference, a factor.
+
+    At most 64; 0.1 also for less. See the module for what is measured.
+    """
+    low, high = _RANGE
+    if settles(plant, units, controller, baseline, kind, high):
+        return high
+    if not settles(plant, units, controller, baseline, kind, low):
+        return low
+    while high / low > _EXACT:
+        middle = math.sqrt(low * high)
+        if settles(plant, units, controller, baseline, kind, middle):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@cache
+def our_margin(plant: str, units: int, kind: str) -> float:
+    """Return the gain margin of `reversal_aware`."""
+    return gain_margin(plant, units, CONTROLLERS['reversal_aware'], BaselineConfig(), kind)
+
+
+def asked_margin(ours: float) -> float:
+    """Return the margin that a baseline has to keep beside ours: ours, but not above 6 dB."""
+    return min(max(ours, _LEAST_MARGIN), USUAL_MARGIN)
+
+
+@cache
+def ratio_of(plant: str, name: str, kind: str) -> float:
+    """Return gain over integral, s, of a baseline with the smallest error, of two units."""
+    units, margin = 2, asked_margin(our_margin(plant, 2, kind))
+
+    def error(ratio):
+        baseline = _scaled_to(plant, units, name, kind, ratio, margin)
+        return math.prod(_rms(plant, units, CONTROLLERS[name], baseline, judge)
+                         for judge in _JUDGES[kind])
+    return min(RATIOS, key=error)
+
+
+@cache
+def baseline_gains(plant: str, units: int, name: str, kind: str) -> BaselineConfig:
+    """
+    Return the gains of a baseline on a plant: the ratio of `ratio_of`, scaled to our margin.
+
+    Parameters
+    ----------
+    plant : str
+    units : int
+    name : str
+        ``equal_pressure`` or ``threshold``.
+    kind : str
+        ``force`` or ``strain``.
+    """
+    margin = asked_margin(our_margin(plant, units, kind))
+    return _scaled_to(plant, units, name, kind, ratio_of(plant, name, kind), margin)
+
+
+@cache
+def _scaled_to(plant, units, name, kind, ratio, margin) -> BaselineConfig:
+    base = _gains(kind, ratio, 1.0)
+    found = gain_margin(plant, units, CONTROLLERS[name], base, kind)
+    return _gains(kind, ratio, found / margin)
+
+
+def _gains(kind, ratio, factor) -> BaselineConfig:
+    """Return gains with an integral of ``factor`` times the usual one, 10 1/s or 2 1/s."""
+    integral = factor * (10.0 if kind == 'force' else 2.0)
+    values = {f'{kind}_integral': integral, f'{kind}_gain': ratio * integral}
+    return BaselineConfig(**values)
+
+
+def _rms(plant, units, controller, baseline, judge) -> float:
+    log = loop_of(plant, units, controller, baseline).run(
+        make_trajectory(judge, model_of(units), plant_of(plant, units)))
+    return float(np.sqrt(np.mean(log.error ** 2)))
+
+
+#: For annotations elsewhere.
+Progress = Callable[[int, int, str], None]
