@@ -368,7 +368,7 @@ class Run:
 def pid_config(rig: RigConfig, period: float, noise_factor: float = 1.0) -> PidConfig:
     """Return a pressure loop that knows the rig's valve, supply and sensor noise."""
     config = PidConfig(valve=rig.valve, supply=rig.supply.pressure,
-                       ambient=rig.ambient_pressure, flow_lag=1e-3 + 0.5 * period)
+                       ambient=rig.ambient_pressure, transport_delay=0.0)
     left = math.sqrt(period / (2.0 * config.filter_time))
     quiet = 3.0 * left * noise_factor * rig.sensors.pressure_noise
     return replace(config, quiet_error=min(max(quiet, 200.0), 3000.0))

@@ -26,6 +26,7 @@ from fam_bundle_ros.benchmarks.control_trajectories import (
 )
 from fam_bundle_ros.benchmarks.plants import kind_of, model_of, plant_of
 from fam_bundle_ros.control import ControllerConfig, OuterConfig, PidConfig, PidGains, tune
+from fam_bundle_ros.control.adaptation import AdaptationConfig
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.plant import Dynamometer, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
@@ -41,7 +42,9 @@ _RANGE, _EXACT = (0.1, 64.0), 1.08
 #: s: before the step, and after it in two halves: in the second one it has to have settled.
 _BEFORE, _AFTER = 0.2, 1.2
 #: Shares of the largest force, and strain, of the operating points; steps.
-_LEVELS, _PLACE, _STEP_SHARE, _STEP_STRAIN = (0.25, 0.75), 0.09, 0.04, 4e-3
+_LEVELS, _PLACE, _STEP_SHARE, _STEP_STRAIN = (0.25, 0.75), 0.09, 0.06, 6e-3
+#: Share of the step within which it has settled.
+_QUIET = 0.25
 #: Gain over integral, s, of the baselines that are tried.
 RATIOS = (0.0, 0.01, 0.025, 0.05, 0.1)
 #: What the ratio is chosen by.
@@ -80,7 +83,7 @@ def pressure_gains(delay: float) -> PidGains:
 def told(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig:
     """Return what pressure loops are told of a plant: the nominal valve, and the dead time."""
     config = pid_config(replace(rig, valve=RigConfig().valve), PID_PERIOD, noise_factor)
-    return replace(config, flow_lag=2e-3 + delay)
+    return replace(config, transport_delay=delay)
 
 
 def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineConfig,
@@ -105,7 +108,8 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
     kind = kind_of(plant)
     config = ControllerConfig(policy=controller.policy, scheme=controller.scheme,
                               baseline=baseline,
-                              outer=OuterConfig(feedback=controller.feedback))
+                              outer=OuterConfig(feedback=controller.feedback, delay=kind.delay),
+                              adaptation=AdaptationConfig(enabled=controller.feedback))
     return ClosedLoop(plant_of(plant, units), model_of(units), config, kind.rig,
                       PERIOD, PID_PERIOD, pressure_gains(kind.delay),
                       told(kind.rig, kind.delay, kind.noise_factor),
@@ -113,8 +117,14 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
 
 
 def settles(plant: str, units: int, controller: Controller, baseline: BaselineConfig, kind: str,
-            k: float) -> bool:
-    """Return whether the response to a small step settles with the loop gain times ``k``."""
+            k: float, unrest: float = 0.0) -> tuple[bool, float]:
+    """
+    Return whether the response to a small step settles with the loop gain times ``k``.
+
+    And how far, as a share of the step, it swings once it should have settled: ``unrest`` is that
+    of a low gain, what friction, backlash and coarse readings do without any feedback.
+    """
+    most = 0.0
     model, true = model_of(units), plant_of(plant, units)
     if kind == 'force':
         top = top_force(STRAIN, model, true)
@@ -130,11 +140,12 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
             lambda t: 0.0, load, prepare=1.5)
         log = loop_of(plant, units, controller, baseline, noise=0.0,
                       deviation=(k, level)).run(trajectory)
-        first, last = (_unrest(k * log.error, (log.time > begin) & (log.time <= begin + _AFTER))
+        first, last = (_unrest(log.error, (log.time > begin) & (log.time <= begin + _AFTER))
                        for begin in (_BEFORE, _BEFORE + _AFTER))
-        if last > max(0.5 * first, 0.3 * step):
-            return False
-    return True
+        most = max(most, last / step)
+        if last > max(0.5 * first, (_QUIET + 1.5 * unrest) * step):
+            return False, most
+    return True, most
 
 
 def _unrest(signal: np.ndarray, inside: np.ndarray) -> float:
@@ -148,16 +159,15 @@ def gain_margin(plant: str, units: int, controller: Controller, baseline: Baseli
     """
     Return the gain margin of a controller on a plant with a ``kind`` of reference, a factor.
 
-    At most 64; 0.1 also for less. See the module for what is measured.
+    At most 64. See the module for what is measured.
     """
     low, high = _RANGE
-    if settles(plant, units, controller, baseline, kind, high):
+    unrest = settles(plant, units, controller, baseline, kind, low)[1]
+    if settles(plant, units, controller, baseline, kind, high, unrest)[0]:
         return high
-    if not settles(plant, units, controller, baseline, kind, low):
-        return low
     while high / low > _EXACT:
         middle = math.sqrt(low * high)
-        if settles(plant, units, controller, baseline, kind, middle):
+        if settles(plant, units, controller, baseline, kind, middle, unrest)[0]:
             low = middle
         else:
             high = middle

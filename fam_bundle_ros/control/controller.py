@@ -13,6 +13,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fam_bundle_ros.control.adaptation import (
+    adaptation_settings,
+    AdaptationConfig,
+    forget_adaptation,
+)
 from fam_bundle_ros.control.allocation import Allocator
 from fam_bundle_ros.control.baselines import baseline_settings, BaselineConfig
 from fam_bundle_ros.control.belief import Belief, belief_of
@@ -64,6 +69,8 @@ class ControllerConfig:
         Gains of ``equal_pressure`` and ``threshold``.
     load : LoadModel
         What is known of the load, for strain references.
+    adaptation : AdaptationConfig
+        What is learnt of the model's errors.
     still : float, Pa
         Pressures change only when they would by more than this: no air for sensor noise.
     hold_time : float, s
@@ -78,6 +85,7 @@ class ControllerConfig:
     outer: OuterConfig = field(default_factory=OuterConfig)
     load: LoadModel = field(default_factory=LoadModel)
     baseline: BaselineConfig = field(default_factory=BaselineConfig)
+    adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
     still: float = 400.0
     hold_time: float = 0.2
 
@@ -128,13 +136,21 @@ class RecruitmentController:
         #: The records that `recruitment_step` takes.
         self.memory = recruitment_state(self.order, self._allocator.grid,
                                         self._allocator.pushes_back)
+        forget_adaptation(self.settings.adaptation, self.memory.adaptation)
         self.model = self.belief()
         self._record = command_record(self.bundle.n)
         start_recruitment(self.settings, self.memory, self._record)
         self._command = self._told()
 
     def belief(self, compiled: bool = False) -> Belief:
-        """Return the inverted model for `recruitment_step`, with fresh memory."""
+        """
+        Return the inverted model for `recruitment_step`, with fresh memory.
+
+        Raises
+        ------
+        fam_bundle_ros.kernels.NotCompiled
+            Where numba is not there, or cannot compile a user's effect.
+        """
         return belief_of(self._allocator.inverted, self._allocator.grid, compiled)
 
     @property
@@ -188,17 +204,6 @@ class RecruitmentController:
             self._command = self._told()
         return self._command
 
-    def compiled_model(self) -> Belief:
-        """
-        Return the model that is inverted as compiled kernels take it, with fresh memory.
-
-        Raises
-        ------
-        fam_bundle_ros.kernels.NotCompiled
-            Where numba is not there, or cannot compile a user's effect.
-        """
-        return belief_of(self._allocator.inverted, self._allocator.grid, compiled=True)
-
     def _read(self, measurement):
         pressure = np.asarray(measurement.pressure, float)
         if pressure.shape != (self.bundle.n,):
@@ -222,4 +227,5 @@ def controller_settings(bundle: Bundle, config: ControllerConfig) -> Recruitment
     return RecruitmentSettings(
         SCHEMES.index(config.scheme), config.still, config.hold_time, limit.tolist(),
         switching_settings(config.switching), outer_settings(config.outer, config.load, bundle),
-        baseline_settings(config.baseline, bundle, limit))
+        baseline_settings(config.baseline, bundle, limit),
+        adaptation_settings(config.adaptation, bundle))

@@ -20,8 +20,6 @@ from fam_bundle_ros.kernels import Alternative
 #: A unit that could only pull less than when vented comes back when it could pull more by this
 #: share of its push-back, and by so many N: strain noise must not fill and empty it in turn.
 _WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
-#: A cell of the table is searched in so many parts.
-PARTS = 8
 #: N: forces that differ by less are one bottom: where a slack or threshold makes a curve flat.
 FLAT = 1e-9
 
@@ -53,6 +51,8 @@ class CurveTable:
     pushes_back : bool
         False for a controller that reckons without resistive forces: none below zero.
     moment : Moment
+    pull, push : list (n,)
+        What the model's tension and push-back of each unit are multiplied with.
     grid, force : list (n, m), Pa (gauge) and N
         From 0 to each unit's limit.
     rest_force : list (n,), N
@@ -72,13 +72,13 @@ class CurveTable:
     crossing : list (n,), N
         Largest demands at which RSk -> RSk+1 needs no dip: up to there the units before the next
         have the room to make up for its push-back.
-    found : list (9,), N
-        Room for forces within one cell.
     """
 
     order: list
     pushes_back: bool
     moment: Moment
+    pull: list
+    push: list
     grid: list
     force: list
     rest_force: list
@@ -91,7 +91,6 @@ class CurveTable:
     top: list
     floor: list
     crossing: list
-    found: list
 
 
 def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
@@ -100,9 +99,9 @@ def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
 
     def zeros(count):
         return [0.0] * count
-    return CurveTable(list(order), pushes_back, Moment(), grid, [
+    return CurveTable(list(order), pushes_back, Moment(), [1.0] * n, [1.0] * n, grid, [
         zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
-                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), zeros(PARTS + 1))
+                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n))
 
 
 # --- the curves ----------------------------------------------------------------------------------
@@ -114,16 +113,31 @@ def unit_force(table: Any, model: Any, unit: int, pressure: float) -> float:
     force = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt,
                         now.start, model.shape, model.parameters, model.tables, model.memory,
                         model.after)
-    return force if table.pushes_back else max(force, 0.0)
+    return adapted(table, unit, force)
+
+
+def adapted(table: Any, unit: int, force: float) -> float:
+    """Return the force of the adapted model for a force of the model, N."""
+    if force > 0.0:
+        return table.pull[unit] * force
+    return table.push[unit] * force if table.pushes_back else 0.0
 
 
 def _by_unit(table: Any, model: Any) -> None:
     """Fill the table pressure by pressure, and find the last of the smallest forces."""
+    now = table.moment
+    # Outside of the loop: compiled, an array that is taken from the model costs as much as the
+    # force itself.
+    pressure, shape, parameters, tables, memory, after = (
+        model.pressure, model.shape, model.parameters, model.tables, model.memory, model.after)
     for unit in range(len(table.order)):
         grid, curve = table.grid[unit], table.force[unit]
         least = math.inf
         for k in range(len(grid)):
-            curve[k] = unit_force(table, model, unit, grid[k])
+            pressure[unit] = grid[k]
+            force = model.force(unit, now.strain, now.strain_rate, pressure, now.time, now.dt,
+                                now.start, shape, parameters, tables, memory, after)
+            curve[k] = adapted(table, unit, force)
             least = min(least, curve[k])
         for k in range(len(grid)):
             if curve[k] <= least + FLAT:
@@ -136,8 +150,8 @@ def _by_rows(table: Any, model: Any) -> None:
         _by_unit(table, model)
         return
     force = model.rows(table.moment, model.memory)
-    if not table.pushes_back:
-        force = np.maximum(force, 0.0)
+    push = np.array(table.push) if table.pushes_back else 0.0
+    force = np.where(force > 0.0, np.array(table.pull), push) * force
     tied = force <= force.min(axis=0) + FLAT
     table.bottom[:] = (len(force) - 1 - tied[::-1].argmax(axis=0)).tolist()
     table.force[:] = force.T.tolist()

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from fam_bundle_ros.control.curves import FLAT, force_at, PARTS, unit_force
+from fam_bundle_ros.control.curves import FLAT, force_at, unit_force
 
-#: A cell of the table is divided into `PARTS`, and the one found so again: a muscle that leaves
-#: its free strain has a kink there of up to 20 N/kPa.
-_ROUNDS = 2
+#: A cell of the table is halved so often: a muscle that leaves its free strain has a kink there
+#: of up to 20 N/kPa.
+_HALVINGS = 6
 
 
 @dataclass
@@ -32,53 +32,25 @@ def common_force(table: Any, model: Any, units: Any, first: int, last: int, pres
 
 
 def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: float,
-           low: float, high: float, low_force: float, high_force: float, turns: bool) -> float:
+           low: float, high: float, low_force: float, high_force: float) -> float:
     """
     Return the common pressure of units[first:last] at which they give a force, Pa.
 
-    The cell of the table is cut in eight parts, and the part found again, by bisection; a cell
-    that may hold the bottom of the branch (``turns``) is searched part by part. Linear within.
+    Bisection within a cell of the table, then linear.
 
     Parameters
     ----------
     wanted : float, N
     low, high, low_force, high_force : float, Pa and N
-        The cell and the forces at its ends.
-    turns : bool
+        The cell and the forces at its ends: below ``wanted``, and at least ``wanted``.
     """
-    for _ in range(_ROUNDS):
-        step, i, bottom = (high - low) / PARTS, PARTS, 0
-        found = table.found
-        found[0], found[PARTS] = low_force, high_force
-        if turns:
-            for k in range(1, PARTS):
-                found[k] = common_force(table, model, units, first, last, low + k * step)
-                if found[k] < found[bottom]:
-                    bottom = k
-            if high_force < found[bottom]:
-                return high
-            i = bottom + 1
-            while i < PARTS and found[i] < wanted:
-                i += 1
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        force = common_force(table, model, units, first, last, middle)
+        if force < wanted:
+            low, low_force = middle, force
         else:
-            below = 0
-            while i - below > 1:
-                middle = (below + i) // 2
-                found[middle] = common_force(table, model, units, first, last,
-                                             low + middle * step)
-                if found[middle] < wanted:
-                    below = middle
-                else:
-                    i = middle
-        turns = turns and i == bottom + 1
-        low_force, high_force = found[i - 1], found[i]
-        if i < PARTS:
-            high = low + i * step
-        low += (i - 1) * step
-    if wanted <= low_force:
-        return low
-    if wanted >= high_force:
-        return high
+            high, high_force = middle, force
     return low + (high - low) * (wanted - low_force) / (high_force - low_force)
 
 
@@ -147,7 +119,7 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
             else:
                 i = middle
         pressure[unit] = invert(table, model, units, k, k + 1, wanted, grid[i - 1], grid[i],
-                                curve[i - 1], curve[i], i == bottom + 1)
+                                curve[i - 1], curve[i])
         force[unit], missing = wanted, 0.0
     shares.missing = missing
 
@@ -192,8 +164,7 @@ def share(table: Any, model: Any, demand: float, units: Any, count: int, fixed: 
     elif wanted >= highest:
         chosen = high
     else:
-        chosen = invert(table, model, units, 0, used, wanted, low, high, below, above,
-                        i == bottom + 1)
+        chosen = invert(table, model, units, 0, used, wanted, low, high, below, above)
     for k in range(used):
         unit = units[k]
         shares.pressure[unit] = min(chosen, table.grid[unit][-1])

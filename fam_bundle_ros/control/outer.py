@@ -58,10 +58,18 @@ class OuterConfig:
         The model's own inverse: demand = reference (force), load model (strain).
     feedback : bool
         Bias estimate and the gains below.
-    bias_time : float, s
-        Of the bias estimate.
-    force_gain : float
-        On the force error.
+    delay : float, s
+        Dead time from a force that changes to the pressures that answer it; as told to the
+        pressure loops and `tune`.
+    bias_time : float, s, optional
+        Of the quick bias estimate (`observer`); by default the lag of the loop: dead time,
+        `lead_time`, one sample, and the lag of the force that was learnt, with its doubt.
+    force_gain : float, optional
+        On the force error; by default what leaves a gain margin of 2 (6 dB) where the bundle
+        answers by ``gain_error`` more than the model: `default_force_gain`. It counts as much as
+        the quick bias estimate shows more than noise.
+    gain_error : float
+        By how much the bundle's force may change more than the model's, relative.
     force_integral : float, 1/s
         On the force error, without feed-forward (with it, the bias estimate does this).
     strain_gain : float, N
@@ -88,8 +96,10 @@ class OuterConfig:
 
     feed_forward: bool = True
     feedback: bool = True
-    bias_time: float = 0.5
-    force_gain: float = 0.0
+    delay: float = 5e-3
+    bias_time: float | None = None
+    force_gain: float | None = None
+    gain_error: float = 0.5
     force_integral: float = 12.0
     strain_gain: float = 400.0
     strain_integral: float = 2000.0
@@ -105,10 +115,28 @@ class OuterConfig:
         if not (self.feed_forward or self.feedback):
             raise InputError('feed_forward and feedback are both off; expected one at least')
         for name in ('bias_time', 'filter_time', 'fade_time'):
-            if not getattr(self, name) > 0.0:
-                raise InputError(f'{name} is {getattr(self, name)}; expected more than 0 s')
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise InputError(f'{name} is {value}; expected more than 0 s')
         for name in ('force_gain', 'force_integral', 'strain_gain', 'strain_integral',
-                     'strain_damping', 'strain_reach', 'still', 'lead_time'):
+                     'strain_damping', 'strain_reach', 'still', 'lead_time', 'delay',
+                     'gain_error'):
             value = getattr(self, name)
             if value is not None and not value >= 0.0:
                 raise InputError(f'{name} is {value}; expected 0 or more')
+
+
+def default_force_gain(gain_error: float) -> float:
+    """
+    Return the gain k on the force error that leaves a gain margin of 2.
+
+    Quick observer and force error pass a first-order lag as long as the loop's own, T: the loop
+    is (e + k (1 + e)) exp(-sT) / (1 + sT) where the bundle answers 1 + e times as much as the
+    model. Its phase is -180 degrees at w T = 2.029, where the lag leaves 1/2.262.
+
+    Examples
+    --------
+    >>> round(default_force_gain(0.5), 2)
+    0.42
+    """
+    return max((2.262 / 2.0 - gain_error) / (1.0 + gain_error), 0.0)

@@ -3,17 +3,23 @@
 """
 Outer loops: a force or strain reference and the readings -> the force that the model shall give.
 
-Feed-forward says what the model knows, feedback corrects the rest; each works alone too. The bias
-estimate is the slow mean of measured minus model force at the pressures that are there (a
-disturbance observer: Ohnishi, Shibata and Murakami 1996): it needs no anti-windup, since a demand
-out of reach does not change what it sees. Kernels; `outer` has the settings with their meaning.
+Feed-forward says what the model knows, feedback corrects the rest; each works alone too. Feedback
+on force is what `observer` finds that the model leaves out, and a gain on the force error. Kernels;
+`outer` has the settings with their meaning.
 """
 
 from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from fam_bundle_ros.control.outer import LoadModel, OuterConfig
+from fam_bundle_ros.control.observer import (
+    begin_at,
+    forget_observer,
+    low_pass,
+    observe,
+    ObserverState,
+)
+from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
 
 #: Kinds of references.
 KINDS = ('force', 'strain')
@@ -37,8 +43,10 @@ class OuterSettings:
 
     feed_forward: bool
     feedback: bool
+    delay: float
     bias_time: float
     force_gain: float
+    gain_error: float
     force_integral: float
     strain_gain: float
     strain_integral: float
@@ -87,8 +95,10 @@ class OuterState:
 
     Attributes
     ----------
-    bias : float, N
-        Measured minus model force, slowly.
+    observer : ObserverState
+        What the model leaves out.
+    late : float, N
+        Force error, filtered.
     integral, kept : float, N
         Of the error; correction of the strain loop behind its play.
     filtered : float, N
@@ -106,9 +116,9 @@ class OuterState:
         Of the reference before, -1 for none.
     """
 
-    bias: float = 0.0
     integral: float = 0.0
     kept: float = 0.0
+    late: float = 0.0
     filtered: float = 0.0
     taken: float = 0.0
     fade: float = 0.0
@@ -122,7 +132,13 @@ class OuterState:
     kind: int = -1
     started: bool = False
     taking_over: bool = False
+    observer: ObserverState = field(default_factory=ObserverState)
     target: Target = field(default_factory=Target)
+
+    @property
+    def bias(self) -> float:
+        """Measured minus believed force as far as it is more than noise, N."""
+        return self.observer.bias
 
 
 def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSettings:
@@ -131,10 +147,14 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     if damping is None:
         inertia = load.inertia or _USUAL_INERTIA
         damping = 2.0 * _DAMPING_RATIO * math.sqrt(_stiffness(bundle) * inertia)
+    bias_time = math.nan if config.bias_time is None else config.bias_time
+    gain = config.force_gain
+    gain = default_force_gain(config.gain_error) if gain is None else gain
     strains, forces = map(list, zip(*load.table)) if load.table else ([], [])
     spare = [0.0] * (-len(strains) % _TABLE if strains else _TABLE)
     return OuterSettings(**{
-        **vars(config), 'strain_damping': damping, 'model_error': bundle.error,
+        **vars(config), 'strain_damping': damping, 'bias_time': bias_time, 'force_gain': gain,
+        'model_error': bundle.error,
         'load_known': load.known, 'load_force': load.force, 'load_stiffness': load.stiffness,
         'load_inertia': load.inertia, 'load_damping': load.damping, 'load_points': len(strains),
         'load_strains': strains + spare, 'load_forces': forces + spare})
@@ -148,7 +168,8 @@ def _stiffness(bundle):
 
 def forget_outer(state: Any) -> None:
     """Forget what was learnt."""
-    state.bias = state.integral = state.kept = state.filtered = 0.0
+    forget_observer(state.observer)
+    state.late = state.integral = state.kept = state.filtered = 0.0
     state.taken = state.fade = state.demand = 0.0
     state.mean = state.variance = state.wanted = state.jitter = 0.0
     state.rate = state.bend = 0.0
@@ -163,16 +184,13 @@ def uncertainty(settings: Any, state: Any) -> float:
     Three standard deviations of the correction, the error of the model's fit, and a tenth of
     the bias: it was learnt at other pressures than those at which a unit is switched.
     """
-    return 3.0 * math.sqrt(state.variance) + settings.model_error + 0.1 * abs(state.bias) + 0.1
-
-
-def low_pass(dt: float, time: float) -> float:
-    """Return the share of a step that a first-order lag takes up within dt."""
-    return 1.0 - math.exp(-dt / time)
+    return 3.0 * math.sqrt(state.variance) + settings.model_error + 0.1 * abs(
+        state.observer.bias) + 0.1
 
 
 def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kind: int,
-               value: float, rate: float, settled: bool, saturated: int, dt: float) -> None:
+               value: float, rate: float, saturated: int, lag: float, lag_doubt: float,
+               lead: float, dt: float) -> None:
     """
     Work out what is to be allocated in this tick: `OuterState.target`.
 
@@ -184,34 +202,40 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kin
         Force of the model at the measured strain and pressures.
     kind, value, rate : int, float, float
         Reference: `FORCE` (N, N/s) or `STRAIN` (1, 1/s).
-    settled : bool
-        No unit is being crossed: the bias may learn.
     saturated : int
         Of the last command: integrals stop in that direction.
+    lag, lag_doubt : float, s
+        By how much the force is later than the pressures let believe, and its standard deviation.
+    lead : float, s
+        How much earlier than that a moving reference must be asked for.
     dt : float, s
     """
     force = measurement.force
     share = low_pass(dt, settings.filter_time) if state.started else 1.0
     state.started = True
     state.filtered += share * (force - state.filtered)
-    if settings.feedback and settled:
-        state.bias += low_pass(dt, settings.bias_time) * (force - believed - state.bias)
+    # The observer must not be quicker than what it corrects can answer.
+    slowest = settings.delay + settings.lead_time + dt + lag + lag_doubt
+    if settings.feedback:
+        time = slowest if math.isnan(settings.bias_time) else settings.bias_time
+        observe(state.observer, force - believed, time, dt)
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
     target = state.target
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
     if kind == FORCE:
-        known, correction = force_loop(settings, state, value, rate, saturated, dt)
+        known, correction = force_loop(settings, state, force, value, rate, saturated, lag + lead,
+                                       slowest, dt)
     else:
         known, correction = strain_loop(settings, state, measurement, value, rate, saturated, dt)
     held = state.demand
     if state.taking_over:
         state.taking_over = False
         if settings.feedback:
-            state.bias = force - believed
-            correction -= state.bias
-        held = state.taken - state.bias
+            begin_at(state.observer, force - believed)
+            correction -= state.observer.bias
+        held = state.taken - state.observer.bias
         state.fade = state.taken - known
     if switched and kind == STRAIN and settings.feedback and not settings.load_known:
         # Only the force that is there says what holds the load: the integral goes on from it.
@@ -225,19 +249,23 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kin
     target.force = state.demand = known + state.fade + correction
 
 
-def force_loop(settings: Any, state: Any, value: float, rate: float, saturated: int, dt: float
-               ) -> tuple[float, float]:
+def force_loop(settings: Any, state: Any, force: float, value: float, rate: float, saturated: int,
+               ahead: float, slowest: float, dt: float) -> tuple[float, float]:
     """Return feed-forward and correction of the force loop, N."""
-    known = value + settings.lead_time * rate if settings.feed_forward else 0.0
-    correction = 0.0
-    if settings.feedback:
+    known, correction = 0.0, 0.0
+    if settings.feed_forward:
+        known = value + (settings.lead_time + ahead) * rate
+    if settings.feedback and settings.feed_forward:
+        # The reading is late: it shows what was asked for a dead time ago.
+        due = value - settings.delay * rate
+        state.late += low_pass(dt, slowest) * (due - force - state.late)
+        correction = settings.force_gain * state.observer.weight * state.late
+        correction -= state.observer.bias
+    elif settings.feedback:
         error = value - state.filtered
         correction = settings.force_gain * error
-        if settings.feed_forward:
-            correction -= state.bias
-        else:
-            integrate_error(state, settings.force_integral * error * dt, saturated)
-            known = state.integral
+        integrate_error(state, settings.force_integral * error * dt, saturated)
+        known = state.integral
     return known, correction
 
 
@@ -264,7 +292,8 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         error = value - strain
         integrate_error(state, settings.strain_integral * error * dt, saturated)
         wanted = (state.integral + settings.strain_gain * error
-                  + settings.strain_damping * (rate - measurement.strain_rate) - state.bias)
+                  + settings.strain_damping * (rate - measurement.strain_rate)
+                  - state.observer.bias)
         still = quiet_band(settings, state, wanted, dt)
         state.kept = min(max(state.kept, wanted - still), wanted + still)
         correction = state.kept

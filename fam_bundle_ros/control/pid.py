@@ -24,6 +24,9 @@ from fam_bundle_ros.control.pressure_loop import (
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, ValveFlow
 
+#: s: from command to flow besides the dead time: 2 zeta/omega of a spool of 125 Hz and 0.7.
+_SPOOL_LAG = 1.8e-3
+
 
 @dataclass(frozen=True)
 class PidGains:
@@ -77,10 +80,12 @@ class PidConfig:
         Largest rate at which the setpoint is followed; the valve's own limit applies besides.
     setpoint_bandwidth : float, 1/s
         How fast the followed setpoint closes in on the one asked for.
-    flow_lag : float, s
-        From command to flow: spool and transport (half a sample comes on top). The followed
-        setpoint is delayed by it before feedback compares, else feedback would fight its own
-        feed-forward.
+    transport_delay : float, s
+        Dead time from a reading through the valve to the next reading, as in `tune`.
+    flow_lag : float, s, optional
+        From command to reading: spool and dead time (a sample comes on top); by default 1.8 ms,
+        a spool of 125 Hz, more than ``transport_delay``. Feedback sees the pressure that it will
+        be by then, else it would correct again what is on its way.
     quiet_error : float, Pa
         Errors below this size are left alone: no air is spent on sensor noise, and the valve
         stays shut at rest. About three standard deviations of the filtered reading.
@@ -97,7 +102,8 @@ class PidConfig:
     ambient: float = ATMOSPHERE
     setpoint_rate: float = 50e6
     setpoint_bandwidth: float = 500.0
-    flow_lag: float = 6e-3
+    transport_delay: float = 5e-3
+    flow_lag: float | None = None
     quiet_error: float = 800.0
     filter_time: float = 4e-3
     feed_forward: bool = True
@@ -112,17 +118,22 @@ class PidConfig:
                      'setpoint_bandwidth'):
             if not getattr(self, name) > 0.0:
                 raise InputError(f'{name} is {getattr(self, name)}; expected more than 0')
-        for name in ('flow_lag', 'quiet_error', 'filter_time'):
-            if not getattr(self, name) >= 0.0:
-                raise InputError(f'{name} is {getattr(self, name)}; expected 0 or more')
+        for name in ('transport_delay', 'quiet_error', 'filter_time', 'flow_lag'):
+            value = getattr(self, name)
+            if value is not None and not value >= 0.0:
+                raise InputError(f'{name} is {value}; expected 0 or more')
 
 
 def pid_settings(gains: PidGains, config: PidConfig) -> PidSettings:
     """Return the record that `pressure_step` takes."""
     valve = config.valve
-    return PidSettings(**{
+    lag = config.flow_lag
+    values = {
         **vars(gains), **vars(config), 'anti_windup': ANTI_WINDUP.index(config.anti_windup),
-        'valve': ValveFlow(valve.conductance, valve.critical_ratio, valve.dead_band)})
+        'valve': ValveFlow(valve.conductance, valve.critical_ratio, valve.dead_band),
+        'flow_lag': _SPOOL_LAG + config.transport_delay if lag is None else lag}
+    del values['transport_delay']
+    return PidSettings(**values)
 
 
 class PressurePid:

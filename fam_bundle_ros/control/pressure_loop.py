@@ -28,6 +28,10 @@ _NONE, _BACK_CALCULATION = 0, 1
 _CARRY_TIME = 0.01
 #: Pa: on the way to a setpoint of 0, a followed setpoint below it has arrived.
 _EMPTY = 1e3
+#: How well the lag from command to reading is believed to be known: a share, and of a sample.
+_LAG_DOUBT, _SAMPLE_DOUBT = 0.1, 0.5
+#: Places for rates that are on their way to the reading.
+_PLACES = 64
 #: Share of the valve's rate that leaks and slow errors may take. Feedback that asks for more and
 #: is not answered has met a fault, which the integral must not learn.
 _SLOW_SHARE = 0.05
@@ -84,10 +88,17 @@ class PidState:
         To the valve, the last one.
     integral, carried : float, Pa/s
         ``carried`` is the pressure rate of a command that was taken over; it fades.
-    followed, delayed : float, Pa
-        The setpoint within what the valve can do, and the same after the lag of the flow.
+    followed : float, Pa
+        The setpoint within what the valve can do.
+    sent : float, Pa
+        Integral of the pressure rates that were commanded.
+    past_time, past_sent : list (64,), s and Pa
+        Ring of it over the lag from command to reading; ``head`` is the oldest of ``size``.
+    coming : float, Pa
+        What commands will still change that the reading does not show yet.
+    clock : float, s
     filtered, quiet : float, Pa
-        Reading, and error of the delayed setpoint, filtered.
+        Reading and error, filtered.
     measured_rate : float, Pa/s
     started : bool
         False before the first reading.
@@ -98,10 +109,16 @@ class PidState:
     integral: float = 0.0
     carried: float = 0.0
     followed: float = 0.0
-    delayed: float = 0.0
+    sent: float = 0.0
+    coming: float = 0.0
     filtered: float = 0.0
     quiet: float = 0.0
     measured_rate: float = 0.0
+    past_time: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
+    past_sent: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
+    head: int = 0
+    size: int = 0
+    clock: float = 0.0
     started: bool = False
     shown: PidDiagnostics = field(default_factory=PidDiagnostics)
 
@@ -129,7 +146,9 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         return 0.0
     if not dt > 0.0:
         return state.command
-    absolute, source = pressure + settings.ambient, supply + settings.ambient
+    source = supply + settings.ambient
+    # The pressure that the command will meet: the reading does not show the last commands yet.
+    absolute = max(pressure + (state.coming if state.started else 0.0), 0.0) + settings.ambient
     filling = valve_flow(settings.valve, 1.0, absolute, source, settings.ambient)
     venting = valve_flow(settings.valve, -1.0, absolute, source, settings.ambient)
     fastest = pressure_rate(absolute, volume, volume_rate, filling)
@@ -142,6 +161,7 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         # Open to exhaust for good: a reading that is wrong must not shut the air in.
         state.integral = state.carried = 0.0
         state.command = -1.0
+        send(state, max(slowest * dt, -max(pressure + state.coming, 0.0)))
         show(state, setpoint - pressure, slowest, slowest, False, False)
         return -1.0
     wanted = (settings.p * error - settings.d * state.measured_rate + state.integral
@@ -160,6 +180,8 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         limit = filling if flow >= 0.0 else -venting
         opening = min(max(flow / max(limit, 1e-12), -1.0), 1.0)
         possible = min(max(wanted, slowest), fastest)
+    # The integral makes up for what the model of the rate leaves out: it moves nothing.
+    send(state, (0.0 if at_rest else possible - state.integral) * dt)
     integrate(settings, state, error, rate, possible - wanted, dt, at_rest,
               _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
     state.command = (valve_command(settings.valve, opening) if settings.dead_band_compensation
@@ -173,8 +195,9 @@ def forget(state: Any, command: float) -> None:
     """Forget the past and go on from a valve command."""
     state.command = min(max(command, -1.0), 1.0)
     state.integral = state.carried = 0.0
-    state.followed = state.delayed = state.filtered = state.quiet = 0.0
-    state.measured_rate = 0.0
+    state.followed = state.filtered = state.quiet = 0.0
+    state.measured_rate = state.clock = state.sent = state.coming = 0.0
+    state.head = state.size = 0
     state.started = False
 
 
@@ -182,7 +205,9 @@ def start(settings: Any, state: Any, pressure: float, source: float, volume: flo
           volume_rate: float) -> None:
     """Begin at the pressure as it is, with the rate that continues the last command."""
     state.started = True
-    state.followed = state.delayed = state.filtered = pressure
+    state.followed = state.filtered = pressure
+    state.past_time[0] = state.past_sent[0] = 0.0
+    state.size = 1
     opening = valve_opening(settings.valve, state.command)
     if opening != 0.0:
         absolute = pressure + settings.ambient
@@ -205,9 +230,53 @@ def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: floa
     lower = min(lower, (max(setpoint, pressure) - state.followed) * bandwidth)
     rate = min(max((setpoint - state.followed) * bandwidth, lower), upper)
     state.followed += rate * dt
-    lag = settings.flow_lag + 0.5 * dt
-    state.delayed += (state.followed - state.delayed) * (1.0 - math.exp(-dt / lag))
     return rate
+
+
+def send(state: Any, change: float) -> None:
+    """Note the pressure change (Pa) that the command of this tick will make."""
+    state.sent += change
+    last = (state.head + state.size - 1) % _PLACES
+    state.past_time[last], state.past_sent[last] = state.clock, state.sent
+
+
+def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
+    """
+    Return between which limits the pressure lies that is commanded and not yet read, Pa.
+
+    The prediction of an integrator with a known dead time (Smith 1959, ISA J. 6, 28): between
+    limits, since the dead time is known to a tenth and half a sample.
+    """
+    lag = settings.flow_lag + dt
+    doubt = _LAG_DOUBT * lag + _SAMPLE_DOUBT * dt
+    times, head, size = state.past_time, state.head, state.size
+    while size > 1 and times[(head + 1) % _PLACES] <= state.clock - lag - doubt:
+        head, size = (head + 1) % _PLACES, size - 1
+    state.head, state.size = head, size
+    state.coming = state.sent - sent_until(state, state.clock - lag)
+    first = state.sent - sent_until(state, state.clock - lag - doubt)
+    last = state.sent - sent_until(state, state.clock - lag + doubt)
+    # Room for what this tick will send; at short sample times not every one has a place.
+    end = head + size - 1
+    near = size >= 2 and state.clock - times[(end - 1) % _PLACES] < lag / (_PLACES - 16)
+    state.clock += dt
+    if not near:
+        times[(end + 1) % _PLACES], state.past_sent[(end + 1) % _PLACES] = state.clock, state.sent
+        state.size += 1
+    return min(first, last, state.coming), max(first, last, state.coming)
+
+
+def sent_until(state: Any, time: float) -> float:
+    """Return what had been sent by a time (s), linear between samples, Pa."""
+    times, values = state.past_time, state.past_sent
+    k, end = state.head, state.head + state.size - 1
+    while k < end and times[(k + 1) % _PLACES] <= time:
+        k += 1
+    here, there = k % _PLACES, (k + 1) % _PLACES
+    if k == end or time <= times[here]:
+        return values[here]
+    share = (time - times[here]) / (times[there] - times[here])
+    return values[here] + share * (values[there] - values[here])
 
 
 def error_beyond_noise(settings: Any, state: Any, pressure: float, dt: float) -> float:
@@ -218,7 +287,9 @@ def error_beyond_noise(settings: Any, state: Any, pressure: float, dt: float) ->
     change = (pressure - state.filtered) * share
     state.filtered += change
     state.measured_rate = change / dt
-    error = state.delayed - pressure
+    low, high = still_coming(settings, state, dt)
+    error = state.followed - pressure
+    error = error - high if error > high else min(error - low, 0.0)
     state.quiet += (error - state.quiet) * share
     # Large errors unfiltered (no lag in the loop), small ones filtered (no noise).
     if max(abs(error), abs(state.quiet)) < 4.0 * settings.quiet_error:

@@ -25,7 +25,17 @@ from fam_bundle_ros.control.crossing import (
     Crossings,
     no_crossings,
 )
-from fam_bundle_ros.control.curves import curve_table, CurveTable, find_branches, tabulate
+from fam_bundle_ros.control.adaptation import (
+    adaptation_state,
+    adaptation_step,
+    AdaptationSettings,
+    AdaptationState,
+    lag_doubt,
+    lag_of,
+    lagged,
+    learn_lead,
+)
+from fam_bundle_ros.control.curves import adapted, curve_table, CurveTable, find_branches, tabulate
 from fam_bundle_ros.control.heading import (
     follow_heading,
     heading_now,
@@ -35,6 +45,7 @@ from fam_bundle_ros.control.heading import (
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
 from fam_bundle_ros.control.outer_loop import (
+    FORCE,
     forget_outer,
     FREE,
     GAP,
@@ -62,8 +73,6 @@ from fam_bundle_ros.control.switching import (
 _STEP = 2.0
 #: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
 _BRISK, _SLOW = 80.0, 12.0
-#: s: after a crossing the pressures take so long to be those of the model again.
-_SETTLING = 0.05
 
 
 @dataclass
@@ -77,6 +86,7 @@ class RecruitmentSettings:
     switching: SwitchingSettings
     outer: OuterSettings
     baseline: BaselineSettings
+    adaptation: AdaptationSettings
 
 
 @dataclass
@@ -98,7 +108,6 @@ class RecruitmentState:
         Of the model; ``begun`` is false before the first tick.
     lost : float, s
         Without a usable reading for so long.
-    since_crossing : float, s
     units, fixed : list (n,)
         Units to be filled in turn; pressures that are given, nan elsewhere.
     final, shares : Shares
@@ -115,6 +124,7 @@ class RecruitmentState:
     fixed: list
     final: Shares
     shares: Shares
+    adaptation: AdaptationState
     rate: RateState = field(default_factory=RateState)
     outer: OuterState = field(default_factory=OuterState)
     baseline: BaselineState = field(default_factory=BaselineState)
@@ -123,7 +133,6 @@ class RecruitmentState:
     clock: float = 0.0
     begun: bool = False
     lost: float = 0.0
-    since_crossing: float = math.inf
 
 
 def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentState:
@@ -135,7 +144,7 @@ def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentSt
     return RecruitmentState(
         curve_table(order, grid, pushes_back), [0] * n, heading_of(1), heading_of(n + 1),
         MachineState([0.0] * n, [1] * n), no_crossings(n), [0] * n, [math.nan] * n, shares(),
-        shares())
+        shares(), adaptation_state(n))
 
 
 def start_recruitment(settings: Any, state: Any, command: Any) -> None:
@@ -147,7 +156,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     forget_rate(state.rate)
     for unit in range(n):
         state.asleep[unit] = 0
-    state.crossings.count, state.since_crossing = 0, math.inf
+    state.crossings.count = 0
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
 
@@ -219,13 +228,21 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     start = not state.begun
     state.begun = True
     ask(table, measurement.strain, strain_rate, state.clock, dt, start)
-    believed = believed_force(table, model, measurement.pressure)
-    settled = state.crossings.count == 0 and state.since_crossing > _SETTLING
-    outer_step(settings.outer, outer, measurement, believed, kind, value, rate, settled,
-               command.saturated, dt)
+    believed = lagged(state.adaptation, believed_force(
+        table, model, measurement.pressure, state.adaptation.force), dt)
+    adapt(settings.adaptation, state, measurement.force, dt)
+    learnt = state.adaptation
+    outer_step(settings.outer, outer, measurement, believed, kind, value, rate,
+               command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+    if kind == FORCE and command.saturated == FREE:
+        learn_lead(settings.adaptation, learnt, outer.observer.weight,
+                   value - settings.outer.delay * rate - measurement.force, rate, dt)
     # A force reference says nothing of the strain: there it is the measured rate that counts.
     if kind == STRAIN and settings.outer.feed_forward:
         strain_rate = outer.target.strain_rate
+    if kind != STRAIN:
+        # Where the strain will be when the pressures are there.
+        outer.target.strain += (settings.outer.delay + settings.outer.lead_time) * strain_rate
     ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
     tabulate(table, model)
     find_branches(table, state.asleep)
@@ -246,17 +263,32 @@ def ask(table: Any, strain: float, strain_rate: float, time: float, dt: float, s
     now.strain, now.strain_rate, now.time, now.dt, now.start = strain, strain_rate, time, dt, start
 
 
-def believed_force(table: Any, model: Any, pressure: Any) -> float:
-    """Return the force that the model gives at the measured pressures, N; note its memory."""
+def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
+    """
+    Return the force of the adapted model at the measured pressures, N; note its memory.
+
+    Those of the unadapted model go into ``forces`` (n,).
+    """
     now, total = table.moment, 0.0
     for unit in range(len(table.order)):
         model.pressure[unit] = pressure[unit]
     for unit in range(len(table.order)):
-        force = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt,
-                            now.start, model.shape, model.parameters, model.tables, model.memory,
-                            model.next)
-        total += force if table.pushes_back else max(force, 0.0)
+        forces[unit] = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time,
+                                   now.dt, now.start, model.shape, model.parameters,
+                                   model.tables, model.memory, model.next)
+        total += adapted(table, unit, forces[unit])
     return total
+
+
+def adapt(settings: Any, state: Any, measured: float, dt: float) -> None:
+    """Let the model learn from the measured force, and use what was learnt from now on."""
+    if not settings.enabled:
+        return
+    learnt, table = state.adaptation, state.table
+    adaptation_step(settings, learnt, measured, dt)
+    n = len(table.pull)
+    for unit in range(n):
+        table.pull[unit], table.push[unit] = 1.0 + learnt.error[unit], 1.0 + learnt.error[n]
 
 
 def keep_memory(model: Any) -> None:

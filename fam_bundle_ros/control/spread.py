@@ -21,10 +21,8 @@ def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> N
     """Work out pressures for the demand in the present state, crossings moved on."""
     crossings = state.crossings
     if crossings.count == 0:
-        state.since_crossing += dt
         solve(settings, model, state, demand, False, state.shares)
         return
-    state.since_crossing = 0.0
     solve(settings, model, state, demand, False, state.final)
     k = 0
     while k < crossings.count:

@@ -13,8 +13,10 @@ import math
 from typing import Any
 
 from fam_bundle_ros.model.pneumatics import (
+    LAMINAR_RATIO,
     mass_flow,
     REFERENCE_DENSITY,
+    REFERENCE_TEMPERATURE,
     RT,
     valve_opening,
     ValveFlow,
@@ -25,6 +27,8 @@ from fam_bundle_ros.plant.supply import SupplyConfig
 #: Largest product of sub-step and fastest rate. RK4 is stable to 2.8; below 0.7 its error is
 #: far below that of the coupling to the load.
 _STIFFNESS = 0.7
+#: Above this pressure ratio the flow through a narrow line is laminar.
+LINE_LAMINAR_RATIO = 0.98
 #: A spool further than this from its command is on the move and gets two sub-steps at least.
 _SPOOL_MOVES = 0.05
 
@@ -171,7 +175,8 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
         p, spool = air.pressure[i], air.spool[i]
         smallest = min(air.volume[i], volume[i])
         if apart:
-            inside = secant(chamber.line_conductance, chamber.line_ratio, air.line[i], p)
+            inside = secant(chamber.line_conductance, chamber.line_ratio, air.line[i], p,
+                            LINE_LAMINAR_RATIO)
             fastest = max(fastest, exponent * inside * (1.0 / chamber.line_volume
                                                         + 1.0 / smallest))
             p, smallest = air.line[i], chamber.line_volume
@@ -198,12 +203,14 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
     return max(least, math.ceil(dt * fastest / _STIFFNESS))
 
 
-def secant(conductance: float, b: float, upstream: float, downstream: float) -> float:
+def secant(conductance: float, b: float, upstream: float, downstream: float,
+           laminar_ratio: float = LAMINAR_RATIO) -> float:
     """Return flow over pressure difference, kg/(s Pa); at equal pressures its limit."""
     difference = abs(upstream - downstream)
     if difference < 1.0:
         upstream, difference = downstream + 1.0, 1.0
-    return abs(mass_flow(conductance, b, upstream, downstream)) / difference
+    return abs(mass_flow(conductance, b, upstream, downstream, REFERENCE_TEMPERATURE,
+                         laminar_ratio)) / difference
 
 
 def move_spools(config: Any, air: Any, commands: Any, dt: float) -> None:
@@ -305,7 +312,8 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
             flow = opening * mass_flow(c, b, at_valve, ambient)
             exhausted -= flow
         if apart:
-            inside = mass_flow(chamber.line_conductance, chamber.line_ratio, at_valve, p)
+            inside = mass_flow(chamber.line_conductance, chamber.line_ratio, at_valve, p,
+                               REFERENCE_TEMPERATURE, LINE_LAMINAR_RATIO)
             work.line_rate[i] = line_rate(chamber, flow, inside)
             flow = inside
         if p > relief:

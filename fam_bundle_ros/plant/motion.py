@@ -276,10 +276,12 @@ def settle_volumes(rig: Any, model: Any, state: Any) -> None:
 def bundle_force(model: Any, state: Any, strain_rate: float, start: bool) -> float:
     """Return the tension of all motor units now, N, if the load moved at ``strain_rate``."""
     total, pressure = 0.0, state.gauge[:]
+    shape, parameters, tables, memory, after = (
+        model.shape, model.parameters, model.tables, model.memory, model.after)
+    strain, time, dt = state.motion.strain, state.time, state.time - state.memory_time
     for i in range(len(pressure)):
-        total += model.force(i, state.motion.strain, strain_rate, pressure, state.time,
-                             state.time - state.memory_time, start, model.shape,
-                             model.parameters, model.tables, model.memory, model.after)
+        total += model.force(i, strain, strain_rate, pressure, time, dt, start, shape,
+                             parameters, tables, memory, after)
     return total
 
 

@@ -8,6 +8,7 @@ import random
 import pytest
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
+from fam_bundle_ros.control.curves import curve_table, find_branches
 from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, pressure_rate, ValveFlow
 
@@ -30,6 +31,24 @@ def bundles(paper_bundle):
                                          (4, 5.0e-3, 1), (5, 5.0e-3, 2), (6, 6.35e-3, 2))]
     effects = paper_bundle.effects
     return {2: paper_bundle, 3: Bundle('three', three, effects), 6: Bundle('six', six, effects)}
+
+
+def straight_curves(slope=(1e-3, 2e-3)):
+    """Return curves of two units that fall by 4 N up to 50 kPa and then rise to 300 kPa (N/Pa)."""
+    grid = [1e3 * k for k in range(301)]
+    table = curve_table([0, 1], [grid, grid], True)
+    for unit in range(2):
+        table.force[unit] = [-4.0 * p / 50e3 if p <= 50e3 else -4.0 + slope[unit] * (p - 50e3)
+                             for p in grid]
+        table.bottom[unit] = 50
+    find_branches(table, [0, 0])
+    return table
+
+
+@pytest.fixture
+def made():
+    """Return `straight_curves`."""
+    return straight_curves
 
 
 class Chamber:

@@ -89,7 +89,7 @@ def run(controller, bundle, compiled):
     settings, memory, model = controller.settings, controller.memory, controller.model
     command, pack = command_record(bundle.n), (lambda record: record)
     if compiled:
-        pack, model = kernels.pack, controller.compiled_model()
+        pack, model = kernels.pack, controller.belief(compiled=True)
         step, enable, start = map(kernels.compiled, (step, enable, start))
     settings, memory, record = pack(settings), pack(memory), pack(command)
     start(settings, memory, record)

@@ -190,6 +190,14 @@ def test_a_ramp_shows_its_rate_whatever_the_sample_times(steps, slope, bandwidth
     assert acceleration == pytest.approx(0.0, abs=0.1)
 
 
+def test_a_step_beyond_the_present_state_is_met_as_fast_as_the_valves_go(paper_bundle):
+    """Where nobody can make up for the push-back, the next unit is not brought in gently."""
+    bench = Bench(paper_bundle, 0.16, outer=OPEN)
+    bench.hold(30.0, 1.0)
+    met = [command.saturated == '' for command in bench.hold(90.0, 0.2)]
+    assert met.index(True) * DT <= 0.02
+
+
 def test_neglect_dips_where_reversal_aware_does_not(paper_bundle):
     """Without the push-back in its model the controller asks for forces that do not come."""
     bench = Bench(paper_bundle, 0.16, policy='neglect', outer=OPEN)

@@ -1,0 +1,216 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the model gets wrong, learnt while the bundle works: a gain for each unit's tension, one gain
+for the push-back, and a bias.
+
+Recursive least squares on measured minus believed force. The covariance forgets in the directions
+that are excited only, and returns there to where it began (Stenlund and Gustafsson 2002, IFAC
+Proc. 35, 87): without excitation neither estimate nor covariance drifts. Kernels.
+"""
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from fam_bundle_ros.errors import InputError
+
+#: Error of a model that nobody has measured, as sd: of tension, push-back and zero (the last as a
+#: share of the largest force); the same share is left by what gains cannot mend.
+USUAL_PULL, USUAL_PUSH, USUAL_FORCE = 0.15, 0.5, 0.02
+#: s, sd: of the force behind what the pressures let believe (air behind a tube, sensors that
+#: differ), and of a tracked reference besides.
+USUAL_LAG = 0.02
+#: s: of the filter that all signals pass before they are compared, for the sake of their slopes.
+_FILTER_TIME = 0.02
+#: Share of `AdaptationConfig.rest_error` that feedback leaves in the tracking error.
+_LEFT = 0.3
+#: Estimates stay within so many sd of the model.
+_BOUND = 2.7
+
+
+@dataclass(frozen=True)
+class AdaptationConfig:
+    """
+    Online adaptation of the model's gains.
+
+    Parameters
+    ----------
+    enabled : bool
+    pull_error, push_error : float, optional
+        sd of the relative error of tension and push-back; from the intervals in the model file
+        by default, else 15 % and 50 %.
+    offset_error : float, N, optional
+        sd of a constant error; 2 % of the largest force by default.
+    rest_error : float, N, optional
+        sd of the error that gains and offset do not describe; the same by default.
+    memory : float, s
+        How long such an error stays alike.
+    """
+
+    enabled: bool = True
+    pull_error: float | None = None
+    push_error: float | None = None
+    offset_error: float | None = None
+    rest_error: float | None = None
+    memory: float = 1.0
+
+    def __post_init__(self):
+        """Check the ranges of the settings."""
+        for name in ('pull_error', 'push_error', 'offset_error', 'rest_error', 'memory'):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise InputError(f'adaptation {name} is {value}; expected more than 0')
+
+
+@dataclass
+class AdaptationSettings:
+    """`AdaptationConfig` as kernels take it; ``spread`` (n + 3,): sd of each estimate."""
+
+    enabled: bool
+    spread: list
+    rest_error: float
+    memory: float
+
+
+@dataclass
+class AdaptationState:
+    """
+    Estimates and their covariance.
+
+    Attributes
+    ----------
+    error : list (n + 3,)
+        Relative error of each unit's tension, of the push-back; bias in N; lag in s.
+    covariance : list (n + 3, n + 3)
+    regressor, product, prior : list (n + 3,)
+        Room to work in.
+    force, slow : list (n,), N
+        What the unadapted model gives for each unit at the measured pressures; filtered.
+    measured : float, N
+        Measured force, filtered alike.
+    believed : float, N
+        Force of the adapted model, with the lag that was learnt.
+    lead : float, s
+        By how much the force came later than the reference, beyond that lag.
+    """
+
+    error: list
+    covariance: list
+    regressor: list
+    product: list
+    prior: list
+    force: list
+    slow: list
+    measured: float = 0.0
+    believed: float = 0.0
+    lead: float = 0.0
+    started: bool = False
+
+
+def adaptation_settings(config: AdaptationConfig, bundle: Any) -> AdaptationSettings:
+    """Return the record that `adaptation_step` takes."""
+    usual = USUAL_FORCE * float(bundle.force(0.0, bundle.max_pressure))
+    pull = USUAL_PULL if config.pull_error is None else config.pull_error
+    push = USUAL_PUSH if config.push_error is None else config.push_error
+    offset = usual if config.offset_error is None else config.offset_error
+    rest = usual if config.rest_error is None else config.rest_error
+    return AdaptationSettings(config.enabled, [pull] * bundle.n + [push, offset, USUAL_LAG], rest,
+                              config.memory)
+
+
+def adaptation_state(n: int) -> AdaptationState:
+    """Return an empty state; `forget_adaptation` makes it begin."""
+    def zeros():
+        return [0.0] * (n + 3)
+    return AdaptationState(zeros(), [zeros() for _ in range(n + 3)], zeros(), zeros(), zeros(),
+                           [0.0] * n, [0.0] * n)
+
+
+def forget_adaptation(settings: Any, state: Any) -> None:
+    """Go back to the model as it is in its file."""
+    state.lead, state.started = 0.0, False
+    for i in range(len(state.error)):
+        state.error[i] = 0.0
+        for j in range(len(state.error)):
+            state.covariance[i][j] = settings.spread[i] * settings.spread[i] if i == j else 0.0
+
+
+def lagged(state: Any, force: float, dt: float) -> float:
+    """Return the force of the adapted model (N) behind the lag that was learnt."""
+    lag = lag_of(state)
+    share = 1.0 - math.exp(-dt / lag) if state.started and lag > 1e-6 else 1.0
+    state.believed += share * (force - state.believed)
+    return state.believed
+
+
+def lag_of(state: Any) -> float:
+    """Return by how much the force is later than the pressures let believe, s."""
+    return state.error[len(state.force) + 2]
+
+
+def lag_doubt(state: Any) -> float:
+    """Return the standard deviation of the lag, s."""
+    k = len(state.force) + 2
+    return math.sqrt(max(state.covariance[k][k], 0.0))
+
+
+def learn_lead(settings: Any, state: Any, weight: float, error: float, rate: float, dt: float
+               ) -> None:
+    """
+    Learn how much earlier a moving reference must be asked for.
+
+    An error (N) of the tracked force that goes with the rate (N/s) of the reference is lateness;
+    least squares as in `adaptation_step`, as far as the error is more than noise (``weight``).
+    """
+    if not settings.enabled:
+        return
+    rest = _LEFT * settings.rest_error
+    noise, spread = 2.0 * rest * rest * settings.memory / dt, USUAL_LAG * USUAL_LAG
+    step = weight * spread * rate / (noise + spread * rate * rate) * error
+    state.lead = min(max(state.lead + step, -USUAL_LAG), _BOUND * USUAL_LAG)
+
+
+def adaptation_step(settings: Any, state: Any, measured: float, dt: float) -> None:
+    """
+    Learn from one sample: K = P f / (r + f' P f), with r = 2 sigma^2 T/dt for an error of sd
+    sigma that stays alike for T (the same weight as one independent sample per 2 T).
+
+    Parameters
+    ----------
+    settings, state : AdaptationSettings, AdaptationState
+        ``state.force`` is that of the model now.
+    measured : float, N
+    dt : float, s
+    """
+    count, n = len(state.error), len(state.force)
+    f, product, prior, covariance = (state.regressor, state.product, state.prior,
+                                     state.covariance)
+    share = 1.0 - math.exp(-dt / _FILTER_TIME) if state.started else 1.0
+    state.started = True
+    state.measured += share * (measured - state.measured)
+    left = state.measured
+    f[n], f[n + 1], f[n + 2] = 0.0, 1.0, 0.0
+    for i in range(n):
+        change = state.force[i] - state.slow[i]
+        state.slow[i] += share * change
+        f[n + 2] -= (1.0 - share) * change / _FILTER_TIME
+        left -= state.slow[i]
+        f[i] = max(state.slow[i], 0.0)
+        f[n] += min(state.slow[i], 0.0)
+    noise = 2.0 * settings.rest_error * settings.rest_error * settings.memory / dt
+    seen = expected = noise
+    for i in range(count):
+        product[i] = 0.0
+        for j in range(count):
+            product[i] += covariance[i][j] * f[j]
+        prior[i] = settings.spread[i] * settings.spread[i] * f[i]
+        seen += f[i] * product[i]
+        expected += f[i] * prior[i]
+        left -= f[i] * state.error[i]
+    for i in range(count):
+        bound = _BOUND * settings.spread[i]
+        low = -bound if i < n + 2 else 0.0
+        state.error[i] = min(max(state.error[i] + product[i] / seen * left, low), bound)
+        for j in range(count):
+            covariance[i][j] += prior[i] * prior[j] / expected - product[i] * product[j] / seen

@@ -1,0 +1,129 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Observer of the force that the model leaves out: measured minus believed force.
+
+A disturbance observer (Ohnishi, Shibata and Murakami 1996) on two time scales. The quick one is as
+fast as the lag of the loop allows, the patient one averages over a second. Each counts by what it
+shows beyond the noise that it would show anyway (Wiener's weight, signal over signal and noise):
+a model without error gets no noise into its pressures, one with a steady error a steady
+correction, and only errors that move are followed quickly. The believed force is that at the
+*measured* pressures, so that a demand out of reach does not wind it up. Kernels.
+"""
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+#: s: of the patient observer; in which noise and the quick observer's power are learnt.
+PATIENT_TIME, _LEARN_TIME = 1.0, 1.0
+#: The power of a patient observer is averaged over so many of its times.
+_LONG = 5.0
+#: Power must be so many times that of the noise before it counts: within a second the power of
+#: noise alone, of some 10 independent values, stays below.
+_CLEAR = 4.0
+#: N: a change of this size may be noise, whatever was seen before.
+_USUAL = 0.1
+
+
+@dataclass
+class ObserverState:
+    """
+    Memory of `observe`.
+
+    Attributes
+    ----------
+    bias : float, N
+        What is to be corrected: patient and quick part, weighted.
+    weight : float
+        0 to 1: how much of the quick part is more than noise.
+    quick, patient : float, N
+        Measured minus believed force, filtered.
+    power, patient_power : float, N^2
+        Mean square of the quick part that the patient one leaves, and of the patient one.
+    last, before : float, N
+        Error in the tick before and in that before it.
+    change : float, N
+        Mean size of second differences of it; ``seen`` of them so far.
+    """
+
+    bias: float = 0.0
+    weight: float = 0.0
+    quick: float = 0.0
+    patient: float = 0.0
+    power: float = 0.0
+    patient_power: float = 0.0
+    last: float = 0.0
+    before: float = 0.0
+    change: float = 0.0
+    seen: int = 0
+
+
+def forget_observer(state: Any) -> None:
+    """Begin anew."""
+    state.bias = state.weight = state.quick = state.patient = 0.0
+    state.power = state.patient_power = state.last = state.before = state.change = 0.0
+    state.seen = 0
+
+
+def begin_at(state: Any, error: float) -> None:
+    """Begin at an error (N), all of it believed: for a start without a bump."""
+    forget_observer(state)
+    state.bias = state.quick = state.patient = error
+    state.patient_power = error * error
+
+
+def low_pass(dt: float, time: float) -> float:
+    """Return the share of a step that a first-order lag takes up within dt."""
+    return 1.0 - math.exp(-dt / time)
+
+
+def observe(state: Any, error: float, time: float, dt: float) -> None:
+    """
+    Advance by one sample.
+
+    Parameters
+    ----------
+    state : ObserverState
+    error : float, N
+        Measured minus believed force.
+    time : float, s
+        Of the quick observer.
+    dt : float, s
+    """
+    learn_noise(state, error, dt)
+    noise = noise_of(state)
+    noise *= noise
+    gain, slow = low_pass(dt, time), low_pass(dt, PATIENT_TIME)
+    state.quick += gain * (error - state.quick)
+    state.patient += slow * (error - state.patient)
+    state.patient_power += low_pass(dt, _LONG * PATIENT_TIME) * (
+        state.patient * state.patient - state.patient_power)
+    steady = state.patient * beyond_noise(state.patient_power, noise * slow / (2.0 - slow))
+    left = state.quick - steady
+    state.power += low_pass(dt, _LEARN_TIME) * (left * left - state.power)
+    state.weight = beyond_noise(state.power, noise * gain / (2.0 - gain))
+    state.bias = steady + state.weight * left
+
+
+def beyond_noise(power: float, noise: float) -> float:
+    """Return the share of a power (N^2) that is more than noise of a variance (N^2) makes."""
+    return max(1.0 - _CLEAR * noise / power, 0.0) if power > 0.0 else 0.0
+
+
+def learn_noise(state: Any, error: float, dt: float) -> None:
+    """Follow the mean size of second differences: what moves steadily has none."""
+    change = abs(error - 2.0 * state.last + state.before)
+    state.before, state.last = state.last, error
+    state.seen += 1
+    if state.seen == 3:
+        state.change = change
+    elif state.seen > 3:
+        gain = max(low_pass(dt, _LEARN_TIME), 1.0 / (state.seen - 2))
+        # One that is far out of the ordinary is a step, not noise.
+        state.change += gain * (min(change, 4.0 * state.change + _USUAL) - state.change)
+
+
+def noise_of(state: Any) -> float:
+    """Return the standard deviation of white noise with these second differences, N."""
+    return state.change * math.sqrt(0.5 * math.pi / 6.0)

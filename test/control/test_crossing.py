@@ -1,0 +1,107 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The way of a unit through its falling branch, and how fast the others must answer."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from fam_bundle_ros.control.crossing import (
+    advance,
+    begin_crossing,
+    crossing_pace,
+    crossing_time,
+    end_crossing,
+    is_crossing,
+    no_crossings,
+)
+from fam_bundle_ros.control.curves import curve_table
+from fam_bundle_ros.control.inverse import Shares
+from fam_bundle_ros.control.spread import BATCH, ORDERLY, ratio_of
+
+PACE, DT = 2e6, 1e-3
+
+
+def way(target, ratio=1.0, short=False, start=0.0):
+    """Return the pressures of a crossing, tick by tick until it has arrived."""
+    crossings, found = no_crossings(2), []
+    begin_crossing(crossings, 1, target > start, start, PACE)
+    for _ in range(2000):
+        arrived = advance(crossings, 1, DT, target, ratio, short)
+        found.append(crossings.pressure[1])
+        if arrived:
+            return found
+    pytest.fail('never arrived')
+
+
+@pytest.mark.parametrize('start', [0.0, 200e3])
+def test_a_crossing_gathers_and_loses_speed_and_ends_at_its_target(start):
+    """From rest to the pace in 10 ms, to rest again at the target, up or down."""
+    pressures = [start, *way(100e3, start=start)]
+    speeds = [abs(b - a) / DT for a, b in zip(pressures, pressures[1:])]
+    assert pressures[-1] == 100e3
+    assert max(speeds) == pytest.approx(PACE)
+    assert max(abs(b - a) for a, b in zip(speeds, speeds[1:-1])) <= 1.5 * PACE * DT / 0.01
+    assert speeds[0] < 0.2 * PACE > speeds[-1]
+
+
+def test_a_crossing_is_slower_where_the_others_must_move_further():
+    """No unit moves faster than the pace: at a ratio of 4 it takes about four times as long."""
+    assert len(way(100e3, ratio=4.0)) > 3.0 * len(way(100e3))
+    assert len(way(100e3, ratio=0.5)) == len(way(100e3))
+
+
+def test_a_crossing_that_cannot_be_compensated_is_as_fast_as_the_valve():
+    """Twenty times the pace, at once."""
+    assert way(100e3, ratio=4.0, short=True)[0] == pytest.approx(20.0 * PACE * DT)
+
+
+def test_crossings_keep_their_order():
+    """One that begins anew stays where it is; one that ends leaves the others in order."""
+    crossings = no_crossings(3)
+    for unit in (2, 0, 1, 2):
+        begin_crossing(crossings, unit, True, 0.0, PACE)
+    assert (crossings.count, crossings.unit) == (3, [2, 0, 1])
+    end_crossing(crossings, 0)
+    assert crossings.unit[:crossings.count] == [0, 1]
+    assert not is_crossing(crossings, 2)
+
+
+def test_the_pace_is_the_usual_one_and_a_hurry_at_most_four_times_as_fast(made):
+    """A demand that rises by the dip while the unit fills sets the pace."""
+    table = made()
+    assert crossing_pace(table, 1, -50.0, PACE) == PACE
+    assert crossing_pace(table, 1, 400.0, PACE) == pytest.approx(50e3 * 400.0 / 4.0)
+    assert crossing_pace(table, 1, 1e6, PACE) == 4.0 * PACE
+
+
+def test_the_time_of_a_crossing_is_that_of_the_longer_way(made):
+    """Its own way to the bottom, or that of the unit that makes up for the dip."""
+    assert crossing_time(made(), 1, 0.0, PACE) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
+    weak = made(slope=(2e-5, 2e-3))
+    assert crossing_time(weak, 1, 0.0, PACE) == pytest.approx(1.4 * 200e3 / PACE + 0.02)
+    # With nobody to make up for the dip only its own way counts.
+    flat = made(slope=(0.0, 2e-3))
+    assert crossing_time(flat, 1, 0.0, PACE) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
+
+
+@pytest.mark.parametrize(('scheme', 'expected'), [(ORDERLY, 8e-5 / 1e-3), (BATCH, 8e-5 / 3e-3)])
+def test_the_ratio_is_that_of_the_slopes(made, scheme, expected):
+    """Of a falling unit over the one that is being filled, or over all that share a pressure."""
+    two, order = made(), [0, 1, 2]
+    table = curve_table(order, [*two.grid, two.grid[0]], True)
+    table.force = [*two.force, two.force[0]]
+    crossings = no_crossings(3)
+    begin_crossing(crossings, 2, True, 20e3, PACE)
+    state = SimpleNamespace(
+        table=table, crossings=crossings, units=[0, 1, 2], machine=SimpleNamespace(state=3),
+        shares=Shares([100e3, 100e3, 20e3], [0.0] * 3))
+    settings = SimpleNamespace(scheme=scheme)
+    assert ratio_of(settings, state, 2, 2) == pytest.approx(expected)
+    # Units that are full do not help; where none does, the last one is reckoned with.
+    state.shares.pressure[0] = 300e3
+    assert ratio_of(settings, state, 2, 2) == pytest.approx(8e-5 / 2e-3)
+    state.shares.pressure[1] = 300e3
+    assert ratio_of(settings, state, 2, 2) == pytest.approx(8e-5 / 2e-3)
+    assert math.isclose(ratio_of(settings, state, 2, 0), 8e-5 / 2e-3)

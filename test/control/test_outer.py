@@ -1,0 +1,148 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The force and strain loops, apart from the rest."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control import LoadModel, OuterConfig
+from fam_bundle_ros.control.outer_loop import (
+    FORCE,
+    FREE,
+    GAP,
+    HIGH,
+    holding_force,
+    LOW,
+    outer_settings,
+    outer_step,
+    OuterState,
+    STRAIN,
+    uncertainty,
+)
+from fam_bundle_ros.control.signals import MeasurementRecord
+
+DT = 2e-3
+
+
+class Loop:
+    """An outer loop on the paper's bundle, told measurements and references."""
+
+    def __init__(self, bundle, load=LoadModel(), **config):
+        self.settings = outer_settings(OuterConfig(**config), load, bundle)
+        self.state = OuterState()
+
+    def run(self, value, force=0.0, strain=0.1, believed=0.0, duration=DT, **more):
+        """Return the last target."""
+        given = {'kind': FORCE, 'rate': 0.0, 'settled': True, 'saturated': FREE, 'speed': 0.0,
+                 **more}
+        for _ in range(round(duration / DT)):
+            outer_step(self.settings, self.state,
+                       MeasurementRecord(force, strain, given['speed'], [0.0, 0.0]), believed,
+                       given['kind'], value, given['rate'], given['settled'],
+                       given['saturated'], DT)
+        return self.state.target
+
+
+@pytest.mark.parametrize('settled', [True, False])
+def test_the_bias_is_the_slow_mean_of_what_the_model_lacks(paper_bundle, settled):
+    """After its time constant 63 % of it is in the demand; while a unit is crossed, nothing."""
+    loop = Loop(paper_bundle, bias_time=0.5)
+    target = loop.run(40.0, force=37.0, believed=40.0, duration=0.5, settled=settled)
+    assert target.force - 40.0 == pytest.approx(3.0 * (1.0 - math.exp(-1.0)) * settled)
+
+
+def test_feed_forward_leads(paper_bundle):
+    """A reference that says its rate is asked for where it will be when the pressures follow."""
+    target = Loop(paper_bundle, lead_time=5e-3, feedback=False).run(40.0, rate=200.0)
+    assert target.force == target.feed_forward == pytest.approx(41.0)
+
+
+def test_the_force_gain_acts_on_the_filtered_force(paper_bundle):
+    """A jump of the reading comes with the filter's lag."""
+    loop = Loop(paper_bundle, force_gain=1.0, filter_time=0.02)
+    loop.run(40.0, force=40.0, believed=40.0, duration=0.1)
+    target = loop.run(40.0, force=50.0, believed=50.0, duration=0.02)
+    assert 40.0 - target.force == pytest.approx(10.0 * (1.0 - math.exp(-1.0)), rel=0.01)
+
+
+def test_a_force_that_was_taken_over_fades(paper_bundle):
+    """The first demand is the force that is there; after its time 37 % of the step is left."""
+    loop = Loop(paper_bundle, fade_time=0.2)
+    loop.state.taking_over, loop.state.taken = True, 30.0
+    first = loop.run(70.0, force=30.0, believed=30.0).force
+    assert first == pytest.approx(30.0, abs=0.5)
+    later = loop.run(70.0, force=30.0, believed=30.0, duration=0.2 - DT).force
+    assert 70.0 - later == pytest.approx(40.0 * math.exp(-1.0), rel=0.01)
+
+
+@pytest.mark.parametrize(('saturated', 'goes_on'), [(FREE, True), (GAP, True), (LOW, True),
+                                                    (HIGH, False)])
+@pytest.mark.parametrize('kind', [FORCE, STRAIN])
+def test_integrals_stop_in_the_direction_of_a_limit(paper_bundle, kind, saturated, goes_on):
+    """An error that asks for more is not learnt while the bundle gives all it can."""
+    loop = Loop(paper_bundle, feed_forward=False)
+    loop.run(0.2 if kind == STRAIN else 50.0, kind=kind, duration=0.5, saturated=saturated)
+    assert (loop.state.integral > 0.0) == goes_on
+
+
+def test_strain_feed_forward_is_the_load(paper_bundle):
+    """Holding force where the reference will be, drag, and inertia times its acceleration."""
+    load = LoadModel(force=10.0, stiffness=200.0, inertia=0.3, damping=3.0)
+    loop = Loop(paper_bundle, load, feedback=False, lead_time=0.0)
+    for k in range(200):
+        rate = 2.0 * k * DT
+        target = loop.run(0.1, kind=STRAIN, rate=rate)
+    assert target.force == pytest.approx(10.0 + 20.0 + 3.0 * rate + 0.3 * 2.0, rel=1e-6)
+    assert target.strain_rate == rate
+
+
+def test_strain_feedback_is_a_pid_behind_a_play(paper_bundle):
+    """Gains on error, its integral and its rate; changes within the band are left out."""
+    loop = Loop(paper_bundle, LoadModel(force=1.0), feed_forward=False, strain_gain=400.0,
+                strain_integral=2000.0, strain_damping=5.0, still=0.2)
+    first = loop.run(0.11, kind=STRAIN, believed=0.0, speed=0.1).force
+    expected = 400.0 * 0.01 + 2000.0 * 0.01 * DT - 5.0 * 0.1
+    # The band is as wide as the noise that is found, up to three times ``still``.
+    assert expected - 0.6 <= first <= expected - 0.2
+    loop.run(0.1, kind=STRAIN, duration=8.0)
+    calm = loop.run(0.1, kind=STRAIN).force
+    assert loop.run(0.1 + 0.1 / 400.0, kind=STRAIN).force == calm
+    assert loop.run(0.1 + 10.0 / 400.0, kind=STRAIN).force > calm + 9.0
+
+
+def test_pressures_are_worked_out_for_a_strain_within_reach(paper_bundle):
+    """For the reference strain, but no further than ``strain_reach`` from the present one."""
+    loop = Loop(paper_bundle, strain_reach=0.03)
+    assert loop.run(0.12, kind=STRAIN).strain == pytest.approx(0.12)
+    assert loop.run(0.2, kind=STRAIN).strain == pytest.approx(0.13)
+    assert loop.run(40.0, strain=0.17, speed=0.4).strain == 0.17
+
+
+def test_a_strain_loop_without_a_load_takes_over_the_demand(paper_bundle):
+    """What held the load before is where the integral begins."""
+    loop = Loop(paper_bundle)
+    held = loop.run(55.0, force=55.0, believed=55.0, duration=0.5).force
+    assert loop.run(0.1, force=55.0, believed=55.0, kind=STRAIN).force == pytest.approx(held)
+
+
+def test_uncertainty_is_noise_and_error_and_a_tenth_of_the_bias(paper_bundle):
+    """Three standard deviations of the correction come on top of the model's own error."""
+    settings = SimpleNamespace(model_error=1.5)
+    state = SimpleNamespace(variance=0.04, bias=-3.0)
+    assert uncertainty(settings, state) == pytest.approx(0.6 + 1.5 + 0.3 + 0.1)
+    loop, random = Loop(paper_bundle, force_gain=1.0, filter_time=1e-6), np.random.default_rng(1)
+    for force in random.normal(40.0, 0.5, 5000):
+        loop.run(40.0, force=float(force), believed=40.0)
+    assert math.sqrt(loop.state.variance) == pytest.approx(0.5, rel=0.15)
+
+
+def test_a_table_of_the_load_is_linear_between_its_points(paper_bundle):
+    """As NumPy interpolates, and its ends hold beyond them."""
+    table = ((0.0, 5.0), (0.1, 30.0), (0.2, 45.0))
+    settings = Loop(paper_bundle, LoadModel(table=table)).settings
+    for strain in (-0.1, 0.0, 0.04, 0.1, 0.17, 0.2, 0.3):
+        assert holding_force(settings, strain) == pytest.approx(
+            np.interp(strain, *np.transpose(table)))

@@ -1,0 +1,123 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+When the state machine switches, on curves of straight lines.
+
+RS1 gives up to 246 N, of which the last 4 N are the overlap with RS2, which gives up to 742 N.
+"""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fam_bundle_ros.control import RecruitmentMachine, SwitchingConfig
+from fam_bundle_ros.control.switching import Demand
+
+DT = 0.01
+
+
+class Machine:
+    """A machine in a state, with margins of 1 N and 2 N; it is told demands in N and N/s."""
+
+    def __init__(self, table, state, **config):
+        self.table = table
+        self.machine = RecruitmentMachine(2, SwitchingConfig(**{
+            'margin': 1.0, 'hysteresis': 2.0, 'dwell': 0.0, **config}))
+        self.machine.reset(state)
+
+    def tell(self, force, rate=0.0, acceleration=0.0, duration=DT):
+        """Return the time of the first switch (nan for none) and why."""
+        for k in range(max(round(duration / DT), 1)):
+            why = self.machine.update(DT, SimpleNamespace(table=self.table),
+                                      Demand(force, rate, acceleration))
+            if why:
+                return (k + 1) * DT, why
+        return float('nan'), ''
+
+
+@pytest.mark.parametrize(('force', 'rate', 'acceleration', 'said'), [
+    (246.5, 0.0, 0.0, ''), (247.5, 0.0, 0.0, 'by more than 1.0 N'),
+    (240.0, 100.0, 0.0, 'rising by 100.0 N/s'), (230.0, 100.0, 0.0, ''),
+    (240.0, -100.0, 0.0, ''), (240.0, 100.0, -2000.0, '')])
+def test_the_next_unit_comes_when_it_is_needed_or_the_demand_heads_there(
+        made, force, rate, acceleration, said):
+    """Beyond the margin, or ahead of the overlap; not when the demand turns before the limit."""
+    _, why = Machine(made(), 1).tell(force, rate, acceleration)
+    assert said in why
+    assert bool(why) == bool(said)
+
+
+def test_a_unit_that_adds_nothing_is_not_recruited(made):
+    """Beyond RS1 stays beyond where the next unit cannot pull."""
+    table = made()
+    table.top[2] = table.top[1]
+    assert Machine(table, 1).tell(300.0)[1] == ''
+
+
+def test_a_demand_that_turned_back_is_looked_at_with_care(made):
+    """Recruited ahead and not needed: released on the way down, and then only when needed."""
+    machine = Machine(made(), 1)
+    assert 'rising' in machine.tell(240.0, 100.0)[1]
+    assert machine.tell(238.0, -100.0)[1] == ''
+    assert 'turned back before it was needed' in machine.tell(236.0, -100.0)[1]
+    assert machine.tell(240.0, 100.0, duration=1.0)[1] == ''
+    assert 'by more than' in machine.tell(247.5, 100.0)[1]
+
+
+def test_a_demand_that_stops_where_it_was_recruited_for_releases_nothing(made):
+    """Recruited ahead of need at 240 N, the unit stays while the demand rests at 240 N."""
+    machine = Machine(made(), 1)
+    machine.tell(240.0, 100.0)
+    assert machine.tell(240.0, duration=5.0)[1] == ''
+
+
+def test_at_rest_below_the_overlap_a_unit_is_released_in_time(made):
+    """After three quarters of a second, not before."""
+    time, why = Machine(made(), 2).tell(100.0, duration=5.0)
+    assert 'at rest for' in why
+    assert time == pytest.approx(0.75, abs=2 * DT)
+
+
+def test_a_unit_that_moving_demands_do_not_need_is_released_in_the_end(made):
+    """After ten seconds."""
+    time, why = Machine(made(), 2).tell(100.0, -30.0, duration=20.0)
+    assert 'below 239.0 N for 10.0 s' in why
+    assert time == pytest.approx(10.0, abs=2 * DT)
+
+
+def test_a_unit_that_is_cheap_to_fill_again_is_released_at_once(made):
+    """Where it must hold less than 0.3 of what it held, on the way down."""
+    table = made()
+    machine = Machine(table, 2)
+    table.bottom_pressure[1] = 200e3
+    assert machine.tell(300.0)[1] == ''
+    table.bottom_pressure[1] = 50e3
+    assert machine.tell(100.0, 10.0)[1] == ''
+    assert 'only 50 kPa to fill again' in machine.tell(100.0, -30.0)[1]
+
+
+def test_a_demand_below_all_that_a_state_can_releases_at_once(made):
+    """RS2 pulls at least -8 N."""
+    assert 'below the -8.0 N that RS2 can' in Machine(made(), 2).tell(-9.0)[1]
+
+
+def test_a_rising_demand_releases_nothing(made):
+    """However far it is below."""
+    assert Machine(made(), 2).tell(-9.0, 30.0, duration=20.0)[1] == ''
+
+
+@pytest.mark.parametrize(('policy', 'level'), [('neglect', 246.0), ('hysteresis', 241.0)])
+def test_simple_policies_release_below_a_level(made, policy, level):
+    """The limit of the state below; with hysteresis the push-back and the margin below that."""
+    assert Machine(made(), 2, policy=policy).tell(level + 0.5)[1] == ''
+    assert 'release MU2: demand' in Machine(made(), 2, policy=policy).tell(level - 0.5)[1]
+
+
+@pytest.mark.parametrize(('policy', 'waits'), [('neglect', False), ('reversal_aware', True)])
+def test_dwell_holds_for_opposite_switches_only(made, policy, waits):
+    """Two units in two ticks, but no way back within the dwell time; neglect knows none."""
+    machine = Machine(made(), 0, policy=policy, dwell=1.0)
+    assert machine.tell(300.0)[1].startswith('recruit MU1')
+    assert machine.tell(300.0)[1].startswith('recruit MU2')
+    time, _ = machine.tell(-9.0, duration=5.0)
+    assert (time > 0.9) == waits
