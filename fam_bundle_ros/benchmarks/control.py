@@ -26,10 +26,21 @@ from fam_bundle_ros.benchmarks.margins import (
     loop_of,
     our_margin,
 )
-from fam_bundle_ros.benchmarks.plants import kind_of, model_error, model_of, PLANTS, plant_of, UNITS
+from fam_bundle_ros.benchmarks.plants import (
+    kind_of,
+    MODEL,
+    model_error,
+    model_of,
+    plant_of,
+    PLANTS,
+    UNITS,
+)
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.simulation import Log
+
+__all__ = ['Case', 'cases_of', 'ControlBenchmark', 'MODEL', 'OTHERS', 'PLANTS', 'run_benchmark',
+           'run_case', 'TRAJECTORIES', 'UNITS']
 
 #: Controllers beside the two that every case has; ``no_feedback`` runs on the nominal plant.
 OTHERS = tuple(CONTROLLERS)[2:-1]
@@ -132,7 +143,7 @@ def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str
         rows.append({'controller': name, **common, **row_of(logs[name], plant, loop.rig_config)})
         if controller.baseline:
             rows[-1]['gains'] = [getattr(gains, f'{trajectory.kind}_{part}')
-                                 for part in ('gain', 'integral')]
+                                 for part in ('gain', 'integral')] + [gains.filter_time]
     for row in rows:
         row.update(compared(logs[row['controller']], logs[OURS], logs[BESIDE]))
     rows[0]['gain_margin'] = our_margin(case.plant, case.units, trajectory.kind)

@@ -18,7 +18,6 @@ table holds from a strain on at which it folds, and until it has gone back by mo
 
 from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 

@@ -6,14 +6,15 @@ Gain margin of any controller on any plant, and gains of the baselines at a give
 The margin is measured in the closed loop, the same way for all: the controller is shown what it
 controls as deviating k times as much from where it is (the loop gain times k), and the largest k at
 which the response to a small step still settles is the gain margin. No noise; the worst of the
-operating points. A baseline is scaled to the margin asked for at each of several ratios of gain to
-integral; the ratio with the smallest error on a step and a sine is taken.
+operating points. A baseline is scaled to the margin asked for, or to a share of that, with each of
+several filters and ratios of gain to integral; taken is that with the least error squared times air
+on steps and a sine, so that it neither lags nor spends its air on noise.
 """
 
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 import math
-from typing import Any
 
 import numpy as np
 
@@ -37,16 +38,18 @@ USUAL_MARGIN = 2.0
 #: ... nor for a smaller one.
 _LEAST_MARGIN = 1.25
 #: Range in which margins are looked for, and how exactly.
-_RANGE, _EXACT = (0.1, 64.0), 1.08
+_RANGE, _EXACT = (0.1, 64.0), 1.12
 #: s: before the step, and after it in two halves: in the second one it has to have settled.
-_BEFORE, _AFTER = 0.2, 1.2
+_BEFORE, _AFTER = 0.2, 0.9
 #: Shares of the largest force, and strain, of the operating points; steps.
 _LEVELS, _PLACE, _STEP_SHARE, _STEP_STRAIN = (0.25, 0.75), 0.09, 0.06, 6e-3
 #: Swings below so many steps are hunting, not instability.
 _HUNTING = 1.25
-#: Gain over integral, s, of the baselines that are tried.
-RATIOS = (0.0, 0.01, 0.025, 0.05, 0.1)
-#: What the ratio is chosen by.
+#: Gain over integral, s, and filter time, s, of the baselines that are tried.
+RATIOS, FILTERS = (0.0, 0.012, 0.03, 0.08), (5e-3, 20e-3)
+#: Shares of the gains at our margin that are tried besides: less noise, less air.
+SHARES = (1.0, 0.5, 0.25)
+#: What they are chosen by.
 _JUDGES = {'force': ('steps', 'sine_0.5'), 'strain': ('strain_steps', 'strain_sine')}
 
 
@@ -135,7 +138,7 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
         trajectory = Trajectory(
             'step', kind, _BEFORE + 2.0 * _AFTER,
             lambda t, level=level, step=step: level + (step if t > _BEFORE else 0.0),
-            lambda t: 0.0, load, prepare=1.5)
+            lambda t: 0.0, load, prepare=1.2)
         log = loop_of(plant, units, controller, baseline, noise=0.0,
                       deviation=(k, level)).run(trajectory)
         first, last = (_unrest(log.error, (log.time > begin) & (log.time <= begin + _AFTER))
@@ -182,21 +185,21 @@ def asked_margin(ours: float) -> float:
 
 
 @cache
-def ratio_of(plant: str, name: str, kind: str) -> float:
-    """Return gain over integral, s, of a baseline with the smallest error, of two units."""
+def shape_of(plant: str, name: str, kind: str) -> tuple[float, float, float]:
+    """Return ratio, filter time and share of the best baseline for two units."""
     units, margin = 2, asked_margin(our_margin(plant, 2, kind))
 
-    def error(ratio):
-        baseline = _scaled_to(plant, units, name, kind, ratio, margin)
-        return math.prod(_rms(plant, units, CONTROLLERS[name], baseline, judge)
+    def cost(shape):
+        baseline = _scaled_to(plant, units, name, kind, shape, margin)
+        return math.prod(_cost(plant, units, CONTROLLERS[name], baseline, judge)
                          for judge in _JUDGES[kind])
-    return min(RATIOS, key=error)
+    return min(product(RATIOS, FILTERS, SHARES), key=cost)
 
 
 @cache
 def baseline_gains(plant: str, units: int, name: str, kind: str) -> BaselineConfig:
     """
-    Return the gains of a baseline on a plant: the ratio of `ratio_of`, scaled to our margin.
+    Return the gains of a baseline on a plant: as `shape_of` says, scaled to our margin.
 
     Parameters
     ----------
@@ -208,24 +211,31 @@ def baseline_gains(plant: str, units: int, name: str, kind: str) -> BaselineConf
         ``force`` or ``strain``.
     """
     margin = asked_margin(our_margin(plant, units, kind))
-    return _scaled_to(plant, units, name, kind, ratio_of(plant, name, kind), margin)
+    return _scaled_to(plant, units, name, kind, shape_of(plant, name, kind), margin)
 
 
 @cache
-def _scaled_to(plant, units, name, kind, ratio, margin) -> BaselineConfig:
-    base = _gains(kind, ratio, 1.0)
-    found = gain_margin(plant, units, CONTROLLERS[name], base, kind)
-    return _gains(kind, ratio, found / margin)
+def _scaled_to(plant, units, name, kind, shape, margin) -> BaselineConfig:
+    found = _critical(plant, units, name, kind, shape[:2])
+    return _gains(kind, shape, found * shape[2] / margin)
 
 
-def _gains(kind, ratio, factor) -> BaselineConfig:
+@cache
+def _critical(plant, units, name, kind, shape) -> float:
+    """Return the factor on the usual integral at which a baseline no longer settles."""
+    return gain_margin(plant, units, CONTROLLERS[name], _gains(kind, shape, 1.0), kind)
+
+
+def _gains(kind, shape, factor) -> BaselineConfig:
     """Return gains with an integral of ``factor`` times the usual one, 10 1/s or 2 1/s."""
     integral = factor * (10.0 if kind == 'force' else 2.0)
-    values = {f'{kind}_integral': integral, f'{kind}_gain': ratio * integral}
+    values = {f'{kind}_integral': integral, f'{kind}_gain': shape[0] * integral,
+              'filter_time': shape[1]}
     return BaselineConfig(**values)
 
 
-def _rms(plant, units, controller, baseline, judge) -> float:
+def _cost(plant, units, controller, baseline, judge) -> float:
+    """Return squared error times air of a run."""
     log = loop_of(plant, units, controller, baseline).run(
         make_trajectory(judge, model_of(units), plant_of(plant, units)))
-    return float(np.sqrt(np.mean(log.error ** 2)))
+    return float(np.mean(log.error ** 2) * (log.air[-1] - log.air[0]))

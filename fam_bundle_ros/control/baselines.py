@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.control.outer_loop import FREE, HIGH, low_pass, LOW, STRAIN
+from fam_bundle_ros.control.outer_loop import FREE, HIGH, LOW, low_pass, STRAIN
 from fam_bundle_ros.control.reasons import EMPTY, FULL
 from fam_bundle_ros.errors import InputError
 

@@ -13,6 +13,16 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
+from fam_bundle_ros.control.adaptation import (
+    adaptation_state,
+    adaptation_step,
+    AdaptationSettings,
+    AdaptationState,
+    lag_doubt,
+    lag_of,
+    lagged,
+    learn_lead,
+)
 from fam_bundle_ros.control.baselines import (
     baseline_step,
     BaselineSettings,
@@ -24,16 +34,6 @@ from fam_bundle_ros.control.crossing import (
     crossing_pace,
     Crossings,
     no_crossings,
-)
-from fam_bundle_ros.control.adaptation import (
-    adaptation_state,
-    adaptation_step,
-    AdaptationSettings,
-    AdaptationState,
-    lag_doubt,
-    lag_of,
-    lagged,
-    learn_lead,
 )
 from fam_bundle_ros.control.curves import adapted, curve_table, CurveTable, find_branches, tabulate
 from fam_bundle_ros.control.heading import (
