@@ -16,7 +16,12 @@ import os
 import time
 from typing import Any
 
-from fam_bundle_ros.benchmarks.control_metrics import compared, one_unit_is_enough, row_of
+from fam_bundle_ros.benchmarks.control_metrics import (
+    compared,
+    least_air_of,
+    one_unit_is_enough,
+    row_of,
+)
 from fam_bundle_ros.benchmarks.control_summary import summarise
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, TRAJECTORIES
 from fam_bundle_ros.benchmarks.cover import pairwise
@@ -146,6 +151,8 @@ def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str
                                  for part in ('gain', 'integral')] + [gains.filter_time]
     for row in rows:
         row.update(compared(logs[row['controller']], logs[OURS], logs[BESIDE]))
+    if case.plant == 'nominal' and case.units == 2:
+        rows[0]['air_over_least'] = rows[0]['air_mass'] / least_air_of(logs[OURS], model)
     rows[0]['gain_margin'] = our_margin(case.plant, case.units, trajectory.kind)
     return rows, {(name, case.trajectory, case.plant): log for name, log in logs.items()}
 

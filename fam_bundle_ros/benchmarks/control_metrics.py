@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.benchmarks.control_trajectories import top_force
+from fam_bundle_ros.benchmarks.least_air import least_air
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.pneumatics import GAS_CONSTANT, POLYTROPIC, REFERENCE_TEMPERATURE
 from fam_bundle_ros.plant import air_energy, liquid_energy, RigConfig
@@ -85,8 +86,8 @@ def compared(log: Log, ours: Log, beside: Log) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``rms_ratio``, ``air_ratio`` (without the air of the start), ``error_there``: the
-        largest error around *our* switches, None where we have none.
+        ``rms_ratio``, and ``error_there``: the largest error around *our* switches, None where we
+        have none.
     """
     inside = near(ours.time, ours.switches)
     return {'rms_ratio': rms(log.error) / rms(beside.error),
@@ -100,6 +101,19 @@ def held_air(plant: Any, pressure: np.ndarray, strain: float, tube_volume: float
     volume = [tube_volume + model.volume(i, strain, gauge, 0.0, model.shape, model.parameters,
                                          model.tables) for i in range(plant.n)]
     return float(np.dot(gauge, volume)) / (POLYTROPIC * GAS_CONSTANT * REFERENCE_TEMPERATURE)
+
+
+def least_air_of(log: Log, model: Bundle) -> float:
+    """Return the least air, kg, that any allocation could use for the forces of a run."""
+    dt = float(log.time[1] - log.time[0])
+    return least_air(model, log.time, _smooth(log.force, dt), _smooth(log.strain, dt))
+
+
+def _smooth(signal, dt, width=0.02):
+    """Return a signal without what is faster than ``width``: sensor noise drives no allocation."""
+    count = max(1, round(width / dt)) | 1
+    padded = np.pad(signal, count // 2, mode='edge')
+    return np.convolve(padded, np.full(count, 1.0 / count), mode='valid')
 
 
 def one_unit_is_enough(trajectory: Trajectory, model: Bundle, plant: Any) -> bool:

@@ -134,7 +134,8 @@ def _force_trajectory(name, kind, model, plant, long):
     top = top_force(STRAIN, model, plant)
     low, high = _LOW * top, _HIGH * top
     middle, swing = 0.5 * (low + high), 0.5 * (high - low)
-    imposed, smooth = None, kind != 'ramp'
+    imposed: Any = None
+    path: Any
     if kind == 'ramp':
         rate = float(name.split('_')[1])
         if high - low > _RAMP * rate:
@@ -142,7 +143,7 @@ def _force_trajectory(name, kind, model, plant, long):
             high = min(high, low + _RAMP * rate)
         span = (high - low) / rate
         times = np.cumsum([0.5, span, 1.0, span, 0.5])
-        path, duration = _Path(times[:4], [low, high, high, low], smooth), float(times[-1])
+        path, duration = _Path(times[:4], [low, high, high, low], smooth=False), float(times[-1])
     elif kind == 'sine':
         hertz = float(name.split('_')[1])
         path, duration = _Sines(middle, (swing, hertz)), max(1.0 / hertz, 5.0)

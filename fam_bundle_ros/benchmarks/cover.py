@@ -25,11 +25,7 @@ def pairwise(factors: Sequence[Sequence[Any]], seed: int = 0) -> list[tuple[Any,
                for a in factors[i] for b in factors[j]}
     cases = []
     while missing:
-        begun = sorted(missing, key=repr)[0]
-
-        def gained(case):
-            held = list(enumerate(case))
-            return sum(pair in missing for pair in combinations(held, 2))
+        begun = min(missing, key=repr)
         tries = []
         for _ in range(12):
             case: list[Any] = [None] * len(factors)
@@ -40,11 +36,15 @@ def pairwise(factors: Sequence[Sequence[Any]], seed: int = 0) -> list[tuple[Any,
             for i in order:
                 values = list(factors[i])
                 chance.shuffle(values)
-                case[i] = max(values, key=lambda value: sum(
-                    pair in missing for j, other in enumerate(case) if other is not None
-                    for pair in [tuple(sorted([(i, value), (j, other)], key=lambda p: p[0]))]))
+                case[i] = max(values, key=lambda value: len(
+                    missing & _pairs([*case[:i], value, *case[i + 1:]])))  # noqa: B023
             tries.append(tuple(case))
-        best = max(tries, key=gained)
-        missing -= set(combinations(list(enumerate(best)), 2))
+        best = max(tries, key=lambda case: len(missing & _pairs(case)))  # noqa: B023
+        missing -= _pairs(best)
         cases.append(best)
     return cases
+
+
+def _pairs(case: Sequence[Any]) -> set[tuple[tuple[int, Any], ...]]:
+    """Return the pairs of (factor, value) that a case holds; None is no value."""
+    return set(combinations([(i, value) for i, value in enumerate(case) if value is not None], 2))

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A muscle that shares no law with the catalogue: a tabulated surface between elastic ends, that rubs.
+A muscle that shares no law with the catalogue: a table of tension between elastic ends, with drag.
 
 The tension f(q, p) of the braid at its own strain q comes from a table, and the ends are a spring
 K between it and the muscle's strain e:
@@ -84,7 +84,7 @@ def muscle_plant(model: Bundle, wrong: Wrong) -> ForeignPlant:
     shape = [[1.0 + (wrong.scale if i % 2 else -wrong.scale), wrong.friction * size, wrong.slide,
               _ENDS * size, float(wrong.snap)] for i, size in enumerate(sizes)]
     return ForeignPlant(
-        muscle_force, muscle_volume, model.length, model.max_pressure, model.names, memory=4,
+        muscle_force, muscle_volume, model.length, model.max_pressure.tolist(), model.names, memory=4,
         tables=np.concatenate([[n], force.ravel(), folded.ravel(), gas.ravel()]).tolist(),
         shape=shape)
 

@@ -4,15 +4,15 @@
 Gain margin of any controller on any plant, and gains of the baselines at a given margin.
 
 The margin is measured in the closed loop, the same way for all: the controller is shown what it
-controls as deviating k times as much from where it is (the loop gain times k), and the largest k at
-which the response to a small step still settles is the gain margin. No noise; the worst of the
-operating points. A baseline is scaled to the margin asked for, or to a share of that, with each of
-several filters and ratios of gain to integral; taken is that with the least error squared times air
-on steps and a sine, so that it neither lags nor spends its air on noise.
+controls as deviating k times as much from where it is (the loop gain times k), and the largest k
+at which the response to a small step still settles is the gain margin. No noise; the worst of the
+operating points. A baseline is scaled to the margin asked for, or to a share of that, with each
+of several filters and ratios of gain to integral; taken is that with the least error squared times
+air on steps and a sine, so that it neither lags nor spends its air on noise.
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import product
 import math
 
@@ -137,8 +137,7 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
     for level, step, load in points:
         trajectory = Trajectory(
             'step', kind, _BEFORE + 2.0 * _AFTER,
-            lambda t, level=level, step=step: level + (step if t > _BEFORE else 0.0),
-            lambda t: 0.0, load, prepare=1.2)
+            partial(_step, level, step), lambda t: 0.0, load, prepare=1.2)
         log = loop_of(plant, units, controller, baseline, noise=0.0,
                       deviation=(k, level)).run(trajectory)
         first, last = (_unrest(log.error, (log.time > begin) & (log.time <= begin + _AFTER))
@@ -146,6 +145,10 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
         if last > max(0.5 * first, _HUNTING * step):
             return False
     return True
+
+
+def _step(level: float, step: float, t: float) -> float:
+    return level + (step if t > _BEFORE else 0.0)
 
 
 def _unrest(signal: np.ndarray, inside: np.ndarray) -> float:

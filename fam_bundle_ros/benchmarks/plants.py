@@ -137,7 +137,7 @@ def plant_of(name: str, units: int) -> Any:
     return model if kind.muscle is None else muscle_plant(model, kind.muscle)
 
 
-def rest_force(plant: Any, strain: float, pressure: Sequence[float]) -> float:
+def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray) -> float:
     """Return the force of any plant without a past, N."""
     model = plant.model(False)
     pressure = [float(p) for p in pressure]

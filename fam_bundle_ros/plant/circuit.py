@@ -122,8 +122,8 @@ class Air:
     def at_rest(cls, config: AirConfig, volume: list[float]) -> 'Air':
         """Return chambers at ambient, the manifold at the regulator's set point, valves shut."""
         n = len(volume)
-        return cls([config.ambient] * n, [config.ambient] * n, list(volume),
-                   *([0.0] * n for _ in range(4)), config.supply.pressure + config.ambient,
+        return cls([config.ambient] * n, [config.ambient] * n, list(volume), [0.0] * n,
+                   [0.0] * n, [0.0] * n, [0.0] * n, config.supply.pressure + config.ambient,
                    False, AirBalance(), AirScratch(*([0.0] * n for _ in range(8))))
 
 

@@ -95,8 +95,8 @@ class RigState:
     def at_rest(cls, air: Air, motion: LoadState) -> 'RigState':
         """Return the state of a rig that has not moved yet."""
         n = len(air.pressure)
-        return cls(air, motion, 0.0, 0.0, DelayLine.empty(n), 0.0, 0.0, RUNNING, 0, 0.0, -1.0, False,
-                   [0.0] * n, [0.0] * n, [0.0] * n)
+        return cls(air, motion, 0.0, 0.0, DelayLine.empty(n), 0.0, 0.0, RUNNING, 0, 0.0, -1.0,
+                   False, [0.0] * n, [0.0] * n, [0.0] * n)
 
 
 def begin(rig: Any, load: Any, model: Any, state: Any) -> None:

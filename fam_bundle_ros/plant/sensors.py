@@ -154,7 +154,8 @@ class SensorRecord:
                    [c.force_noise, c.strain_noise] + [c.pressure_noise] * pressures,
                    [c.force_resolution, c.strain_resolution]
                    + [c.pressure_resolution] * pressures, lags, float(c.delay),
-                   c.delay > 0.0 or max(lags) > 0.0, c.rate_cutoff, c.dropout, c.on_dropout == 'hold')
+                   c.delay > 0.0 or max(lags) > 0.0, c.rate_cutoff, c.dropout,
+                   c.on_dropout == 'hold')
 
 
 @dataclass
@@ -182,7 +183,8 @@ class SensorState:
     def fresh(cls, channels: int) -> 'SensorState':
         """Return instruments that have shown nothing yet."""
         return cls([math.nan] * channels, math.nan, 0.0, math.nan, math.nan, 0.0,
-                   *([0.0] * channels for _ in range(3)), math.nan, DelayLine.empty(channels))
+                   [0.0] * channels, [0.0] * channels, [0.0] * channels, math.nan,
+                   DelayLine.empty(channels))
 
 
 def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,

@@ -102,7 +102,7 @@ def test_lag_of_each_channel_is_its_own(bundle):
 
 
 def test_a_spool_with_backlash_turns_late_and_stays_open(bundle):
-    """It opens half the backlash less; told to shut, it stays where half the backlash leaves it."""
+    """It opens half the backlash less; told to shut, it stays ajar by as much."""
     rigs = [Rig(bundle, RigConfig(load=Dynamometer(strain=0.1), valve=ValveConfig(hysteresis=h)))
             for h in (0.0, 0.2)]
     for rig in rigs:
