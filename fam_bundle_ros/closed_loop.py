@@ -48,6 +48,10 @@ class LoopConfig:
     #: s, of the pressure loops; the controller's period is ``ticks`` of them.
     pid_period: float
     ticks: int
+    #: The controller sees what it controls deviate so many times as much from ``about`` (N or 1)
+    #: once the log begins: the gain of its loop, to measure margins; 1 for the truth.
+    deviation: float
+    about: float
 
 
 @dataclass
@@ -125,23 +129,24 @@ def closed_loop(config: Any, state: Any, pids: Any, plant: Any, belief: Any, gas
                      config.pid_period)
             sample = tick * config.ticks + k
             measure(config, state, broken, plan.normal[sample], plan.chance[sample])
+            if config.deviation != 1.0 and tick >= plan.logged:
+                deviate(config, state.measured, plan.kind)
         if tick >= plan.logged:
             write_row(state, log[tick - plan.logged])
 
 
 def drive_valves(config: Any, state: Any, pids: Any, gas: Any) -> None:
     """Let the pressure loops answer the last readings; they know volume and its rate."""
-    measured = state.measured
     # A slice: numba passes an array that lies in a record to no function pointer.
-    pressure = measured.pressure[:]
+    pressure, strain = state.measured.pressure[:], state.shown.shown[STRAIN]
     for i in range(len(pressure)):
         volume = config.rig.tube_volume + gas.volume(
-            i, measured.strain, pressure, state.rig.time, gas.shape, gas.parameters, gas.tables)
+            i, strain, pressure, state.rig.time, gas.shape, gas.parameters, gas.tables)
         slope = gas.volume_slope(
-            i, measured.strain, pressure, state.rig.time, gas.shape, gas.parameters, gas.tables)
+            i, strain, pressure, state.rig.time, gas.shape, gas.parameters, gas.tables)
         state.valves[i] = pressure_step(
             config.pid, pids[i], state.command.pressure[i], pressure[i], config.pid_period,
-            state.shown.shown[SUPPLY], volume, slope * measured.strain_rate)
+            state.shown.shown[SUPPLY], volume, slope * state.shown.strain_rate)
 
 
 def measure(config: Any, state: Any, faults: Any, normal: Any, chance: Any) -> None:
@@ -154,6 +159,16 @@ def measure(config: Any, state: Any, faults: Any, normal: Any, chance: Any) -> N
     measured.strain_rate = shown.strain_rate
     for i in range(len(measured.pressure)):
         measured.pressure[i] = shown.shown[PRESSURE + i]
+
+
+def deviate(config: Any, measured: Any, kind: int) -> None:
+    """Let the reading of what is controlled deviate more than it does: see `LoopConfig`."""
+    k, about = config.deviation, config.about
+    if kind == 0:
+        measured.force = about + k * (measured.force - about)
+    else:
+        measured.strain = about + k * (measured.strain - about)
+        measured.strain_rate *= k
 
 
 def write_row(state: Any, row: Any) -> None:

@@ -176,6 +176,9 @@ class ClosedLoop:
     compiled : bool, optional
         By default where numba is there and can compile plant and model; the first run with a
         number of motor units then takes some time.
+    deviation : (float, float)
+        The controller sees what it controls deviate so many times as much from the second number
+        (N or strain) as it does, from the start of the log on: the gain of its loop.
 
     Examples
     --------
@@ -192,7 +195,8 @@ class ClosedLoop:
                  controller: ControllerConfig = ControllerConfig(),
                  rig: RigConfig = RigConfig(), period: float = 4e-3, pid_period: float = 2e-3,
                  gains: PidGains = PidGains(), pid: PidConfig | None = None,
-                 noise_factor: float = 1.0, seed: int = 0, compiled: bool | None = None):
+                 noise_factor: float = 1.0, seed: int = 0, compiled: bool | None = None,
+                 deviation: tuple[float, float] = (1.0, 0.0)):
         self.plant, self.model = plant, model or plant
         if not isinstance(self.model, Bundle):
             raise InputError(f'{type(plant).__name__} is no model that a controller can invert; '
@@ -203,6 +207,7 @@ class ClosedLoop:
         self.gains, self.noise_factor, self.seed = gains, noise_factor, seed
         self.pid_config = pid or pid_config(rig, pid_period, noise_factor)
         self.compiled = compiled
+        self.deviation = float(deviation[0]), float(deviation[1])
 
     def run(self, trajectory: Trajectory,
             progress: Callable[[float], None] | None = None) -> Log:
@@ -271,7 +276,7 @@ class Run:
         r = rig.readings
         self._config: Any = LoopConfig(rig.record, rig.sensors, controller.settings,
                                        pid_settings(loop.gains, loop.pid_config),
-                                       float(loop.pid_period), loop.ticks)
+                                       float(loop.pid_period), loop.ticks, *loop.deviation)
         self.state: Any = LoopState(
             rig.state, rig.shown, controller.memory, command_record(self._units),
             MeasurementRecord(r.force, r.strain, r.strain_rate, r.pressure.tolist()),

@@ -1,47 +1,72 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Every policy and scheme on the same trajectories and plants: what each part of control buys.
+The control benchmark: our controller beside one equal pressure, on plants that are not its model.
 
-`run_benchmark` runs them on both cores and returns one row per run and a summary for
-``reversal_aware``; trajectories are in `control_trajectories`, figures in `control_metrics`.
+A case is (plant, trajectory, units, other, seed): `reversal_aware`, `equal_pressure` and one
+``other`` controller on the same trajectory. By default the cases hold every pair of values, else
+all of them. Plants are in `plants`, gains at equal margins in `margins`, figures in
+`control_metrics`.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import os
+import time
 from typing import Any
 
-from fam_bundle_ros.benchmarks.control_metrics import metrics, summarise
+from fam_bundle_ros.benchmarks.control_metrics import (
+    compared,
+    least_air_of,
+    one_unit_is_enough,
+    row_of,
+)
+from fam_bundle_ros.benchmarks.control_summary import summarise
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, TRAJECTORIES
-from fam_bundle_ros.control.controller import ControllerConfig
+from fam_bundle_ros.benchmarks.cover import pairwise
+from fam_bundle_ros.benchmarks.margins import (
+    baseline_gains,
+    CONTROLLERS,
+    loop_of,
+    our_margin,
+)
+from fam_bundle_ros.benchmarks.plants import (
+    kind_of,
+    MODEL,
+    model_error,
+    model_of,
+    plant_of,
+    PLANTS,
+    UNITS,
+)
+from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, load_model
-from fam_bundle_ros.resources import config_path
-from fam_bundle_ros.simulation import ClosedLoop, Log
+from fam_bundle_ros.simulation import Log
 
-MODEL = 'models/spie2021.yaml'
+__all__ = ['Case', 'cases_of', 'ControlBenchmark', 'MODEL', 'OTHERS', 'PLANTS', 'run_benchmark',
+           'run_case', 'TRAJECTORIES', 'UNITS']
 
-#: Policy and scheme of every controller: with all units on there is nothing to recruit.
-CONTROLLERS = (
-    ('neglect', 'orderly'), ('hysteresis', 'orderly'), ('reversal_aware', 'orderly'),
-    ('neglect', 'batch'), ('hysteresis', 'batch'), ('reversal_aware', 'batch'),
-    ('reversal_aware', 'all_on'),
-)
-PLANTS = ('nominal', 'resistive_50_more', 'friction', 'mu1_10_weaker', 'noise_doubled')
-#: Runs whose logs are handed back for the plots: (policy, scheme, trajectory, plant).
-SHOWN = tuple((policy, 'orderly', 'ramp', 'nominal')
-              for policy in ('neglect', 'hysteresis', 'reversal_aware')) + (
-    ('neglect', 'orderly', 'dwell_edge', 'noise_doubled'),
-    ('reversal_aware', 'orderly', 'dwell_edge', 'noise_doubled'),
-    ('reversal_aware', 'orderly', 'arm_spline', 'nominal'),
-    ('reversal_aware', 'all_on', 'arm_spline', 'nominal'),
-    ('reversal_aware', 'orderly', 'load_step', 'nominal'),
-)
-#: And runs whose air is compared.
-COMPARED = tuple(('reversal_aware', scheme, trajectory, 'nominal')
-                 for trajectory in TRAJECTORIES for scheme in ('orderly', 'all_on'))
+#: Controllers beside the two that every case has; ``no_feedback`` runs on the nominal plant.
+OTHERS = tuple(CONTROLLERS)[2:-1]
+OURS, BESIDE = tuple(CONTROLLERS)[:2]
+#: Runs whose logs are handed back for the plots: (plant, trajectory, units).
+SHOWN = (('everything', 'ramp_20', 2), ('everything', 'moved', 2), ('everything', 'sine_0.5', 2),
+         ('nominal', 'ramp_20', 2))
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is run: our controller, equal pressure and ``others`` on one plant and trajectory."""
+
+    plant: str
+    trajectory: str
+    units: int
+    others: tuple[str, ...]
+    seed: int = 1
+
+    def __str__(self):
+        return f'{self.plant} {self.trajectory}, {self.units} units'
 
 
 @dataclass(frozen=True)
@@ -52,130 +77,134 @@ class ControlBenchmark:
     Attributes
     ----------
     rows : list of dict
-        One per run, SI units; see `control_metrics.metrics`.
+        One per run, SI units; see `control_metrics`.
     summary : dict
-        For ``reversal_aware``; see `control_metrics.summarise`.
+        See `control_summary.summarise`.
     logs : dict
-        Those of `SHOWN` and `COMPARED`, by (policy, scheme, trajectory, plant), for plots.
+        Those of `SHOWN`, by (controller, trajectory, plant).
+    seconds : float
+        Wall time.
     """
 
     rows: list[dict[str, Any]]
     summary: dict[str, Any]
-    logs: dict[tuple[str, str, str, str], Log]
+    logs: dict[tuple[str, str, str], Log]
+    seconds: float
 
     def to_json(self) -> dict[str, Any]:
         """Return rows and summary for ``json.dump``."""
-        return {'rows': self.rows, 'summary': self.summary}
+        return {'rows': self.rows, 'summary': self.summary, 'seconds': self.seconds}
 
 
-def plant_of(bundle: Bundle, name: str) -> tuple[Bundle, float]:
+def cases_of(plants: Sequence[str] = tuple(PLANTS), trajectories: Sequence[str] = TRAJECTORIES,
+             units: Sequence[int] = UNITS, others: Sequence[str] = OTHERS,
+             seeds: Sequence[int] = (1,), full: bool = False) -> list[Case]:
     """
-    Return a plant and the factor on its sensors' noise; the controller keeps ``bundle``.
+    Return the cases of a benchmark.
+
+    With ``full`` every other controller on every combination of plant, trajectory and units, else
+    a pairwise cover. ``no_feedback`` is added on the nominal plant.
+    """
+    if full or not others:
+        chosen = [(p, t, n, tuple(others)) for p in plants for t in trajectories for n in units]
+    else:
+        chosen = [(p, t, n, (other,)) for p, t, n, other in pairwise(
+            [plants, trajectories, units, others])]
+    return [Case(p, t, n, (*more, 'no_feedback') if p == 'nominal' else more, seed)
+            for seed in seeds for p, t, n, more in chosen]
+
+
+def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str], Log]]:
+    """
+    Run a case with each of its controllers.
+
+    Returns
+    -------
+    rows : list of dict
+        Ours first, then that of equal pressure, then the others.
+    logs : dict
+        By (controller, trajectory, plant).
 
     Raises
     ------
     InputError
-        For a name that is not in `PLANTS`.
+        For a name that is not known.
     """
-    if name == 'nominal':
-        return bundle, 1.0
-    if name == 'resistive_50_more':
-        effect = bundle.effect('resistive_buckling')
-        more = {f'resistive_buckling.{key}': 1.5 * effect.values[key]
-                for key in ('euler_load', 'pressure_share', 'hinge_moment', 'hinge_share')}
-        return bundle.with_parameters(more), 1.0
-    if name == 'friction':
-        return bundle.with_effect('coulomb_friction', force=3.0), 1.0
-    if name == 'mu1_10_weaker':
-        first, *others = bundle.motor_units
-        thinner = replace(first.geometry, radius=first.geometry.radius * 0.9 ** 0.5,
-                          wall_thickness=first.geometry.wall_thickness * 0.9 ** 0.5)
-        return Bundle(bundle.name, [replace(first, geometry=thinner), *others],
-                      bundle.effects), 1.0
-    if name == 'noise_doubled':
-        return bundle, 2.0
-    raise InputError(f"plant is '{name}'; expected one of {', '.join(PLANTS)}")
+    model, plant = model_of(case.units), plant_of(case.plant, case.units)
+    trajectory = make_trajectory(case.trajectory, model, plant,
+                                 long=case.plant == 'noise' and case.trajectory == 'dwell_edge')
+    common = {'plant': case.plant, 'trajectory': case.trajectory, 'units': case.units,
+              'seed': case.seed, 'model_error': model_error(case.plant, case.units),
+              'one_unit': one_unit_is_enough(trajectory, model, plant)}
+    logs, rows = {}, []
+    for name in dict.fromkeys((OURS, BESIDE, *case.others)):
+        if name not in CONTROLLERS:
+            raise InputError(f"controller is '{name}'; expected one of {', '.join(CONTROLLERS)}")
+        controller, gains = CONTROLLERS[name], BaselineConfig()
+        if controller.baseline:
+            gains = baseline_gains(case.plant, case.units, name, trajectory.kind)
+        loop = loop_of(case.plant, case.units, controller, gains, case.seed)
+        logs[name] = loop.run(trajectory)
+        rows.append({'controller': name, **common, **row_of(logs[name], plant, loop.rig_config)})
+        if controller.baseline:
+            rows[-1]['gains'] = [getattr(gains, f'{trajectory.kind}_{part}')
+                                 for part in ('gain', 'integral')] + [gains.filter_time]
+    for row in rows:
+        row.update(compared(logs[row['controller']], logs[OURS], logs[BESIDE]))
+    if case.plant == 'nominal' and case.units == 2:
+        rows[0]['air_over_least'] = rows[0]['air_mass'] / least_air_of(logs[OURS], model)
+    rows[0]['gain_margin'] = our_margin(case.plant, case.units, trajectory.kind)
+    return rows, {(name, case.trajectory, case.plant): log for name, log in logs.items()}
 
 
-def run_case(policy: str, scheme: str, trajectory: str, plant: str, seed: int = 1,
-             bundle: Bundle | None = None) -> tuple[dict[str, Any], Log]:
+def run_benchmark(cases: Sequence[Case], workers: int | None = None,
+                  progress: Callable[[int, int, str], None] | None = None) -> ControlBenchmark:
     """
-    Run one case.
+    Run cases on all cores; rows come in their order, whatever ended first.
 
     Parameters
     ----------
-    policy, scheme, trajectory, plant : str
-        See `CONTROLLERS`, `TRAJECTORIES`, `PLANTS`.
-    seed : int
-    bundle : Bundle, optional
-        The controller's model; that of the paper by default.
-
-    Returns
-    -------
-    row : dict
-    log : Log
-    """
-    bundle = bundle or load_model(config_path(MODEL))
-    true_bundle, noise = plant_of(bundle, plant)
-    loop = ClosedLoop(true_bundle, bundle, ControllerConfig(policy=policy, scheme=scheme),
-                      noise_factor=noise, seed=seed)
-    log = loop.run(make_trajectory(trajectory, bundle, long=plant == 'noise_doubled'))
-    row = {'policy': policy, 'scheme': scheme, 'trajectory': trajectory, 'plant': plant}
-    search = plant == 'nominal' and bundle.n == 2
-    return {**row, **metrics(log, true_bundle, loop.rig_config, search)}, log
-
-
-def run_benchmark(controllers: Iterable[tuple[str, str]] = CONTROLLERS,
-                  trajectories: Iterable[str] = TRAJECTORIES,
-                  plants: Iterable[str] = PLANTS, seed: int = 1, bundle: Bundle | None = None,
-                  complete: bool = False, workers: int | None = None,
-                  progress: Callable[[int, int, str], None] | None = None
-                  ) -> ControlBenchmark:
-    """
-    Run every controller on every trajectory and plant.
-
-    Parameters
-    ----------
-    controllers : iterable of (policy, scheme)
-    trajectories, plants : iterable of str
-        Subsets, for a quick look.
-    seed : int
-    bundle : Bundle, optional
-        The controller's model; that of the paper by default.
-    complete : bool
-        Batch recruitment on every plant too, not on the nominal one only: half as long again.
+    cases : sequence of Case
+        See `cases_of`.
     workers : int, optional
         Processes; all cores by default.
     progress : callable, optional
-        Called with runs done, runs in all, and what was done last.
-
-    Returns
-    -------
-    ControlBenchmark
-        Rows in the order of the arguments, whatever ended first.
+        Called with cases done, cases in all, and what was done last.
     """
-    controllers, trajectories = list(controllers), list(trajectories)
-    cases = [(policy, scheme, trajectory, plant) for plant in plants
-             for trajectory in trajectories for policy, scheme in controllers
-             if complete or scheme != 'batch' or plant == PLANTS[0]]
-    found: dict[tuple, dict[str, Any]] = {}
-    logs: dict[tuple[str, str, str, str], Log] = {}
+    begin = time.perf_counter()
+    for case in cases:
+        kind_of(case.plant)
+    # Cases of one plant go to one worker in turn: gains and margins are worked out once there.
+    groups: dict[tuple[str, str], list[Case]] = {}
+    for case in cases:
+        kind = 'strain' if case.trajectory.split('_')[0] in ('strain', 'load', 'arm') else 'force'
+        groups.setdefault((case.plant, kind), []).append(case)
+    found: dict[Case, list[dict[str, Any]]] = {}
+    logs: dict[tuple[str, str, str], Log] = {}
     workers = workers or os.cpu_count() or 1
+    order = sorted(groups.values(), key=lambda group: -len(group) * _slow(group[0].plant))
     with ProcessPoolExecutor(max_workers=workers) as pool:
-        pending = {pool.submit(_run, case, seed, bundle): case for case in cases}
+        pending = {pool.submit(_run_group, group): group for group in order}
         for done in as_completed(pending):
-            case = pending[done]
-            found[case], log = done.result()
-            if log is not None:
-                logs[case] = log
+            for case, (rows, kept) in zip(pending[done], done.result()):
+                found[case] = rows
+                logs.update(kept)
             if progress:
-                progress(len(found), len(cases), ' '.join(case))
-    rows = [found[case] for case in cases]
-    return ControlBenchmark(rows, summarise(rows), logs)
+                progress(len(found), len(cases), str(pending[done][-1]))
+    rows = [row for case in cases for row in found[case]]
+    return ControlBenchmark(rows, summarise(rows), logs, time.perf_counter() - begin)
 
 
-def _run(case, seed, bundle):
-    """Run a case in a worker; bring the log only where it is wanted, it is large."""
-    policy, scheme, trajectory, plant = case
-    row, log = run_case(policy, scheme, trajectory, plant, seed, bundle)
-    return row, log if case in SHOWN + COMPARED else None
+def _run_group(group):
+    """Run cases in a worker; bring logs only where they are wanted, they are large."""
+    out = []
+    for case in group:
+        rows, logs = run_case(case)
+        wanted = (case.plant, case.trajectory, case.units) in SHOWN
+        out.append((rows, logs if wanted else {}))
+    return out
+
+
+def _slow(plant: str) -> float:
+    """Return about how much longer a plant takes: a narrow line needs small steps."""
+    return 4.0 if kind_of(plant).rig.chamber.line_volume > 0.0 else 1.0

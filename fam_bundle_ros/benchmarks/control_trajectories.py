@@ -1,28 +1,37 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The trajectories of the control benchmark, laid out from the model's own overlap.
+The trajectories of the control benchmark, scaled to what plant and model can both give.
 
 Forces are given on a dynamometer at 16 % strain, strains against a mass and a spring or an arm.
+Dwells lie where the controller's model has the overlap of the first two recruitment states.
 """
 
 from bisect import bisect_right
 import math
+from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.benchmarks.plants import rest_force
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring
 from fam_bundle_ros.simulation import Trajectory
 
 #: Names, in the order in which they are shown.
-TRAJECTORIES = ('ramp', 'staircase', 'sine_0.1', 'sine_0.5', 'sine_1', 'crossing_sine', 'dwell',
-                'dwell_edge', 'arm_spline', 'load_step')
-#: Strain of the force trajectories and peak of the strain sines.
-STRAIN = 0.16
+TRAJECTORIES = ('ramp_5', 'ramp_20', 'ramp_80', 'sine_0.1', 'sine_0.5', 'sine_1', 'sine_2',
+                'multisine', 'steps', 'moved', 'dwell', 'dwell_edge', 'strain_sine',
+                'strain_steps', 'load_step', 'arm')
+#: Strain of the force trajectories; how far it is moved under a constant force, and how often.
+STRAIN, MOVED, MOVED_HERTZ = 0.16, 0.035, 0.3
+#: Shares of the largest common force between which forces go.
+_LOW, _HIGH = 0.06, 0.88
 #: Time in which the start of a trajectory is taken up before it counts, s.
 _PREPARE = 1.5
+#: s: longest way up of a ramp; slow ones then go through the overlap only.
+_RAMP = 10.0
+_GRAVITY = 9.80665
 
 
 class _Path:
@@ -52,23 +61,45 @@ class _Path:
         return change / span * 30.0 * x * x * (1.0 - x) ** 2
 
 
-class _Sine:
-    """From the low value up to the high one and back, starting at the low one."""
+class _Sines:
+    """A sum of sines (amplitude, Hz) that starts at the lowest value of the first."""
 
-    def __init__(self, low, high, frequency):
-        self._middle, self._size = 0.5 * (low + high), 0.5 * (high - low)
-        self._turn = 2.0 * math.pi * frequency
+    def __init__(self, middle, *parts):
+        self._middle = middle
+        self._parts = [(size, 2.0 * math.pi * hertz) for size, hertz in parts]
 
     def value(self, t):
         """Return the value at a time."""
-        return self._middle - self._size * math.cos(self._turn * t)
+        return self._middle - sum(size * math.cos(turn * t) for size, turn in self._parts)
 
     def rate(self, t):
         """Return the rate at a time."""
-        return self._size * self._turn * math.sin(self._turn * t)
+        return sum(size * turn * math.sin(turn * t) for size, turn in self._parts)
 
 
-def make_trajectory(name: str, bundle: Bundle, long: bool = False) -> Trajectory:
+class _Stairs:
+    """Values that jump, one for each second; a step has no rate."""
+
+    def __init__(self, values):
+        self._values = values
+
+    def value(self, t):
+        """Return the value at a time."""
+        return self._values[min(int(max(t, 0.0)), len(self._values) - 1)]
+
+    def rate(self, t):
+        """Return 0."""
+        return 0.0
+
+
+def top_force(strain: float, model: Bundle, plant: Any, units: int | None = None) -> float:
+    """Return the largest force, N, that both can give at a strain with the first ``units`` on."""
+    pressure = np.where(np.arange(model.n) < (units or model.n), model.max_pressure, 0.0)
+    return min(float(model.force(strain, pressure)), rest_force(plant, strain, pressure))
+
+
+def make_trajectory(name: str, model: Bundle, plant: Any = None, long: bool = False
+                    ) -> Trajectory:
     """
     Return a trajectory of the benchmark.
 
@@ -76,65 +107,100 @@ def make_trajectory(name: str, bundle: Bundle, long: bool = False) -> Trajectory
     ----------
     name : str
         One of `TRAJECTORIES`.
-    bundle : Bundle
-        Whose overlap places the demands.
+    model : Bundle
+        The controller's; its overlap places the dwells.
+    plant : Bundle or ForeignPlant, optional
+        The model by default.
     long : bool
-        Dwell for 60 s rather than 8 s.
+        Dwell for 60 s rather than 6 s.
 
     Raises
     ------
     InputError
         For another name.
     """
-    length = float(bundle.motor_units[0].geometry.length)
-    overlap = bundle.overlap(STRAIN, 1)
-    middle, limit = 0.5 * (overlap.low + overlap.high), overlap.high
-    dwell = 60.0 if long else 8.0
+    if name not in TRAJECTORIES:
+        raise InputError(f"trajectory is '{name}'; expected one of {', '.join(TRAJECTORIES)}")
+    plant = plant or model
+    kind = name.split('_')[0]
+    if kind in ('strain', 'load', 'arm'):
+        return _strain_trajectory(name, model, plant)
+    return _force_trajectory(name, kind, model, plant, long)
 
-    def force(path, duration):
-        return Trajectory(name, 'force', duration, path.value, path.rate,
-                          Dynamometer(strain=STRAIN), prepare=_PREPARE)
 
-    def strain(path, duration, load, events=()):
+def _force_trajectory(name, kind, model, plant, long):
+    """Return a force over time on a dynamometer."""
+    overlap = model.overlap(STRAIN, 1)
+    top = top_force(STRAIN, model, plant)
+    low, high = _LOW * top, _HIGH * top
+    middle, swing = 0.5 * (low + high), 0.5 * (high - low)
+    imposed: Any = None
+    path: Any
+    if kind == 'ramp':
+        rate = float(name.split('_')[1])
+        if high - low > _RAMP * rate:
+            low = max(low, min(overlap.high, high) - 0.5 * _RAMP * rate)
+            high = min(high, low + _RAMP * rate)
+        span = (high - low) / rate
+        times = np.cumsum([0.5, span, 1.0, span, 0.5])
+        path, duration = _Path(times[:4], [low, high, high, low], smooth=False), float(times[-1])
+    elif kind == 'sine':
+        hertz = float(name.split('_')[1])
+        path, duration = _Sines(middle, (swing, hertz)), max(1.0 / hertz, 5.0)
+    elif kind == 'multisine':
+        path = _Sines(middle, (0.45 * swing, 0.17), (0.32 * swing, 0.53), (0.2 * swing, 1.1))
+        duration = 10.0
+    elif kind == 'steps':
+        shares = (0.1, 0.5, 0.85, 1.0, 0.7, 0.35, 0.93, 0.2)
+        path, duration = _Stairs([share * high for share in shares]), float(len(shares))
+    elif kind == 'moved':
+        # What can be given wherever the strain is.
+        level = 0.5 * min(top_force(STRAIN - 0.03 + way, model, plant)
+                          for way in (-MOVED, MOVED))
+        path, duration = _Sines(level), 8.0
+        turn = 2.0 * math.pi * MOVED_HERTZ
+
+        def imposed(t):
+            return STRAIN - 0.03 + MOVED * math.sin(turn * t)
+    else:
+        level = (0.5 * (overlap.low + overlap.high) if name == 'dwell' else overlap.high - 0.1)
+        level = min(level, high)
+        path = _Path([0.0, 1.5], [0.5 * level, level])
+        duration = 60.0 if long else 6.0
+    return Trajectory(name, 'force', duration, path.value, path.rate, Dynamometer(strain=STRAIN),
+                      imposed, prepare=_PREPARE)
+
+
+def _strain_trajectory(name, model, plant):
+    """Return a strain over time against a load that plant and model can both move."""
+    length = model.length
+
+    def trajectory(path, duration, load, events=()):
         return Trajectory(name, 'strain', duration, path.value, path.rate, load, events=events,
                           prepare=_PREPARE)
 
-    if name == 'ramp':
-        low, high = 0.25 * limit, 1.6 * limit
-        return force(_Path([0.5, 4.5, 5.0, 9.0, 11.0], [low, high, high, low, low],
-                           smooth=False), 11.0)
-    if name == 'crossing_sine':
-        return force(_Sine(0.5 * limit, 1.5 * limit, 0.5), 8.0)
-    if name == 'dwell':
-        return force(_Path([0.0, 2.0, 3.0], [0.5 * limit, middle, middle]), dwell)
-    if name == 'dwell_edge':
-        edge = limit - 0.1
-        return force(_Path([0.0, 2.0, 3.0], [0.5 * limit, edge, edge]), dwell)
-    if name == 'staircase':
-        levels = [0.03, 0.07, 0.11, 0.15, 0.18, 0.15, 0.11, 0.07, 0.03, 0.08, 0.03]
-        times = [t for k in range(len(levels)) for t in (1.0 * k, 1.0 * k + 0.6)]
-        path = _Path(times, np.repeat(levels, 2))
-        return strain(path, times[-1] + 0.4, _mass_spring(bundle, 0.15, 1.15, length))
-    if name.startswith('sine_') and name in TRAJECTORIES:
-        frequency = float(name.split('_')[1])
-        duration = {0.1: 20.0, 0.5: 8.0, 1.0: 6.0}[frequency]
-        load = _mass_spring(bundle, STRAIN, middle / limit, length)
-        return strain(_Sine(0.02, STRAIN, frequency), duration, load)
-    if name == 'arm_spline':
+    if name == 'strain_sine':
+        load = mass_spring(0.6 * top_force(0.14, model, plant), 0.14, length)
+        return trajectory(_Sines(0.08, (0.06, 0.5)), 6.0, load)
+    if name == 'strain_steps':
+        levels = [0.03, 0.07, 0.11, 0.14, 0.09, 0.03]
+        times = [t for k in range(len(levels)) for t in (1.2 * k, 1.2 * k + 0.6)]
+        load = mass_spring(0.7 * top_force(0.14, model, plant), 0.14, length)
+        return trajectory(_Path(times, np.repeat(levels, 2)), times[-1] + 0.6, load)
+    if name == 'arm':
         path = _Path([0.0, 1.2, 1.6, 2.8, 3.2, 4.4, 5.2, 6.2, 7.2],
                      [0.01, 0.10, 0.10, 0.145, 0.145, 0.05, 0.05, 0.11, 0.01])
-        return strain(path, 8.0, Arm())
-    if name == 'load_step':
-        path = _Path([0.0, 1.0, 6.0, 7.0, 8.0], [0.02, 0.12, 0.12, 0.02, 0.11])
-        top = bundle.overlap(0.12, 1).high / 9.80665
-        events = ((2.5, {'mass': 1.15 * top}), (4.5, {'mass': 0.7 * top}))
-        return strain(path, 9.0, MassSpring(mass=0.7 * top, damping=40.0), events)
-    raise InputError(f"trajectory is '{name}'; expected one of {', '.join(TRAJECTORIES)}")
+        # The arm of a bundle of any size: the same motion, in proportion to what it can lift.
+        size = top_force(0.14, model, plant) / 57.0
+        return trajectory(path, 8.0, Arm(mass=1.5 * size, moment_of_inertia=0.06 * size,
+                                         damping=0.05 * size))
+    path = _Path([0.0, 1.0, 6.0, 7.0, 8.0], [0.02, 0.12, 0.12, 0.02, 0.11])
+    mass = 0.8 * top_force(0.12, model, plant, units=1) / _GRAVITY
+    events = ((2.5, {'mass': 1.5 * mass}), (4.5, {'mass': mass}))
+    return trajectory(path, 8.5, MassSpring(mass=mass, damping=40.0), events)
 
 
-def _mass_spring(bundle, strain, share, length):
-    """Return a load that needs a share of RS1's largest force at a strain."""
-    force = share * bundle.overlap(strain, 1).high
-    mass = 0.45 * force / 9.80665
-    return MassSpring(mass=mass, stiffness_against=0.55 * force / (strain * length),
-                      damping=40.0)
+def mass_spring(force, strain, length):
+    """Return a load that needs a force at a strain, not quite half of it for the weight."""
+    return MassSpring(mass=0.45 * force / _GRAVITY,
+                      stiffness_against=0.55 * force / (strain * length), damping=40.0)

@@ -11,36 +11,27 @@ import numpy as np
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.benchmarks import speed_peers
-from fam_bundle_ros.benchmarks.control import CONTROLLERS, MODEL
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
+from fam_bundle_ros.benchmarks.margins import CONTROLLERS as NAMED
+from fam_bundle_ros.benchmarks.plants import model_of
 from fam_bundle_ros.benchmarks.speed import best, elsewhere, Figure, Row, where_of
 from fam_bundle_ros.control import ControllerConfig
-from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
+from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import MassSpring, RigConfig
-from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
 #: x real time on one core, by motor units.
 REACH = {2: 300.0, 6: 100.0}
 REACH_PLAIN, REACH_PEERS = 10.0, 100.0
 #: A force on a dynamometer, and a strain against an arm.
-TRAJECTORIES = ('crossing_sine', 'arm_spline')
+TRAJECTORIES = ('sine_0.5', 'arm')
+#: Policy and scheme of every controller with a model.
+CONTROLLERS = tuple((each.policy, each.scheme) for name, each in NAMED.items()
+                    if not each.baseline and each.feedback)
 #: Tolerances that the peers may have, loose to tight.
 _TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 _FINE = 1e-8
 _PERIOD = 2e-3
-
-
-def bundle_of(units: int) -> Bundle:
-    """Return the bundle of the paper, or one of six motor units of different sizes."""
-    paper = load_model(config_path(MODEL))
-    if units == 2:
-        return paper
-    sizes = ((3.5e-3, 1), (4.0e-3, 1), (4.5e-3, 1), (5.0e-3, 1), (5.0e-3, 2), (6.35e-3, 2))
-    return Bundle('six', [
-        MotorUnit(f'mu{k + 1}', muscles, Geometry(radius, 0.127, math.radians(33.0),
-                                                  0.25 * radius), 344.7e3)
-        for k, (radius, muscles) in enumerate(sizes[:units])], paper.effects)
 
 
 def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
@@ -60,7 +51,7 @@ def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
     budget, least : float, s, and int
         For repeats of each.
     """
-    bundle, found = bundle_of(units), {}
+    bundle, found = model_of(units), {}
     for name in trajectories:
         trajectory = make_trajectory(name, bundle)
         trajectory = replace(trajectory, duration=max(0.1, scale * trajectory.duration),
@@ -96,7 +87,7 @@ def _slowest(what: str, found: dict[str, float], reach: float) -> Figure:
 
 def where(scale: float) -> str:
     """Return where a run of the slower trajectory spends its time."""
-    bundle = bundle_of(2)
+    bundle = model_of(2)
     loop = ClosedLoop(bundle, seed=1)
     trajectory = replace(make_trajectory(TRAJECTORIES[1], bundle), duration=8.0 * scale)
     loop.run(trajectory)
@@ -124,7 +115,7 @@ def against_solvers(scale: float) -> list[Figure]:
     The solvers get the loop's valve commands for nothing, and the loosest tolerance at which
     they are as exact as the loop against a fine solution.
     """
-    bundle = bundle_of(2)
+    bundle = model_of(2)
     duration = max(0.5 * scale, 0.02)
     loop, trajectory = case(bundle, duration)
     log = loop.run(trajectory)

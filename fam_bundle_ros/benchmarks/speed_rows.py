@@ -33,5 +33,5 @@ def warm_up() -> None:
         bundle = load_model(config_path(f'models/{name}'))
         strain = np.linspace(0.0, 0.2, 9)
         bundle.force(strain, np.full((9, bundle.n), 1e5))
-        trajectory = replace(make_trajectory('crossing_sine', bundle), duration=0.1, prepare=0.0)
+        trajectory = replace(make_trajectory('sine_0.5', bundle), duration=0.1, prepare=0.0)
         ClosedLoop(bundle).run(trajectory)

@@ -8,30 +8,25 @@ import time
 import numpy as np
 
 from fam_bundle_ros.benchmarks import control
+from fam_bundle_ros.benchmarks.plants import model_of
 from fam_bundle_ros.benchmarks.speed import Figure, Row, where_of
-from fam_bundle_ros.benchmarks.speed_loop import bundle_of
 from fam_bundle_ros.model import Bundle, Motion
 
-#: s on two cores; and what it took before the loop was compiled.
-REACH_CONTROL, BEFORE = 60.0, 1122.0
-#: The rows that took that long.
-TRAJECTORIES = ('ramp', 'staircase', 'sine_0.1', 'sine_0.5', 'sine_1', 'crossing_sine', 'dwell',
-                'dwell_edge', 'arm_spline', 'load_step')
-PLANTS = ('nominal', 'resistive_50_more', 'friction', 'mu1_10_weaker', 'noise_doubled')
+#: s on two cores.
+REACH_CONTROL = 600.0
 #: Lengths of the logs for `diagnose`.
 SAMPLES = (10_000, 24_000, 100_000)
 
 
 def control_benchmark(scale: float) -> list[Figure]:
     """Return the wall time of `benchmark-control` on two cores."""
-    trajectories = TRAJECTORIES[:max(round(scale * len(TRAJECTORIES)), 1)]
-    plants = PLANTS[:max(round(scale * len(PLANTS)), 1)]
+    cases = control.cases_of()
+    cases = cases[:max(round(scale * len(cases)), 1)]
     begin, cpu = time.perf_counter(), _children()
-    found = control.run_benchmark(trajectories=trajectories, plants=plants, workers=2)
+    found = control.run_benchmark(cases, workers=2)
     spent = time.perf_counter() - begin
     return [Figure(f'{len(found.rows)} runs', spent, 's on two cores', reach=REACH_CONTROL,
-                   note=f'{_children() - cpu:.0f} s of CPU time; {BEFORE:.0f} s of wall time '
-                   'before the loop was compiled (230 runs)')]
+                   note=f'{_children() - cpu:.0f} s of CPU time')]
 
 
 def _children() -> float:
@@ -42,8 +37,7 @@ def _children() -> float:
 
 def where_control(scale: float) -> str:
     """Return where one of its runs spends its time."""
-    return where_of(lambda: control.run_case('reversal_aware', 'orderly', 'crossing_sine',
-                                             'nominal'))
+    return where_of(lambda: control.run_case(control.Case('nominal', 'sine_0.5', 2, ())))
 
 
 def diagnoses(scale: float) -> list[Figure]:
@@ -57,7 +51,7 @@ def diagnose_seconds(length: int) -> float:
     """Return the time that `diagnose` takes on a simulated log of loops at seven isobars."""
     from fam_bundle_ros.data.measurement import build
     from fam_bundle_ros.discovery import diagnose
-    paper = bundle_of(2)
+    paper = model_of(2)
     model = Bundle('one_muscle', paper.motor_units[:1], paper.effects)
     time_s = 0.01 * np.arange(length)
     turn = 2.0 * np.pi * 14.0 * np.arange(length) / length

@@ -31,11 +31,17 @@ def register(app: typer.Typer) -> None:
 
 
 def benchmark_control(
-    trajectories: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
     plants: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
-    controllers: Annotated[str, typer.Option(help='policy/scheme with commas between, or all.'
-                                             )] = 'all',
-    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 1,
+    trajectories: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    units: Annotated[str, typer.Option(help='Motor units: of 2, 3, 6, with commas between, or '
+                                       'all.')] = 'all',
+    controllers: Annotated[str, typer.Option(
+        help='Run beside reversal_aware and equal_pressure: names with commas between, all, or '
+        'none.')] = 'all',
+    full: Annotated[bool, typer.Option('--full', help='Every combination, not only every pair '
+                                       '(hours).')] = False,
+    seeds: Annotated[str, typer.Option(help="Seeds of the sensors' noise, with commas between."
+                                       )] = '1',
     workers: Annotated[int | None, typer.Option(help='Processes; all cores by default.',
                                                 min=1)] = None,
     ros: Annotated[bool, typer.Option(help='Also run one row over ROS in lock-step.')] = True,
@@ -43,41 +49,47 @@ def benchmark_control(
                                              'page (HTML).')] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Run every policy and scheme on the same trajectories and plants."""
+    """
+    Hold the controller against one equal pressure with a PI, on plants that are not its model.
+
+    By default every pair of plant, trajectory, number of units and further controller is there,
+    in a few minutes. The worst plant comes first. The JSON has `rows` (one per run), `summary`
+    (`figures`, `plants`, `not_reached`) and `over_ros`.
+    """
     from fam_bundle_ros.benchmarks import control
-    from fam_bundle_ros.report.control_pages import benchmark_page, verdicts
-    chosen = _pick(trajectories, control.TRAJECTORIES, '--trajectories')
-    kinds = _pick(plants, control.PLANTS, '--plants')
-    pairs = _pick(controllers, [f'{p}/{s}' for p, s in control.CONTROLLERS], '--controllers')
+    from fam_bundle_ros.report.control_tables import (
+        figure_cells,
+        FIGURE_HEAD,
+        plant_cells,
+        PLANT_HEAD,
+    )
+    known = [str(n) for n in control.UNITS]
+    others = [] if controllers == 'none' else _pick(controllers, control.OTHERS, '--controllers')
+    cases = control.cases_of(
+        _pick(plants, control.PLANTS, '--plants'),
+        _pick(trajectories, control.TRAJECTORIES, '--trajectories'),
+        [int(n) for n in _pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
     with progress_bar('benchmark-control') as tick:
         result = control.run_benchmark(
-            [pair for pair in control.CONTROLLERS if '/'.join(pair) in pairs], chosen, kinds,
-            seed, workers=workers,
-            progress=lambda done, every, what: tick(done / every, what))
-    table(('figure', 'value', 'to reach', ''), verdicts(result.summary), numeric=(1,),
-          title='reversal_aware, worst trajectory')
-    saved = {name: entry for name, entry in result.summary['by_trajectory'].items()
-             if entry.get('air_saving') is not None}
-    if saved:
-        table(('trajectory', 'air saved (%)', 'at most (%)', 'a liquid would save (%)',
-               'air over least'),
-              [(name, *(None if entry.get(key) is None else 100.0 * entry[key] for key in
-                        ('air_saving', 'air_saving_bound', 'liquid_saving')),
-                entry.get('air_over_least')) for name, entry in saved.items()],
-              title='against all on', numeric=(1, 2, 3, 4))
-    console.print(f'{len(result.rows)} runs; chatter in '
-                  f'{sum(row["chatter"] for row in result.rows)}')
-    for name, sentences in result.summary['not_reached'].items():
-        console.print(f'not reached on {name}: ' + '; '.join(sentences), highlight=False)
-    over_ros = _over_ros(seed) if ros else []
+            cases, workers, progress=lambda done, every, what: tick(done / every, what))
+    table(PLANT_HEAD, [plant_cells(line) for line in result.summary['plants']],
+          title='reversal_aware beside equal_pressure, the worst plant first',
+          numeric=tuple(range(1, len(PLANT_HEAD))))
+    table(FIGURE_HEAD, [figure_cells(figure) for figure in result.summary['figures']],
+          title=f'{len(cases)} cases, {len(result.rows)} runs, {result.seconds:.0f} s',
+          numeric=(1, 2, 3))
+    for sentence in result.summary['not_reached']:
+        console.print(f'not reached: {sentence}', highlight=False)
+    over_ros = _over_ros(cases[0].seed) if ros else []
     if over_ros:
-        table(('ramp, reversal_aware, orderly', 'rms (N)', 'largest (N)', 'switches', 'air (mg)'),
+        table(('ramp_20, reversal_aware', 'rms (N)', 'largest (N)', 'switches', 'air (mg)'),
               [(row['through'], row['tracking_rms'], row['largest_error'], row['switches'],
                 1e6 * row['air_mass']) for row in over_ros], numeric=(1, 2, 3, 4))
     if out is not None:
+        from fam_bundle_ros.report.control_pages import benchmark_page
         from fam_bundle_ros.report.page import write_page
         shipped = control.MODEL.rpartition('/')[2].removesuffix('.yaml')
-        write_page(out, benchmark_page(result, open_model(shipped), seed, over_ros,
+        write_page(out, benchmark_page(result, open_model(shipped), seeds, over_ros,
                                        [('model file', model_path(shipped))]))
         wrote(out)
     save_json(json_file, {**result.to_json(), 'over_ros': over_ros})
@@ -194,7 +206,7 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
     bundle, rig, period = open_model('spie2021'), RigConfig(), 2e-3
     # The gains that the benchmark has, and in both the rate that all nodes share.
     gains, config = PidGains(), pid_config(rig, period)
-    trajectory = make_trajectory('ramp', bundle)
+    trajectory = make_trajectory('ramp_20', bundle)
     with notes.status('one row over ROS, lock-step'):
         logs = {'Python calls': ClosedLoop(bundle, rig=rig, period=period, pid_period=period,
                                            gains=gains, pid=config, seed=seed).run(trajectory),
@@ -203,8 +215,8 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
                     overrides={'gains.p': gains.p, 'gains.i': gains.i, 'gains.d': gains.d,
                                'quiet_error': config.quiet_error,
                                'transport_delay': config.transport_delay})}
-    return [{'policy': 'reversal_aware', 'scheme': 'orderly', 'trajectory': 'ramp',
-             'plant': 'nominal', **metrics(log, bundle, rig, search=False), 'through': through}
+    return [{'controller': 'reversal_aware', 'trajectory': 'ramp_20', 'plant': 'nominal',
+             **metrics(log, bundle, rig), 'through': through}
             for through, log in logs.items()]
 
 
@@ -217,3 +229,11 @@ def _pick(text: str, known: Any, option: str) -> list[str]:
             raise InputError(f"{option}: '{name}' is not known; expected all, or some of "
                              f'{", ".join(known)}')
     return names
+
+
+def _whole(text: str, option: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(',')]
+    except ValueError:
+        raise InputError(f"{option}: '{text}' is no list of whole numbers; expected for example "
+                         '1,2,3') from None

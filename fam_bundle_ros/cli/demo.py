@@ -71,7 +71,7 @@ def _run_trajectories(bundle: Any, folder: Path, seed: int, step: Step) -> list[
     from fam_bundle_ros.simulation import Trajectory
     lift = load_profile('strain_steps')
     stories = (
-        ('force', make_trajectory('ramp', bundle),
+        ('force', make_trajectory('ramp_20', bundle),
          'a force that rises through the overlap of the two recruitment states and falls back, '
          f'on a dynamometer that holds the strain at {100 * STRAIN:.0f} %.'),
         ('strain', Trajectory(lift.name, lift.kind, lift.duration, lift.value, lift.rate,

@@ -24,7 +24,7 @@ from fam_bundle_ros.control.curves import (
     tabulate,
 )
 from fam_bundle_ros.control.inverse import fill, share, Shares
-from fam_bundle_ros.control.spread import SCHEMES
+from fam_bundle_ros.control.spread import ALL_ON, SCHEMES
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
@@ -208,7 +208,7 @@ def allocate(bundle: Bundle, demand: float, strain: float, state: int,
         0..n: how many motor units are active.
     strain_rate : float, 1/s
     scheme : str
-        ``orderly``, ``batch`` or ``all_on``.
+        ``orderly``, ``batch`` or ``all_on``: those that invert the model.
 
     Examples
     --------
@@ -218,8 +218,9 @@ def allocate(bundle: Bundle, demand: float, strain: float, state: int,
     >>> print(f'{bundle.force(0.16, found.pressure):.2f} N')
     60.00 N
     """
-    if scheme not in SCHEMES:
-        raise InputError(f"scheme is '{scheme}'; expected one of {', '.join(SCHEMES)}")
+    inverting = SCHEMES[:ALL_ON + 1]
+    if scheme not in inverting:
+        raise InputError(f"scheme is '{scheme}'; expected one of {', '.join(inverting)}")
     if not 0 <= state <= bundle.n:
         raise InputError(f'state is {state}; expected 0 to {bundle.n}')
     curves = Allocator(bundle).curves(Instant(strain, strain_rate))

@@ -19,6 +19,7 @@ from fam_bundle_ros.control.adaptation import (
     forget_adaptation,
 )
 from fam_bundle_ros.control.allocation import Allocator
+from fam_bundle_ros.control.baselines import baseline_settings, BaselineConfig
 from fam_bundle_ros.control.belief import Belief, belief_of
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import KINDS, outer_settings, OuterState, SATURATION
@@ -55,7 +56,8 @@ class ControllerConfig:
         ``neglect``, ``hysteresis`` or ``reversal_aware``: see `SwitchingConfig`.
     scheme : str
         ``orderly``: a unit to its limit before the next; ``batch``: all active units at one
-        pressure; ``all_on``: all units always, at one pressure.
+        pressure; ``all_on``: all units always, at one pressure. Without a model, to compare with
+        (see `fam_bundle_ros.control.baselines`): ``equal_pressure``, ``threshold``.
     order : sequence of int, optional
         Of recruitment, from 0; that of the model file by default.
     max_pressure : sequence of float, Pa (gauge), optional
@@ -64,8 +66,12 @@ class ControllerConfig:
         Its policy is taken from ``policy``.
     outer : OuterConfig
         Force and strain loops.
+    baseline : BaselineConfig
+        Gains of ``equal_pressure`` and ``threshold``.
     load : LoadModel
         What is known of the load, for strain references.
+    adaptation : AdaptationConfig
+        What is learnt of the model's errors.
     still : float, Pa
         Pressures change only when they would by more than this: no air for sensor noise.
     adaptation : AdaptationConfig
@@ -81,6 +87,7 @@ class ControllerConfig:
     switching: SwitchingConfig = field(default_factory=SwitchingConfig)
     outer: OuterConfig = field(default_factory=OuterConfig)
     load: LoadModel = field(default_factory=LoadModel)
+    baseline: BaselineConfig = field(default_factory=BaselineConfig)
     adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
     still: float = 400.0
     hold_time: float = 0.2
@@ -230,4 +237,5 @@ def controller_settings(bundle: Bundle, config: ControllerConfig) -> Recruitment
     return RecruitmentSettings(
         SCHEMES.index(config.scheme), config.still, config.hold_time, limit.tolist(),
         switching_settings(config.switching), outer_settings(config.outer, config.load, bundle),
+        baseline_settings(config.baseline, bundle, limit),
         adaptation_settings(config.adaptation, bundle))

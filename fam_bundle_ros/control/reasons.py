@@ -12,6 +12,8 @@ NONE = 0
 FROM_REST, BEYOND, AHEAD = 1, 2, 3
 BELOW, UNREACHABLE, AT_REST, ABSENT, TURNED_BACK, CHEAP = 4, 5, 6, 7, 8, 9
 LOST = 10
+#: Of orderly switching without a model.
+FULL, EMPTY = 11, 12
 
 
 @dataclass
@@ -66,6 +68,11 @@ def sentence(reason: Any, names: Sequence[str]) -> str:
         return ''
     if r.why == LOST:
         return f'vent: no usable reading for {r.time:.2f} s'
+    if r.why == FULL:
+        return f'recruit {names[state]}: ' + (
+            f'{names[state - 1]} is full and more is asked for' if state else 'force is asked for')
+    if r.why == EMPTY:
+        return f'release {names[state - 1]}: it is empty and less is asked for'
     if r.why <= AHEAD:
         text = {
             FROM_REST: f'demand {force:.1f} N above {r.level:.1f} N; at rest there are '

@@ -23,6 +23,12 @@ from fam_bundle_ros.control.adaptation import (
     lagged,
     learn_lead,
 )
+from fam_bundle_ros.control.baselines import (
+    baseline_step,
+    BaselineSettings,
+    BaselineState,
+    forget_baseline,
+)
 from fam_bundle_ros.control.crossing import (
     begin_crossing,
     crossing_pace,
@@ -53,7 +59,7 @@ from fam_bundle_ros.control.outer_loop import (
 )
 from fam_bundle_ros.control.rate import forget_rate, quiet_rate, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
-from fam_bundle_ros.control.spread import ALL_ON, spread, TOLERANCE
+from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.switching import (
     Demand,
     MachineState,
@@ -79,6 +85,7 @@ class RecruitmentSettings:
     max_pressure: list
     switching: SwitchingSettings
     outer: OuterSettings
+    baseline: BaselineSettings
     adaptation: AdaptationSettings
 
 
@@ -120,6 +127,7 @@ class RecruitmentState:
     adaptation: AdaptationState
     rate: RateState = field(default_factory=RateState)
     outer: OuterState = field(default_factory=OuterState)
+    baseline: BaselineState = field(default_factory=BaselineState)
     demand: Demand = field(default_factory=Demand)
     heading_kind: int = -1
     clock: float = 0.0
@@ -144,6 +152,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     n = len(command.pressure)
     start_machine(state.machine, n if settings.scheme == ALL_ON else 0)
     forget_outer(state.outer)
+    forget_baseline(state.baseline)
     forget_rate(state.rate)
     for unit in range(n):
         state.asleep[unit] = 0
@@ -207,6 +216,11 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         hold(settings, state, dt, command)
         return
     state.lost = 0.0
+    if settings.scheme >= EQUAL_PRESSURE:
+        baseline_step(settings.baseline, state.baseline, settings.scheme == EQUAL_PRESSURE,
+                      state.table.order, settings.max_pressure, settings.still, measurement, kind,
+                      value, dt, command)
+        return
     table, outer, machine = state.table, state.outer, state.machine
     # The strain loop damps with the rate as measured; the model has no use for its noise.
     strain_rate = quiet_rate(state.rate, measurement.strain_rate, dt)

@@ -9,9 +9,10 @@ from fam_bundle_ros.control.crossing import advance, end_crossing, is_crossing
 from fam_bundle_ros.control.curves import slope_at
 from fam_bundle_ros.control.inverse import fill, share
 
-#: Schemes: a unit to its limit before the next; active units at one pressure; all always on.
-SCHEMES = ('orderly', 'batch', 'all_on')
-ORDERLY, BATCH, ALL_ON = 0, 1, 2
+#: Schemes: a unit to its limit before the next; active units at one pressure; all always on; and
+#: two without a model (`baselines`), to compare with.
+SCHEMES = ('orderly', 'batch', 'all_on', 'equal_pressure', 'threshold')
+ORDERLY, BATCH, ALL_ON, EQUAL_PRESSURE, THRESHOLD = range(5)
 #: N: demands missed by less than this count as met.
 TOLERANCE = 0.1
 

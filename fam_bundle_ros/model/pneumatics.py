@@ -28,12 +28,13 @@ LAMINAR_RATIO = 0.999
 
 
 def mass_flow(conductance: float, critical_ratio: float, upstream: float, downstream: float,
-              temperature: float = REFERENCE_TEMPERATURE) -> float:
+              temperature: float = REFERENCE_TEMPERATURE,
+              laminar_ratio: float = LAMINAR_RATIO) -> float:
     """
     Return the mass flow through an orifice in kg/s, after ISO 6358; negative when it runs back.
 
     r = p2/p1 <= b: C p1 rho0 sqrt(T0/T1); above, times sqrt(1 - ((r - b)/(1 - b))^2), and
-    linear in r from `LAMINAR_RATIO` to 1.
+    linear in r from ``laminar_ratio`` to 1.
 
     Parameters
     ----------
@@ -54,9 +55,9 @@ def mass_flow(conductance: float, critical_ratio: float, upstream: float, downst
     if temperature != REFERENCE_TEMPERATURE:
         flow *= math.sqrt(REFERENCE_TEMPERATURE / temperature)
     ratio = low / high
-    if ratio > LAMINAR_RATIO:
-        edge = (LAMINAR_RATIO - critical_ratio) / (1.0 - critical_ratio)
-        flow *= math.sqrt(1.0 - edge * edge) * (1.0 - ratio) / (1.0 - LAMINAR_RATIO)
+    if ratio > laminar_ratio:
+        edge = (laminar_ratio - critical_ratio) / (1.0 - critical_ratio)
+        flow *= math.sqrt(1.0 - edge * edge) * (1.0 - ratio) / (1.0 - laminar_ratio)
     elif ratio > critical_ratio:
         beyond = (ratio - critical_ratio) / (1.0 - critical_ratio)
         flow *= math.sqrt(1.0 - beyond * beyond)

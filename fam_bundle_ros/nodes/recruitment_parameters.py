@@ -12,13 +12,18 @@ from fam_bundle_ros.control import (
     OuterConfig,
     SwitchingConfig,
 )
-from fam_bundle_ros.control.allocation import SCHEMES
+from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.control.recruitment import POLICIES
+from fam_bundle_ros.control.spread import SCHEMES
 from fam_bundle_ros.nodes import sensing
 from fam_bundle_ros.nodes.base import LISTENER, MODEL
 from fam_bundle_ros.nodes.parameters import Spec
 
-_SWITCHING, _OUTER = SwitchingConfig(), OuterConfig()
+_SWITCHING, _OUTER, _BASELINE = SwitchingConfig(), OuterConfig(), BaselineConfig()
+#: Fields of the schemes without a model that are parameters: name, unit, largest value.
+_BASELINE_FIELDS = (
+    ('force_gain', '1', 100.0), ('force_integral', '1/s', 1e4), ('strain_gain', '1', 100.0),
+    ('strain_integral', '1/s', 1e4), ('filter_time', 's', 10.0), ('dwell', 's', 60.0))
 #: Fields of the outer loop that are parameters: name, unit, largest value.
 _OUTER_FIELDS = (
     ('delay', 's', 0.5), ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0),
@@ -60,6 +65,9 @@ SPECS = (
     Spec('adaptation.memory', AdaptationConfig().memory, 'how long an error that no gain '
          'explains stays alike, s', 0.01, 1e3, dynamic=True),
     *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
+    *(Spec(f'baseline.{name}', getattr(_BASELINE, name), 'of the schemes equal_pressure and '
+           f'threshold, {unit}', 0.0, high, dynamic=True)
+      for name, unit, high in _BASELINE_FIELDS),
     *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
            dynamic=True) for name, unit in _LOAD_FIELDS),
     Spec('reference_timeout', 0.0, 'vent and forget the reference when it is older, s; 0 for '
@@ -98,6 +106,8 @@ def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
             **outer),
         adaptation=AdaptationConfig(enabled=values['adaptation.enabled'],
                                     memory=values['adaptation.memory']),
+        baseline=BaselineConfig(**{name: values[f'baseline.{name}']
+                                   for name, _, _ in _BASELINE_FIELDS}),
         load=LoadModel(**{name: values[f'load_model.{name}'] for name, _ in _LOAD_FIELDS}))
 
 

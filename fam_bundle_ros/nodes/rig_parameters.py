@@ -12,6 +12,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.parameters import Spec
 from fam_bundle_ros.plant import (
     Arm,
+    ChamberConfig,
     Dynamometer,
     Load,
     MassSpring,
@@ -64,9 +65,15 @@ _SENSORS = {f'sensors.{f.name}': f.name for f in fields(SensorConfig)
             if f.name not in ('dropout', 'on_dropout')}
 _UNITS = {'force': 'N', 'pressure': 'Pa', 'strain': 'dimensionless', 'rate': 'Hz'}
 
+
+def _unit(field: str) -> str:
+    """Return the unit of a field of `SensorConfig`."""
+    return 's' if field.endswith(('lag', 'delay')) else _UNITS[field.partition('_')[0]]
+
+
 RIG = (
     *(Spec(name, getattr(SensorConfig(), field),
-           f"{field.replace('_', ' ')} of the instruments, {_UNITS[field.partition('_')[0]]}",
+           f"{field.replace('_', ' ')} of the instruments, {_unit(field)}",
            -1e5 if field.endswith('bias') else 1e-3 if field == 'rate_cutoff' else 0.0, 1e5)
       for name, field in _SENSORS.items()),
     Spec('supply.pressure', SupplyConfig().pressure, 'set point of the regulator, Pa gauge',
@@ -78,6 +85,12 @@ RIG = (
     Spec('valve.dead_band', ValveConfig().dead_band, 'command that does not open the valve',
          0.0, 0.9),
     Spec('valve.bandwidth', ValveConfig().bandwidth, 'of the spool, Hz', 1.0, 1e4),
+    Spec('valve.hysteresis', 0.0, 'backlash between command and spool', 0.0, 0.5),
+    Spec('valve.delay', 0.0, 'dead time of the commands, s', 0.0, 1.0),
+    Spec('chamber.line_volume', 0.0, 'of the tube, at the valve with the pressure sensor before '
+         'a restriction, m^3; 0 for one pressure', 0.0, ChamberConfig().tube_volume),
+    Spec('chamber.line_conductance', ChamberConfig().line_conductance,
+         'sonic conductance of that restriction, m^3/(s Pa)', 1e-12, 1e-5),
     Spec('trip_pressure', 450e3, 'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
 )
 
@@ -153,7 +166,10 @@ def rig_config(values: dict[str, Any]) -> RigConfig:
         load=load_from(values),
         valve=ValveConfig(conductance=values['valve.conductance'],
                           dead_band=values['valve.dead_band'],
-                          bandwidth=values['valve.bandwidth']),
+                          bandwidth=values['valve.bandwidth'],
+                          hysteresis=values['valve.hysteresis'], delay=values['valve.delay']),
+        chamber=ChamberConfig(line_volume=values['chamber.line_volume'],
+                              line_conductance=values['chamber.line_conductance']),
         supply=SupplyConfig(pressure=values['supply.pressure'],
                             resistance=values['supply.resistance']),
         sensors=SensorConfig(**{field: values[name] for name, field in _SENSORS.items()}),

@@ -13,8 +13,10 @@ import math
 from typing import Any
 
 from fam_bundle_ros.model.pneumatics import (
+    LAMINAR_RATIO,
     mass_flow,
     REFERENCE_DENSITY,
+    REFERENCE_TEMPERATURE,
     RT,
     valve_opening,
     ValveFlow,
@@ -25,6 +27,8 @@ from fam_bundle_ros.plant.supply import SupplyConfig
 #: Largest product of sub-step and fastest rate. RK4 is stable to 2.8; below 0.7 its error is
 #: far below that of the coupling to the load.
 _STIFFNESS = 0.7
+#: Above this pressure ratio the flow through a narrow line is laminar.
+LINE_LAMINAR_RATIO = 0.98
 
 
 @dataclass
@@ -57,6 +61,9 @@ class AirConfig:
     #: rad/s, natural frequency of the spools; their damping ratio.
     spool_frequency: float
     spool_damping: float
+    #: Backlash of the spools; s, dead time of their commands.
+    hysteresis: float
+    delay: float
 
     @classmethod
     def of(cls, valve: ValveConfig, chamber: ChamberConfig, supply: SupplyConfig,
@@ -64,7 +71,8 @@ class AirConfig:
         """Return the constants; ``droop``, Pa/(kg/s), adds to the regulator's resistance."""
         flow = ValveFlow(valve.conductance, valve.critical_ratio, valve.dead_band)
         return cls(flow, chamber, supply, float(ambient), supply.resistance + droop,
-                   valve.natural_frequency, valve.damping)
+                   valve.natural_frequency, valve.damping, float(valve.hysteresis),
+                   float(valve.delay))
 
 
 @dataclass
@@ -79,18 +87,25 @@ class AirScratch:
     stage: list[float]
     rate: list[float]
     change: list[float]
+    #: The same for the lines at the valves.
+    line_stage: list[float]
+    line_rate: list[float]
+    line_change: list[float]
 
 
 @dataclass
 class Air:
     """State of the air in a rig, one value for each chamber or valve in the lists."""
 
-    #: Pa (absolute).
+    #: Pa (absolute), in the muscles; in the lines at the valves, where those are apart.
     pressure: list[float]
-    #: m^3 with tubing.
+    line: list[float]
+    #: m^3 with tubing, without such lines.
     volume: list[float]
     #: m^3/Pa, at constant strain; 0 where the muscle does not swell with pressure.
     compliance: list[float]
+    #: What arrives at each spool behind its backlash, -1..1.
+    driven: list[float]
     #: Spool position, -1..1, and its speed, 1/s.
     spool: list[float]
     spool_rate: list[float]
@@ -105,9 +120,9 @@ class Air:
     def at_rest(cls, config: AirConfig, volume: list[float]) -> 'Air':
         """Return chambers at ambient, the manifold at the regulator's set point, valves shut."""
         n = len(volume)
-        return cls([config.ambient] * n, list(volume), [0.0] * n, [0.0] * n, [0.0] * n,
-                   config.supply.pressure + config.ambient, False, AirBalance(),
-                   AirScratch(*([0.0] * n for _ in range(5))))
+        return cls([config.ambient] * n, [config.ambient] * n, list(volume), [0.0] * n,
+                   [0.0] * n, [0.0] * n, [0.0] * n, config.supply.pressure + config.ambient,
+                   False, AirBalance(), AirScratch(*([0.0] * n for _ in range(8))))
 
 
 def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
@@ -123,7 +138,7 @@ def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
     commands : vector (n,), -1..1
         Valve commands, held.
     volume : vector (n,), m^3
-        Gas volumes with tubing at the end, at the pressure of the beginning.
+        Gas volumes with tubing (without lines apart) at the end, at the pressure of the beginning.
     leaks : vector (n,), 1/s
         Rate at which each chamber's gauge pressure leaks away at constant volume.
     """
@@ -149,12 +164,20 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
                                air.manifold)
     exponent = RT * max(chamber.inflow_exponent, chamber.outflow_exponent)
     relief = ambient + chamber.relief_pressure - chamber.relief_band
+    apart = chamber.line_volume > 0.0
     fastest = 0.0
     through = 1.0 / config.resistance
     if air.dumping:
         through += secant(supply.dump_conductance, b, manifold, ambient)
     for i in range(len(commands)):
         p = air.pressure[i]
+        smallest = min(air.volume[i], volume[i])
+        if apart:
+            inside = secant(chamber.line_conductance, chamber.line_ratio, air.line[i], p,
+                            LINE_LAMINAR_RATIO)
+            fastest = max(fastest, exponent * inside * (1.0 / chamber.line_volume
+                                                        + 1.0 / smallest))
+            p, smallest = air.line[i], chamber.line_volume
         here, there = valve_opening(valve, air.spool[i]), valve_opening(valve, commands[i])
         most, lowest = max(here, there), min(here, there)
         slope = 0.0
@@ -163,22 +186,27 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
             through += slope
         if lowest < 0.0:
             slope = max(slope, -lowest * secant(c, b, p, ambient))
-        if p > relief:
+        if apart and slope > 0.0:
+            # Line and restriction are as fast besides.
+            fastest += exponent * slope / smallest
+        if air.pressure[i] > relief:
+            p, smallest = air.pressure[i], min(air.volume[i], volume[i])
             # Opening the relief valve is steeper than the flow through it.
             slope += c * p * REFERENCE_DENSITY * (1.0 / chamber.relief_band + 1.0 / p)
         if slope > 0.0 or leaks[i] > 0.0:
-            smallest = min(air.volume[i], volume[i])
             fastest = max(fastest, exponent * slope / smallest + leaks[i])
     fastest = max(fastest, RT * through / supply.volume)
     return max(1, math.ceil(dt * fastest / _STIFFNESS))
 
 
-def secant(conductance: float, b: float, upstream: float, downstream: float) -> float:
+def secant(conductance: float, b: float, upstream: float, downstream: float,
+           laminar_ratio: float = LAMINAR_RATIO) -> float:
     """Return flow over pressure difference, kg/(s Pa); at equal pressures its limit."""
     difference = abs(upstream - downstream)
     if difference < 1.0:
         upstream, difference = downstream + 1.0, 1.0
-    return abs(mass_flow(conductance, b, upstream, downstream)) / difference
+    return abs(mass_flow(conductance, b, upstream, downstream, REFERENCE_TEMPERATURE,
+                         laminar_ratio)) / difference
 
 
 def move_spools(config: Any, air: Any, commands: Any, dt: float) -> None:
@@ -225,8 +253,8 @@ def runge_kutta(config: Any, air: Any, leaks: Any, dt: float) -> None:
     work, start = air.scratch, air.manifold
     n = len(air.pressure)
     for i in range(n):
-        work.stage[i] = air.pressure[i]
-        work.change[i] = 0.0
+        work.stage[i], work.line_stage[i] = air.pressure[i], air.line[i]
+        work.change[i] = work.line_change[i] = 0.0
     manifold, change, at = start, 0.0, 0.0
     for stage in range(4):
         weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
@@ -237,9 +265,14 @@ def runge_kutta(config: Any, air: Any, leaks: Any, dt: float) -> None:
         for i in range(n):
             work.change[i] += weight * work.rate[i]
             work.stage[i] = air.pressure[i] + at * work.rate[i]
+        if config.chamber.line_volume > 0.0:
+            for i in range(n):
+                work.line_change[i] += weight * work.line_rate[i]
+                work.line_stage[i] = air.line[i] + at * work.line_rate[i]
     air.manifold = start + change
     for i in range(n):
         air.pressure[i] += work.change[i]
+        air.line[i] += work.line_change[i]
         air.volume[i] += dt * work.slope[i] + air.compliance[i] * work.change[i]
 
 
@@ -259,7 +292,7 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
     """
     valve, chamber, work, balance = config.valve, config.chamber, air.scratch, air.balance
     c, b, ambient = valve.conductance, valve.critical_ratio, config.ambient
-    relief = ambient + chamber.relief_pressure
+    relief, apart = ambient + chamber.relief_pressure, chamber.line_volume > 0.0
     delivered = exhausted = leaked = 0.0
     for i in range(len(air.pressure)):
         p, opening = work.stage[i], work.opening[i]
@@ -267,12 +300,18 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
         volume = (air.volume[i] + time * work.slope[i]
                   + compliance * (p - air.pressure[i]))
         flow = out = 0.0
+        at_valve = work.line_stage[i] if apart else p
         if opening > 0.0:
-            flow = opening * mass_flow(c, b, manifold, p)
+            flow = opening * mass_flow(c, b, manifold, at_valve)
             delivered += flow
         elif opening < 0.0:
-            flow = opening * mass_flow(c, b, p, ambient)
+            flow = opening * mass_flow(c, b, at_valve, ambient)
             exhausted -= flow
+        if apart:
+            inside = mass_flow(chamber.line_conductance, chamber.line_ratio, at_valve, p,
+                               REFERENCE_TEMPERATURE, LINE_LAMINAR_RATIO)
+            work.line_rate[i] = line_rate(chamber, flow, inside)
+            flow = inside
         if p > relief:
             out = (min((p - relief) / chamber.relief_band, 1.0)
                    * mass_flow(c, b, p, ambient))
@@ -290,6 +329,21 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
     balance.exhausted += weight * exhausted
     balance.leaked += weight * leaked
     return supply_flows(config, air, manifold, delivered, weight)
+
+
+def line_rate(chamber: Any, flow: float, inside: float) -> float:
+    """
+    Return dp/dt of a line at a valve, Pa/s.
+
+    Parameters
+    ----------
+    chamber : ChamberConfig
+    flow, inside : float, kg/s
+        From the valve into the line, and from the line through the restriction to the muscles.
+    """
+    into = chamber.inflow_exponent if flow > 0.0 else chamber.outflow_exponent
+    onward = chamber.outflow_exponent if inside > 0.0 else chamber.inflow_exponent
+    return RT * (into * flow - onward * inside) / chamber.line_volume
 
 
 def supply_flows(config: Any, air: Any, manifold: float, delivered: float,

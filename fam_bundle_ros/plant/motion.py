@@ -16,6 +16,7 @@ import math
 from typing import Any
 
 from fam_bundle_ros.plant.circuit import Air, AirConfig, circuit_step
+from fam_bundle_ros.plant.lines import DelayLine, put, read_held
 from fam_bundle_ros.plant.loads import damping_rate, drift, DYNAMOMETER, kick, LoadState
 from fam_bundle_ros.plant.sensors import FORCE, PRESSURE, STRAIN, SUPPLY
 
@@ -39,8 +40,9 @@ class RigRecord:
     step: float
     #: m, rest length of the bundle.
     length: float
-    #: m^3, between valve and muscles of one motor unit.
+    #: m^3, between valve and muscles of one motor unit; what of it is one with the muscles.
     tube_volume: float
+    near_volume: float
     #: Pa (gauge).
     trip_pressure: float
     #: Whether the force depends on the strain rate, the volume on the pressure.
@@ -72,6 +74,8 @@ class RigState:
     #: s since the start; of the last force that the memory of the effects has taken in.
     time: float
     memory_time: float
+    #: Commands on their way to the valves.
+    line: DelayLine
     #: N, of the bundle; J, done on the load.
     force: float
     work: float
@@ -91,8 +95,8 @@ class RigState:
     def at_rest(cls, air: Air, motion: LoadState) -> 'RigState':
         """Return the state of a rig that has not moved yet."""
         n = len(air.pressure)
-        return cls(air, motion, 0.0, 0.0, 0.0, 0.0, RUNNING, 0, 0.0, -1.0, False,
-                   [0.0] * n, [0.0] * n, [0.0] * n)
+        return cls(air, motion, 0.0, 0.0, DelayLine.empty(n), 0.0, 0.0, RUNNING, 0, 0.0, -1.0,
+                   False, [0.0] * n, [0.0] * n, [0.0] * n)
 
 
 def begin(rig: Any, model: Any, state: Any) -> None:
@@ -121,22 +125,35 @@ def rig_step(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults:
     duration : float, s
     """
     count = max(1, math.ceil(duration / rig.step - 1e-9))
+    if rig.air.delay > 0.0:
+        put(state.line, state.time, commands, rig.air.delay)
     if load.kind == DYNAMOMETER:
         imposed_steps(rig, load, model, state, commands, faults, duration, count)
     else:
         moving_steps(rig, load, model, state, commands, faults, duration, count)
 
 
-def set_valves(state: Any, commands: Any, faults: Any) -> None:
-    """Give the valves their commands: exhaust while stopped; what is stuck does not move."""
+def set_valves(rig: Any, state: Any, commands: Any, faults: Any, time: float) -> None:
+    """
+    Give the valves their commands as they arrive at ``time`` (s), behind dead time and backlash.
+
+    Exhaust while stopped; what is stuck does not move.
+    """
+    late = rig.air.delay > 0.0
+    if late:
+        read_held(state.line, time - rig.air.delay, state.commands)
     for i in range(len(commands)):
-        command = min(max(commands[i], -1.0), 1.0)
+        command = min(max(state.commands[i] if late else commands[i], -1.0), 1.0)
         if state.reason != RUNNING:
             command = -1.0
         if math.isinf(faults.stuck[i]):
             faults.stuck[i] = state.air.spool[i]
         if not math.isnan(faults.stuck[i]):
             command = faults.stuck[i]
+        elif rig.air.hysteresis > 0.0:
+            half = 0.5 * rig.air.hysteresis
+            command = min(max(state.air.driven[i], command - half), command + half)
+            state.air.driven[i] = command
         state.commands[i] = command
 
 
@@ -180,7 +197,7 @@ def moving_steps(rig: Any, load: Any, model: Any, state: Any, commands: Any, fau
 def drift_with_air(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults: Any,
                    dt: float, past: float) -> None:
     """Move the load by ``dt`` at its speed, and the air while the gas volumes follow."""
-    set_valves(state, commands, faults)
+    set_valves(rig, state, commands, faults, state.time - dt)
     drift(load, state.motion, dt, past)
     if rig.swells:
         gas_compliances(model, state)
@@ -210,10 +227,10 @@ def guard(rig: Any, state: Any) -> None:
 
 # --- gas volumes -------------------------------------------------------------------------------
 
-def gas_volume(tube_volume: float, model: Any, state: Any, unit: int) -> float:
+def gas_volume(near_volume: float, model: Any, state: Any, unit: int) -> float:
     """Return the gas volume of a motor unit with tubing at the present strain, m^3."""
     # A slice: numba passes an array that lies in a record to no function pointer.
-    return tube_volume + max(0.0, model.volume(
+    return near_volume + max(0.0, model.volume(
         unit, state.motion.strain, state.gauge[:], state.time, model.shape, model.parameters,
         model.tables))
 
@@ -221,7 +238,7 @@ def gas_volume(tube_volume: float, model: Any, state: Any, unit: int) -> float:
 def gas_volumes(rig: Any, model: Any, state: Any, out: Any) -> None:
     """Put the gas volumes at the present strain and pressures into ``out``, m^3."""
     for i in range(len(out)):
-        out[i] = gas_volume(rig.tube_volume, model, state, i)
+        out[i] = gas_volume(rig.near_volume, model, state, i)
 
 
 def gas_compliances(model: Any, state: Any) -> None:
@@ -244,7 +261,7 @@ def settle_volumes(rig: Any, model: Any, state: Any) -> None:
     for i in range(len(state.gauge)):
         pressure, volume = air.pressure[i], air.volume[i]
         for _ in range(10):
-            air.volume[i] = gas_volume(rig.tube_volume, model, state, i)
+            air.volume[i] = gas_volume(rig.near_volume, model, state, i)
             excess = (math.log(air.pressure[i] / pressure)
                       + exponent * math.log(air.volume[i] / volume))
             if abs(excess) < _CONTENT_TOLERANCE:
@@ -349,8 +366,10 @@ def solve_rate(rig: Any, load: Any, model: Any, state: Any, dt: float) -> tuple[
 # --- channels ----------------------------------------------------------------------------------
 
 def true_channels(rig: Any, state: Any, out: Any) -> None:
-    """Put the true value of every sensor channel into ``out``; pressures gauge."""
+    """Put the true value of every sensor channel into ``out``; pressures gauge, at the valves."""
     out[FORCE], out[STRAIN] = state.force, state.motion.strain
     out[SUPPLY] = state.air.manifold - rig.air.ambient
+    apart = rig.air.chamber.line_volume > 0.0
     for i in range(len(state.gauge)):
-        out[PRESSURE + i] = state.air.pressure[i] - rig.air.ambient
+        pressure = state.air.line[i] if apart else state.air.pressure[i]
+        out[PRESSURE + i] = pressure - rig.air.ambient

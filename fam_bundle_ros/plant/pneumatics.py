@@ -33,15 +33,24 @@ class ValveConfig(ValveFlow):
         Frequency at which the spool follows at -3 dB.
     damping : float
         Damping ratio of the spool, below 1.
+    hysteresis : float
+        Backlash between command and spool: a command that turns must go back by so much before
+        the spool moves.
+    delay : float, s
+        Dead time of all commands: bus, driver, amplifier. They act at the rig's next own step.
     """
 
     bandwidth: float = 125.0
     damping: float = 0.7
+    hysteresis: float = 0.0
+    delay: float = 0.0
 
     def __post_init__(self):
         require(self, 'conductance', 'bandwidth', above=0.0)
         require(self, 'critical_ratio', 'dead_band', least=0.0, most=0.9)
         require(self, 'damping', least=0.1, most=0.99)
+        require(self, 'hysteresis', least=0.0, most=0.5)
+        require(self, 'delay', least=0.0)
 
     @property
     def natural_frequency(self) -> float:
@@ -72,6 +81,11 @@ class ChamberConfig:
         Where the mechanical relief valve begins to open.
     relief_band : float, Pa
         Over this much more it opens fully, to the valve's conductance.
+    line_volume : float, m^3
+        Part of ``tube_volume`` that lies at the valve, with the pressure sensor, before a
+        restriction; 0 where the line is so wide that there is one pressure.
+    line_conductance, line_ratio : float, m^3/(s Pa) and 1
+        Sonic conductance and critical pressure ratio of that restriction after ISO 6358.
     """
 
     tube_volume: float = 5e-6
@@ -80,9 +94,15 @@ class ChamberConfig:
     volume_exponent: float = POLYTROPIC
     relief_pressure: float = 500e3
     relief_band: float = 20e3
+    line_volume: float = 0.0
+    line_conductance: float = 8e-9
+    line_ratio: float = 0.3
 
     def __post_init__(self):
-        require(self, 'tube_volume', 'relief_pressure', 'relief_band', above=0.0)
+        require(self, 'tube_volume', 'relief_pressure', 'relief_band', 'line_conductance',
+                above=0.0)
+        require(self, 'line_volume', least=0.0, most=self.tube_volume)
+        require(self, 'line_ratio', least=0.0, most=0.9)
         require(self, 'inflow_exponent', 'outflow_exponent', 'volume_exponent',
                 least=1.0, most=1.4)
 

@@ -172,8 +172,9 @@ class Rig:
         self._seed = seed
         air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
                            bundle.pneumatics.supply_resistance)
-        self.record = RigRecord(air, float(config.step), self.length,
-                                float(config.chamber.tube_volume), float(config.trip_pressure),
+        tube = float(config.chamber.tube_volume)
+        self.record = RigRecord(air, float(config.step), self.length, tube,
+                                tube - config.chamber.line_volume, float(config.trip_pressure),
                                 *_dependences(bundle, bundle.model(False)))
         self.sensors = SensorRecord.of(config.sensors, *_gauge_errors(bundle))
         self.reset()

@@ -15,6 +15,7 @@ import numpy as np
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant.checks import require
+from fam_bundle_ros.plant.lines import DelayLine, lag, put, read_between
 
 #: Channels before the pressures of the motor units, and the index of each.
 FORCE, STRAIN, SUPPLY, PRESSURE = range(4)
@@ -67,6 +68,10 @@ class SensorConfig:
     force_bias, pressure_bias, strain_bias : float, N, Pa, 1
     force_resolution, pressure_resolution, strain_resolution : float, N, Pa, 1
         Readings come in multiples of these; 0 for none.
+    force_lag, pressure_lag, strain_lag : float, s
+        Time constant of the first-order lag of instrument and amplifier; 0 for none.
+    delay : float, s
+        Dead time of all readings: conversion, bus, driver. They keep their stamps.
     rate_cutoff : float, Hz
         Of the first-order low-pass behind the differentiated strain.
     dropout : float
@@ -84,13 +89,18 @@ class SensorConfig:
     force_resolution: float = 0.01
     pressure_resolution: float = 50.0
     strain_resolution: float = 1e-5
+    force_lag: float = 0.0
+    pressure_lag: float = 0.0
+    strain_lag: float = 0.0
+    delay: float = 0.0
     rate_cutoff: float = 20.0
     dropout: float = 0.0
     on_dropout: str = 'nan'
 
     def __post_init__(self):
         require(self, 'force_noise', 'pressure_noise', 'strain_noise', 'force_resolution',
-                'pressure_resolution', 'strain_resolution', least=0.0)
+                'pressure_resolution', 'strain_resolution', 'force_lag', 'pressure_lag',
+                'strain_lag', 'delay', least=0.0)
         require(self, 'force_bias', 'pressure_bias', 'strain_bias')
         require(self, 'rate_cutoff', above=0.0)
         require(self, 'dropout', least=0.0, most=1.0)
@@ -126,6 +136,10 @@ class SensorRecord:
     bias: list[float]
     noise: list[float]
     resolution: list[float]
+    #: s, of each channel; of all; whether there is any of either.
+    lag: list[float]
+    delay: float
+    late: bool
     rate_cutoff: float
     dropout: float
     hold: bool
@@ -134,12 +148,14 @@ class SensorRecord:
     def of(cls, config: SensorConfig, gain: list[float], offset: list[float]) -> 'SensorRecord':
         """Return the constants; ``gain`` and ``offset`` have a value for each channel."""
         c, pressures = config, len(gain) - 2
+        lags = [c.force_lag, c.strain_lag] + [c.pressure_lag] * pressures
         return cls(list(map(float, gain)), list(map(float, offset)),
                    [c.force_bias, c.strain_bias] + [c.pressure_bias] * pressures,
                    [c.force_noise, c.strain_noise] + [c.pressure_noise] * pressures,
                    [c.force_resolution, c.strain_resolution]
-                   + [c.pressure_resolution] * pressures,
-                   c.rate_cutoff, c.dropout, c.on_dropout == 'hold')
+                   + [c.pressure_resolution] * pressures, lags, float(c.delay),
+                   c.delay > 0.0 or max(lags) > 0.0, c.rate_cutoff, c.dropout,
+                   c.on_dropout == 'hold')
 
 
 @dataclass
@@ -155,11 +171,20 @@ class SensorState:
     last_time: float
     #: N, taken off the force reading.
     tare: float
+    #: Of instruments with lag or delay: behind the lag, and behind both; true values before, and
+    #: when they were, s; readings on their way.
+    lagged: list[float]
+    late: list[float]
+    before: list[float]
+    felt_at: float
+    line: DelayLine
 
     @classmethod
     def fresh(cls, channels: int) -> 'SensorState':
         """Return instruments that have shown nothing yet."""
-        return cls([math.nan] * channels, math.nan, 0.0, math.nan, math.nan, 0.0)
+        return cls([math.nan] * channels, math.nan, 0.0, math.nan, math.nan, 0.0,
+                   [0.0] * channels, [0.0] * channels, [0.0] * channels, math.nan,
+                   DelayLine.empty(channels))
 
 
 def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,
@@ -181,12 +206,14 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,
         Random numbers of this sample: standard normal, and uniform in 0..1. A sample takes them
         whatever is switched on, so that a fault never changes the noise of another channel.
     """
+    if config.late:
+        feel_late(config, state, true, time)
     for i in range(len(true)):
         if lost[i] != 0 or chance[i] < config.dropout:
             if not config.hold:
                 state.shown[i] = math.nan
             continue
-        value = true[i]
+        value = state.late[i] if config.late else true[i]
         if i == FORCE:
             value = config.gain[i] * value + config.offset[i] - state.tare
         else:
@@ -197,6 +224,20 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,
             value = step * ((value / step + _ROUNDER) - _ROUNDER)
         state.shown[i] = value
     filter_rate(config, state, time)
+
+
+def feel_late(config: Any, state: Any, true: Any, time: float) -> None:
+    """Put what lag and delay let through at ``time`` (s) into ``state.late``."""
+    dt = time - state.felt_at
+    for i in range(len(true)):
+        if math.isnan(dt):
+            state.lagged[i] = true[i]
+        elif dt > 0.0:
+            state.lagged[i] = lag(state.lagged[i], state.before[i], true[i], dt, config.lag[i])
+        state.before[i] = true[i]
+    state.felt_at = time
+    put(state.line, time, state.lagged, config.delay)
+    read_between(state.line, time - config.delay, state.late)
 
 
 def filter_rate(config: Any, state: Any, time: float) -> None:

@@ -51,7 +51,7 @@ def demo_metrics(runs: Sequence[DemoRun], diagnosis: Diagnosis, bundle: Bundle, 
     """Return the numbers of the report: metrics.json, the terminal's summary, the headline."""
     found: dict[str, Any] = {'runs': {}, 'seed': seed, 'seconds': seconds}
     for run in runs:
-        own, other = (metrics(log, bundle, rig, search=False) for log in (run.log, run.all_on))
+        own, other = (metrics(log, bundle, rig) for log in (run.log, run.all_on))
         found['runs'][run.name] = {
             'kind': run.log.kind, 'states': visited(run.log), 'orderly': own, 'all_on': other,
             'air_saving': 1.0 - own['air_mass'] / other['air_mass'],

@@ -9,6 +9,7 @@ import pytest
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.benchmarks import (
+    plants,
     speed,
     speed_loop,
     speed_model,
@@ -27,7 +28,7 @@ TINY = 0.02
 @pytest.fixture(scope='module')
 def bundle():
     """Return the bundle of two motor units."""
-    return speed_loop.bundle_of(2)
+    return plants.model_of(2)
 
 
 def test_bench_writes_table_page_and_numbers(fam_bundle, tmp_path):
@@ -90,8 +91,8 @@ def test_diagnose_is_timed():
 def test_the_closed_loop_runs_without_numba_elsewhere():
     """The plain figures come from a process that has no numba, whatever this one has."""
     assert speed.elsewhere('fam_bundle_ros.kernels:numba', plain=True) is None
-    found = speed_loop.speeds(6, TINY, [('reversal_aware', 'orderly')], ['crossing_sine'], 0.0)
-    assert list(found) == ['reversal_aware/orderly/crossing_sine']
+    found = speed_loop.speeds(6, TINY, [('reversal_aware', 'orderly')], ['sine_0.5'], 0.0)
+    assert list(found) == ['reversal_aware/orderly/sine_0.5']
 
 
 def test_a_failure_elsewhere_is_a_row_that_is_skipped():

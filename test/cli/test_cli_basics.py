@@ -163,19 +163,22 @@ def test_an_unexpected_error_is_a_short_line(fam_bundle, monkeypatch):
         fam_bundle('effects', '--debug')
 
 
-def test_benchmark_control_reports_every_run_against_the_targets(fam_bundle, tmp_path):
-    """One trajectory, two controllers: rows and summary in JSON, a page, the terminal's table."""
-    result = fam_bundle('benchmark-control', '--trajectories', 'load_step', '--plants', 'nominal',
-                        '--controllers', 'reversal_aware/orderly,reversal_aware/all_on',
+def test_benchmark_control_reports_every_run_beside_equal_pressure(fam_bundle, tmp_path):
+    """One trajectory on two plants: rows and summary in JSON, a page, the terminal's tables."""
+    result = fam_bundle('benchmark-control', '--trajectories', 'ramp_80', '--plants',
+                        'nominal,units_5', '--units', '2', '--controllers', 'none', '--no-ros',
                         '--json', 'runs.json', '--out', 'runs.html')
     assert result.returncode == 0, result.stderr
     found = json.loads((tmp_path / 'runs.json').read_text())
-    assert len(found['rows']) == 2
-    assert {'tracking_rms', 'dip_depth', 'switches', 'air_mass'} <= set(found['rows'][0])
-    assert {'dip_ratio', 'transition_rms_ratio', 'air_over_least', 'air_saving',
-            'tracking_ratio_all_on', 'chatter_runs'} <= set(found['summary'])
+    assert [row['controller'] for row in found['rows']].count('equal_pressure') == 2
+    assert [line['plant'] for line in found['summary']['plants']] == ['units_5', 'nominal']
+    assert result.stdout.index('units_5') < result.stdout.index('nominal')
     assert 'not run' in result.stdout  # without neglect there is nothing to hold the dip against
-    assert 'track' in (tmp_path / 'runs.html').read_text()
+    page = (tmp_path / 'runs.html').read_text()
+    assert page.index('units_5') < page.index('the model itself')
     wrong = fam_bundle('benchmark-control', '--plants', 'nominal,nosuch')
     assert wrong.returncode == 2
     assert "'nosuch'" in wrong.stderr
+    seeds = fam_bundle('benchmark-control', '--seeds', '1,two')
+    assert seeds.returncode == 2
+    assert "--seeds: '1,two'" in seeds.stderr

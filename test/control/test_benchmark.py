@@ -2,156 +2,271 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control benchmark on a subset, and its parts."""
 
+from dataclasses import replace
+from itertools import combinations
 import json
 
 import numpy as np
 import pytest
 
-from fam_bundle_ros.benchmarks.control import plant_of, PLANTS, run_benchmark
-from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, TRAJECTORIES
-from fam_bundle_ros.benchmarks.least_air import filling_air, least_air
-from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.pneumatics import (
-    ATMOSPHERE,
-    GAS_CONSTANT,
-    POLYTROPIC,
-    REFERENCE_TEMPERATURE,
+from fam_bundle_ros.benchmarks.control import Case, cases_of, run_benchmark
+from fam_bundle_ros.benchmarks.control_metrics import chatters, compared, held_air, row_of
+from fam_bundle_ros.benchmarks.control_summary import summarise
+from fam_bundle_ros.benchmarks.control_trajectories import (
+    make_trajectory,
+    STRAIN,
+    top_force,
+    TRAJECTORIES,
 )
-
-SUMMARY = {'dip_ratio', 'transition_rms_ratio', 'air_over_least', 'air_saving',
-           'tracking_ratio_all_on', 'chatter_runs'}
+from fam_bundle_ros.benchmarks.cover import pairwise
+from fam_bundle_ros.benchmarks.margins import (
+    asked_margin,
+    CONTROLLERS,
+    gain_margin,
+    loop_of,
+    settles,
+)
+from fam_bundle_ros.benchmarks.plants import model_of, plant_of, PLANTS, UNITS
+from fam_bundle_ros.control.baselines import BaselineConfig
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.plant import RigConfig
+from fam_bundle_ros.simulation import Log
 
 
 @pytest.fixture(scope='module')
 def subset():
-    """Return the benchmark's ramp on the nominal plant, with what the calls of progress said."""
+    """Return the benchmark on two plants and one trajectory, with what progress said."""
     said = []
-    found = run_benchmark([('neglect', 'orderly'), ('reversal_aware', 'orderly'),
-                           ('reversal_aware', 'all_on')], ['ramp'], ['nominal'],
-                          progress=lambda done, total, name: said.append((done, total, name)))
+    cases = [Case('delay_5', 'ramp_80', 2, ('neglect',)),
+             Case('nominal', 'ramp_80', 2, ('no_feedback',))]
+    found = run_benchmark(cases, 1, lambda done, every, what: said.append((done, every, what)))
     return found, said
 
 
-def test_figures_of_the_ramp_are_reached(subset):
-    """Dip a tenth, window error a third, air within a tenth of the least, no chatter."""
-    summary = subset[0].summary
-    assert summary['dip_ratio'] <= 0.1
-    assert summary['transition_rms_ratio'] <= 1.0 / 3.0
-    assert summary['air_over_least'] <= 1.1
-    assert summary['tracking_ratio_all_on'] <= 1.1
-    assert summary['chatter_runs'] == 0
+def test_every_case_has_ours_and_equal_pressure_at_its_gains(subset):
+    """Three runs a case, all figures of each, and the gains that were found for the baseline."""
+    rows = subset[0].rows
+    assert [row['controller'] for row in rows] == [
+        'reversal_aware', 'equal_pressure', 'neglect',
+        'reversal_aware', 'equal_pressure', 'no_feedback']
+    assert {'tracking_rms', 'largest_error', 'error_there', 'dip_depth', 'switches', 'air_mass',
+            'chatter', 'model_error', 'one_unit', 'rms_ratio'} <= set(rows[0])
+    assert rows[0]['gain_margin'] > 1.0
+    assert rows[1]['gains'][1] > 0.0
+    assert rows[1]['rms_ratio'] == 1.0
+    assert rows[1]['tracking_rms'] * rows[0]['rms_ratio'] == pytest.approx(
+        rows[0]['tracking_rms'])
 
 
-def test_result_goes_to_json_with_the_names_promised(subset):
-    """Rows and summary survive JSON, and progress counted every run."""
+def test_result_survives_json_and_progress_counts_every_case(subset):
+    """What is written can be read again; the worst plant is first, nominal last."""
     found, said = subset
     text = json.loads(json.dumps(found.to_json()))
-    assert SUMMARY <= set(text['summary'])
-    assert {'policy', 'scheme', 'trajectory', 'plant', 'tracking_rms', 'largest_error',
-            'transition_rms', 'dip_depth', 'dip_length', 'switches', 'shortest_dwell', 'air_mass',
-            'efficiency', 'time_saturated', 'chatter'} <= set(text['rows'][0])
-    assert [done for done, _, _ in said] == [1, 2, 3]
-    assert ('neglect', 'orderly', 'ramp', 'nominal') in found.logs
+    assert [line['plant'] for line in text['summary']['plants']] == ['delay_5', 'nominal']
+    assert len(text['rows']) == 6
+    assert said[-1][:2] == (2, 2)
+
+
+def test_same_seed_gives_the_same_rows_and_another_does_not():
+    """Runs are deterministic; the seed is that of the noise."""
+    rows = [run_benchmark([Case('nominal', 'ramp_80', 2, (), seed)], 1).rows[0]
+            for seed in (1, 1, 2)]
+    assert rows[0] == rows[1]
+    assert rows[2]['tracking_rms'] != rows[0]['tracking_rms']
+
+
+# --- plants and trajectories ---------------------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def begun():
+    """Return the first 1.3 s of every trajectory on every plant, with the nominal reference."""
+    model = model_of(2)
+    found = {}
+    for name in TRAJECTORIES:
+        trajectory = replace(make_trajectory(name, model), duration=1.3, prepare=0.5)
+        for plant in PLANTS:
+            log = loop_of(plant, 2, CONTROLLERS['reversal_aware'], BaselineConfig()).run(
+                trajectory)
+            found[plant, name] = log.force if log.kind == 'force' else log.strain
+    return found
 
 
 @pytest.mark.parametrize('name', TRAJECTORIES)
-def test_rates_of_trajectories_are_their_derivatives(paper_bundle, name):
-    """The rate that goes with a reference is the slope of its value."""
-    trajectory = make_trajectory(name, paper_bundle)
+def test_every_plant_differs_from_nominal_on_every_trajectory(begun, name):
+    """A plant that answers like the model would test nothing: each moves the result visibly."""
+    least = 0.02 if name.split('_')[0] not in ('strain', 'load', 'arm') else 1e-6
+    for plant in PLANTS:
+        if plant != 'nominal':
+            assert np.abs(begun[plant, name] - begun['nominal', name]).max() > least, plant
+
+
+@pytest.mark.parametrize('name', TRAJECTORIES)
+def test_rates_of_trajectories_are_their_derivatives(name):
+    """The rate that goes with a reference is the slope of its value; a step has none."""
+    trajectory = make_trajectory(name, model_of(2))
     for t in np.linspace(0.013, trajectory.duration - 0.011, 60):
         slope = (trajectory.value(t + 1e-5) - trajectory.value(t - 1e-5)) / 2e-5
         assert trajectory.rate(t) == pytest.approx(slope, rel=1e-3, abs=1e-3)
 
 
-def test_what_is_not_reached_is_said_with_its_reason(subset):
-    """At a constant strain no allocation saves air on a ramp that needs all units at its top."""
-    summary = subset[0].summary
-    assert summary['air_saving'] < 0.01
-    assert summary['by_trajectory']['ramp']['air_saving_bound'] < 0.01
-    assert set(summary['not_reached']) <= {'ramp'}
-    for sentence in summary['not_reached'].get('ramp', []):
-        assert 'saving of air' in sentence
-        assert 'same sum of pressures' in sentence
+@pytest.mark.parametrize('units', UNITS)
+@pytest.mark.parametrize('plant', ['everything', 'units_10'])
+def test_plant_and_model_can_both_give_what_is_asked(plant, units):
+    """Force references stay within what both can give at their strain, whatever the size."""
+    model, true = model_of(units), plant_of(plant, units)
+    for name in TRAJECTORIES:
+        trajectory = make_trajectory(name, model, true)
+        if trajectory.kind != 'force':
+            continue
+        for t in np.linspace(0.0, trajectory.duration, 40):
+            strain = trajectory.imposed(t) if trajectory.imposed else STRAIN
+            assert trajectory.value(t) < 0.95 * top_force(strain, model, true)
+            assert trajectory.value(t) > 0.0
 
 
-def test_unknown_names_fails(paper_bundle):
+def test_ramps_have_the_rate_of_their_name():
+    """5, 20 and 80 N/s, up and down."""
+    for name in ('ramp_5', 'ramp_20', 'ramp_80'):
+        trajectory = make_trajectory(name, model_of(6))
+        rates = {abs(round(trajectory.rate(t), 6))
+                 for t in np.linspace(0.0, trajectory.duration, 500)}
+        assert rates == {0.0, float(name.split('_')[1])}
+
+
+# --- margins -------------------------------------------------------------------------------------
+
+PI = CONTROLLERS['equal_pressure']
+
+
+def test_twice_the_gain_is_half_the_margin():
+    """And the loop settles below its margin, not above."""
+    margins = [gain_margin('delay_10', 2, PI, BaselineConfig(force_gain=0.01 * size,
+                                                             force_integral=size), 'force')
+               for size in (10.0, 20.0)]
+    assert margins[0] / margins[1] == pytest.approx(2.0, rel=0.2)
+    usual = BaselineConfig(force_gain=0.1, force_integral=10.0)
+    assert settles('delay_10', 2, PI, usual, 'force', 0.7 * margins[0])
+    assert not settles('delay_10', 2, PI, usual, 'force', 1.5 * margins[0])
+
+
+def test_dead_time_costs_margin():
+    """The same gains have less of it with 15 ms than with 5 ms."""
+    gains = BaselineConfig(force_gain=0.3, force_integral=30.0)
+    assert gain_margin('delay_15', 2, PI, gains, 'force') < 0.8 * gain_margin(
+        'delay_5', 2, PI, gains, 'force')
+
+
+def test_baselines_are_asked_for_our_margin_but_no_more_than_6_db():
+    """No straw man: a cautious controller of ours does not make its rival cautious."""
+    assert asked_margin(1.6) == 1.6
+    assert asked_margin(30.0) == 2.0
+    assert asked_margin(0.5) > 1.0
+
+
+# --- cases ---------------------------------------------------------------------------------------
+
+def test_cover_holds_every_pair_in_few_cases():
+    """Every pair of values of two factors; not many more cases than the two longest need."""
+    factors = [range(7), 'abcdef', (1, 2, 3), 'xyz']
+    cases = pairwise(factors)
+    for i, j in combinations(range(4), 2):
+        assert {(case[i], case[j]) for case in cases} == {
+            (a, b) for a in factors[i] for b in factors[j]}
+    assert 42 <= len(cases) <= 50
+
+
+def test_full_grid_has_all_controllers_in_every_case():
+    """And the feedback's own cost is measured on the nominal plant only."""
+    cases = cases_of(['valve', 'nominal'], ['moved'], [2, 3], ['neglect', 'batch'], [1, 2],
+                     full=True)
+    assert len(cases) == 8
+    assert {case.others for case in cases if case.plant == 'valve'} == {('neglect', 'batch')}
+    assert {case.others[-1] for case in cases if case.plant == 'nominal'} == {'no_feedback'}
+    assert len(cases_of(seeds=(1, 2, 3))) == 3 * len(cases_of())
+
+
+# --- figures -------------------------------------------------------------------------------------
+
+def fake(plant, controller, rms, air=1e-4, trajectory='ramp_20', **more):
+    """Return a row."""
+    return {'plant': plant, 'controller': controller, 'trajectory': trajectory, 'units': 2,
+            'seed': 1, 'kind': 'force', 'tracking_rms': rms, 'air_mass': air, 'switches': 1,
+            'chatter': False, 'error_there': 2.0 * rms, 'dip_depth': rms, 'one_unit': False,
+            'model_error': 5.0, **more}
+
+
+def test_summary_holds_ours_against_equal_pressure():
+    """Median, nine in ten and worst of the ratios; what is missed is said with its figure."""
+    rows = []
+    for k in range(10):
+        rows += [fake('surface', 'reversal_aware', 0.5 + 0.1 * k, trajectory=f't{k}'),
+                 fake('surface', 'equal_pressure', 1.0, 2e-4, trajectory=f't{k}')]
+    rows += [fake('nominal', 'reversal_aware', 0.1, chatter=True),
+             fake('nominal', 'equal_pressure', 1.0), fake('nominal', 'neglect', 0.2),
+             fake('nominal', 'no_feedback', 0.08)]
+    found = summarise(rows)
+    figures = {figure['figure']: figure for figure in found['figures']}
+    tracking = figures['tracking rms over equal pressure']
+    assert (tracking['median'], tracking['worst']) == pytest.approx((0.9, 1.4))
+    assert tracking['nine_in_ten'] == pytest.approx(1.3)
+    assert tracking['where'] == 'surface t9, 2 units'
+    assert tracking['reached'] is False
+    assert any('worst 1.4' in sentence for sentence in found['not_reached'])
+    assert figures['air over equal pressure']['worst'] == 1.0
+    assert figures['runs with chatter']['reached'] is False
+    assert figures['dip at switches over that of neglect']['worst'] == pytest.approx(0.5)
+    assert figures['nominal: rms over that without feedback']['worst'] == pytest.approx(1.25)
+    assert figures['air over equal pressure, one unit is enough']['reached'] is None
+    assert [line['plant'] for line in found['plants']] == ['surface', 'nominal']
+    assert found['plants'][0]['rms_ratio'] == pytest.approx(0.95)
+    assert found['plants'][0]['air_ratio'] == pytest.approx(0.5)
+
+
+def log_of(state, force, reference=20.0, dt=0.01):
+    """Return a log with a recruitment state and a force over time."""
+    state, force = np.asarray(state), np.asarray(force, float)
+    count, zero = len(state), np.zeros(len(state))
+    return Log(dt * np.arange(count), np.full(count, reference), zero, np.full(count, 0.1), force,
+               zero, np.full((count, 2), 1e5), zero, zero, state, zero,
+               np.full(count, ''), zero, 1e-6 * np.arange(count), zero, [], 'force')
+
+
+def test_a_switch_taken_back_at_a_still_reference_is_chatter():
+    """Up and down while nothing moves is; up alone is not."""
+    state = np.ones(300, int)
+    assert not chatters(log_of(np.where(np.arange(300) > 100, 2, 1), state))
+    state[100:120] = 2
+    assert chatters(log_of(state, state))
+
+
+def test_errors_at_switches_are_those_in_our_windows():
+    """Of both controllers in the same stretch of time, whenever the other one switched."""
+    up = np.where(np.arange(300) > 150, 2, 1)
+    dipped, wavy = np.full(300, 20.0), np.full(300, 20.0)
+    dipped[160], wavy[20], wavy[170] = 15.0, 5.0, 18.0
+    ours, beside = log_of(up, dipped), log_of(np.zeros(300, int), wavy)
+    assert compared(ours, ours, beside)['error_there'] == 5.0
+    assert compared(beside, ours, beside)['error_there'] == 2.0
+    assert row_of(ours, model_of(2), RigConfig())['dip_depth'] == 5.0
+
+
+def test_air_at_the_start_counts_as_if_filled_then():
+    """What the first pressures hold is drawn air too: p V/(g R T) of each unit."""
+    model = model_of(2)
+    volume = float(model.gas_volume(0.1)[0]) + 5e-6
+    expected = 3e5 * volume / (1.2 * 287.05 * 293.15)
+    assert held_air(model, np.array([1e5, 2e5]), 0.1, 5e-6) == pytest.approx(expected)
+    log = log_of(np.ones(100, int), np.ones(100))
+    assert row_of(log, model, RigConfig())['air_mass'] == pytest.approx(
+        99e-6 + held_air(model, np.array([1e5, 1e5]), 0.1, 5e-6))
+
+
+@pytest.mark.parametrize(('make', 'word'), [
+    (lambda: make_trajectory('loop', model_of(2)), 'expected one of ramp_5'),
+    (lambda: run_benchmark([Case('perfect', 'moved', 2, ())]), 'expected one of everything'),
+    (lambda: run_benchmark([Case('nominal', 'ramp_80', 2, ('pid',))], 1), 'expected one of rev'),
+])
+def test_unknown_names_fails(make, word):
     """Names that are not there are refused with those that are."""
-    with pytest.raises(InputError, match='expected one of ramp'):
-        make_trajectory('loop', paper_bundle)
-    with pytest.raises(InputError, match=f'expected one of {PLANTS[0]}'):
-        plant_of(paper_bundle, 'perfect')
-
-
-def test_least_air_of_one_filling_is_the_air_in_the_chambers(paper_bundle):
-    """To rise once at a constant strain the least is the tensile pressure sum times volume."""
-    time = np.linspace(0.0, 2.0, 200)
-    force = np.interp(time, [0.0, 2.0], [0.0, 70.0])
-    found = least_air(paper_bundle, time, force, np.full(200, 0.16))
-    at = np.array([0.0, 100e3])
-    low, high = paper_bundle.unit_forces(0.16, np.stack([at, at + 100e3], axis=-1))[1]
-    slope = (high - low) / 100e3
-    pressure_sum = (70.0 - 2.0 * (low - slope * 100e3)) / slope
-    volume = float(paper_bundle.gas_volume(0.16)[0]) + 5e-6
-    expected = pressure_sum * volume / (POLYTROPIC * GAS_CONSTANT * REFERENCE_TEMPERATURE)
-    assert found == pytest.approx(expected, rel=0.01)
-
-
-def test_no_run_needs_less_than_the_least_air(paper_bundle):
-    """Two ways to the same forces, slow and at a constant strain: both draw at least the bound."""
-    rng = np.random.default_rng(5)
-    time = np.linspace(0.0, 8.0, 1601)
-    second = np.interp(time, np.linspace(0.0, 8.0, 6), rng.uniform(80e3, 200e3, 6))
-    first = np.interp(time, np.linspace(0.0, 8.0, 6), rng.uniform(200e3, 340e3, 6))
-    pressure = np.stack([first, second], axis=-1)
-    force = paper_bundle.force(np.full(1601, 0.14), pressure)
-    volume = float(paper_bundle.gas_volume(0.14)[0]) + 5e-6
-    drawn = filling_air(paper_bundle, pressure[0], 0.14) + np.maximum(
-        np.diff(pressure, axis=0), 0.0).sum() * volume / (
-            POLYTROPIC * GAS_CONSTANT * REFERENCE_TEMPERATURE)
-    least = least_air(paper_bundle, time, force, np.full(1601, 0.14))
-    assert 0.5 * drawn < least <= drawn
-
-
-def moving(bundle, pressure, low=0.05, high=0.2):
-    """Return time, forces and rising strains of a bundle that keeps its pressures (n,)."""
-    time = np.linspace(0.0, 3.0, 301)
-    strain = np.interp(time, [0.0, 3.0], [low, high])
-    return time, bundle.force(strain, np.tile(pressure, (301, 1))), strain
-
-
-def test_vented_units_draw_no_air_however_they_move(paper_bundle):
-    """Open exhausts breathe ambient air, which nobody has to compress."""
-    assert least_air(paper_bundle, *moving(paper_bundle, [0.0, 0.0])) == pytest.approx(
-        0.0, abs=1e-9)
-
-
-def test_units_that_widen_at_full_pressure_draw_what_fills_them(paper_bundle):
-    """At the largest force there is no choice: the filling, and then p dV/(R T)."""
-    full = paper_bundle.max_pressure
-    time, force, strain = moving(paper_bundle, full)
-    volume = paper_bundle.gas_volume(strain)
-    widened = (full + ATMOSPHERE) @ (volume[-1] - volume[0]) / (
-        GAS_CONSTANT * REFERENCE_TEMPERATURE)
-    assert widened > 0.2 * filling_air(paper_bundle, full, strain[0])
-    assert least_air(paper_bundle, time, force, strain) == pytest.approx(
-        filling_air(paper_bundle, full, strain[0]) + widened, rel=0.02)
-
-
-def test_a_force_out_of_reach_takes_the_nearest(paper_bundle):
-    """More than the bundle has costs what its largest force costs."""
-    time, full = np.linspace(0.0, 1.0, 101), paper_bundle.max_pressure
-    assert least_air(paper_bundle, time, np.full(101, 1e4), np.full(101, 0.1)) == pytest.approx(
-        filling_air(paper_bundle, full, 0.1), rel=1e-6)
-
-
-def test_a_force_below_that_at_rest_is_had_on_the_falling_branch(paper_bundle):
-    """A little air makes a muscle push back; the little is found, not the more beyond the dip."""
-    time, strain = np.linspace(0.0, 1.0, 101), 0.2
-    grid = np.linspace(0.0, 120e3, 601)
-    first, second = np.meshgrid(grid, grid, indexing='ij')
-    force = paper_bundle.force(strain, np.stack([first, second], axis=-1))
-    wanted = float(force[0, 0]) - 1.0
-    cheapest = (first + second)[np.abs(force - wanted) < 0.02].min()
-    air = filling_air(paper_bundle, np.array([cheapest, 0.0]), strain)
-    assert least_air(paper_bundle, time, np.full(101, wanted),
-                     np.full(101, strain)) == pytest.approx(air, rel=0.03)
+    with pytest.raises(InputError, match=word):
+        make()

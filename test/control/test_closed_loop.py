@@ -17,6 +17,7 @@ from fam_bundle_ros.control.signals import Measurement, Reference
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import (
     Arm,
+    ChamberConfig,
     Dynamometer,
     Faults,
     ForeignPlant,
@@ -26,6 +27,7 @@ from fam_bundle_ros.plant import (
     SensorConfig,
     SeriesSpringMass,
     SupplyConfig,
+    ValveConfig,
 )
 from fam_bundle_ros.plant.motion import OVER_PRESSURE
 from fam_bundle_ros.simulation import ClosedLoop, Run, Trajectory
@@ -69,6 +71,15 @@ CASES = {
         {'rig': RigConfig(sensors=SensorConfig(dropout=0.02))}),
     'held readings': (STEADY, (), {'rig': RigConfig(sensors=SensorConfig(
         dropout=0.2, on_dropout='hold')), 'noise_factor': 2.0}),
+    'late and narrow': (path([0.0, 0.4, 0.8], [20.0, 45.0, 15.0]), (), {'rig': RigConfig(
+        valve=ValveConfig(delay=4e-3, hysteresis=0.03, dead_band=0.07),
+        chamber=ChamberConfig(tube_volume=7e-6, line_volume=3e-6, line_conductance=5e-9),
+        sensors=SensorConfig(delay=5e-3, force_lag=4e-3, pressure_lag=2e-3, strain_lag=1e-3))}),
+    'equal pressure': (STEADY, (), {'controller': ControllerConfig(scheme='equal_pressure'),
+                                    'deviation': (1.5, 30.0)}),
+    'threshold': (path([0.0, 0.5, 1.0], [0.05, 0.12, 0.05], 'strain',
+                       MassSpring(mass=4.0, damping=40.0)), ('coulomb_friction',),
+                  {'controller': ControllerConfig(scheme='threshold')}),
     'stuck and tripped': (path([0.0, 1.0], [20.0, 40.0], faults=(
         (0.1, Faults(leak={1: 0.2}, stuck_valve={1: None})),
         (0.4, Faults(stuck_valve={0: 0.9})))), (),

@@ -1,0 +1,174 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the control benchmark says in sum: a line for each plant and for each figure to reach."""
+
+from typing import Any
+
+import numpy as np
+
+#: Trajectories whose reference jumps: there the error of the jump says nothing of the transition.
+_JUMPS = ('steps', 'load_step')
+
+
+def summarise(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """
+    Return the figures of our controller beside equal pressure.
+
+    Returns
+    -------
+    dict
+        ``figures``: one dict for each figure to reach: ``figure``, ``median``, ``nine_in_ten``,
+        ``worst``, ``where`` (the worst case), ``must`` (in words), ``reached`` (None where it was
+        not run), ``cases``. ``plants``: one dict for each plant, the worst first, `nominal` last:
+        ``plant``, ``model_error`` (N), ``cases``, and median and worst of ``rms_ratio``,
+        ``air_ratio``, ``dip_excess``, ``moved_ratio``, ``switches``, ``chatter``, ...
+        ``not_reached``: sentences.
+    """
+    cases = _by_case(rows)
+    figures = _figures(cases)
+    return {'figures': figures, 'plants': _plants(cases),
+            'not_reached': [_sentence(figure) for figure in figures
+                            if figure['reached'] is False]}
+
+
+def _by_case(rows):
+    """Return for each case its rows by controller."""
+    found: dict[tuple, dict[str, Any]] = {}
+    for row in rows:
+        key = (row['plant'], row['trajectory'], row['units'], row['seed'])
+        found.setdefault(key, {})[row['controller']] = row
+    return {key: case for key, case in found.items()
+            if {'reversal_aware', 'equal_pressure'} <= set(case)}
+
+
+def rms_ratio(case: dict[str, Any]) -> float:
+    """Return our tracking rms over that of equal pressure."""
+    return case['reversal_aware']['tracking_rms'] / case['equal_pressure']['tracking_rms']
+
+
+def air_ratio(case: dict[str, Any]) -> float:
+    """Return our air over that of equal pressure."""
+    return case['reversal_aware']['air_mass'] / case['equal_pressure']['air_mass']
+
+
+def dip_excess(case: dict[str, Any]) -> float | None:
+    """Return our largest error around our switches less equal pressure's there, N."""
+    ours, beside = case['reversal_aware'], case['equal_pressure']
+    if ours['kind'] != 'force' or ours['error_there'] is None or ours['trajectory'] in _JUMPS:
+        return None
+    return ours['error_there'] - beside['error_there']
+
+
+def dip_of_neglect(case: dict[str, Any]) -> float | None:
+    """Return our deepest shortfall at switches over that of the policy `neglect`."""
+    ours, neglect = case['reversal_aware'], case.get('neglect')
+    if (neglect is None or ours['kind'] != 'force' or not ours['dip_depth']
+            or not neglect['dip_depth'] or ours['trajectory'] in _JUMPS):
+        return None
+    return ours['dip_depth'] / neglect['dip_depth']
+
+
+def _over_no_feedback(name):
+    def value(case):
+        without = case.get('no_feedback')
+        return case['reversal_aware'][name] / without[name] if without else None
+    return value
+
+
+def _given(name):
+    return lambda case: case['reversal_aware'].get(name)
+
+
+def _one(wanted, value):
+    return lambda case: value(case) if wanted(case['reversal_aware']) else None
+
+
+#: Figure, its value in a case, largest median, value that nine in ten keep, and worst; None where
+#: nothing is asked.
+FIGURES = (
+    ('tracking rms over equal pressure', rms_ratio, 0.8, 1.0, 1.3),
+    ('air over equal pressure', air_ratio, None, None, 1.05),
+    ('air over equal pressure, one unit is enough', _one(lambda r: r['one_unit'], air_ratio),
+     None, None, 0.7),
+    ('error at switches less equal pressure there (N)', dip_excess, None, None, 1.0),
+    ('dip at switches over that of neglect', dip_of_neglect, None, None, 1.0 / 3.0),
+    ('runs with chatter', lambda case: float(case['reversal_aware']['chatter']), None, None, 0.0),
+    ('constant force, strain moved: rms over equal pressure',
+     _one(lambda r: r['trajectory'] == 'moved', rms_ratio), None, None, 1.2),
+    ('nominal: rms over that without feedback',
+     _one(lambda r: r['plant'] == 'nominal', _over_no_feedback('tracking_rms')),
+     None, None, 1.08),
+    ('nominal: air over that without feedback',
+     _one(lambda r: r['plant'] == 'nominal', _over_no_feedback('air_mass')), None, None, 1.08),
+    ('nominal: air over the least that any allocation needs', _given('air_over_least'),
+     None, None, 1.10),
+)
+
+
+def _figures(cases):
+    found = []
+    for name, value, median, nine, worst in FIGURES:
+        values = {key: v for key, case in cases.items() if (v := value(case)) is not None}
+        must = ', '.join(f'{words} at most {limit:.3g}' for words, limit in (
+            ('median', median), ('nine in ten', nine), ('worst', worst)) if limit is not None)
+        figure: dict[str, Any] = {'figure': name, 'must': must, 'cases': len(values),
+                                  'median': None, 'nine_in_ten': None, 'worst': None,
+                                  'where': '', 'reached': None}
+        if values:
+            numbers = np.array(list(values.values()))
+            key = max(values, key=lambda k: values[k])
+            told = {'median': float(np.median(numbers)),
+                    'nine_in_ten': float(np.quantile(numbers, 0.9, method='higher')),
+                    'worst': float(numbers.max())}
+            figure.update(told, where=f'{key[0]} {key[1]}, {key[2]} units',
+                          reached=all(limit is None or told[place] <= limit + 1e-9
+                                      for place, limit in (('median', median),
+                                                           ('nine_in_ten', nine),
+                                                           ('worst', worst))))
+        found.append(figure)
+    return found
+
+
+def _sentence(figure):
+    return (f"{figure['figure']}: median {figure['median']:.3g}, nine in ten "
+            f"{figure['nine_in_ten']:.3g}, worst {figure['worst']:.3g} ({figure['where']}); "
+            f"must: {figure['must']}")
+
+
+def _plants(cases):
+    """Return a line for each plant, by the median of the tracking ratio, nominal last."""
+    names = list(dict.fromkeys(key[0] for key in cases))
+    lines = []
+    for name in names:
+        own = [case for key, case in cases.items() if key[0] == name]
+        moved = [rms_ratio(case) for case in own
+                 if case['reversal_aware']['trajectory'] == 'moved']
+        ours = [case['reversal_aware'] for case in own]
+        beside = [case['equal_pressure'] for case in own]
+        ratios, air = [rms_ratio(case) for case in own], [air_ratio(case) for case in own]
+        excess = [v for case in own if (v := dip_excess(case)) is not None]
+        lines.append({
+            'plant': name, 'cases': len(own),
+            'model_error': max(row['model_error'] for row in ours if row['units'] == min(
+                other['units'] for other in ours)),
+            'rms_N': _median_of_forces(ours), 'rms_N_equal_pressure': _median_of_forces(beside),
+            'rms_ratio': float(np.median(ratios)), 'rms_ratio_worst': max(ratios),
+            'air_ratio': float(np.median(air)), 'air_ratio_worst': max(air),
+            'error_at_switches': _largest(ours, 'error_there'),
+            'error_at_switches_equal_pressure': _largest(beside, 'error_there'),
+            'dip_excess': max(excess) if excess else None,
+            'moved_ratio': max(moved) if moved else None,
+            'switches': sum(row['switches'] for row in ours),
+            'chatter': sum(row['chatter'] for row in ours)})
+    return sorted(lines, key=lambda line: (line['plant'] == 'nominal', -line['rms_ratio']))
+
+
+def _median_of_forces(rows):
+    values = [row['tracking_rms'] for row in rows if row['kind'] == 'force']
+    return float(np.median(values)) if values else None
+
+
+def _largest(rows, key):
+    values = [row[key] for row in rows if row['kind'] == 'force' and row[key] is not None
+              and row['trajectory'] not in _JUMPS]
+    return max(values) if values else None

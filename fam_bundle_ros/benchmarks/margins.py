@@ -1,0 +1,244 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Gain margin of any controller on any plant, and gains of the baselines at a given margin.
+
+The margin is measured in the closed loop, the same way for all: the controller is shown what it
+controls as deviating k times as much from where it is (the loop gain times k), and the largest k
+at which the response to a small step still settles is the gain margin. No noise; the worst of the
+operating points. A baseline is scaled to the margin asked for, or to a share of that, with each
+of several filters and ratios of gain to integral; taken is that with the least error squared times
+air on steps and a sine, so that it neither lags nor spends its air on noise.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from itertools import product
+import math
+
+import numpy as np
+
+from fam_bundle_ros.benchmarks.control_trajectories import (
+    make_trajectory,
+    mass_spring,
+    STRAIN,
+    top_force,
+)
+from fam_bundle_ros.benchmarks.plants import kind_of, model_of, plant_of
+from fam_bundle_ros.control import ControllerConfig, OuterConfig, PidConfig, PidGains, tune
+from fam_bundle_ros.control.adaptation import AdaptationConfig
+from fam_bundle_ros.control.baselines import BaselineConfig
+from fam_bundle_ros.plant import Dynamometer, RigConfig
+from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
+
+#: s, of the pressure loops and of the controller.
+PID_PERIOD, PERIOD = 2e-3, 4e-3
+#: No baseline is asked for a larger gain margin than this (6 dB), however large ours is.
+USUAL_MARGIN = 2.0
+#: ... nor for a smaller one.
+_LEAST_MARGIN = 1.25
+#: Range in which margins are looked for, and how exactly.
+_RANGE, _EXACT = (0.1, 64.0), 1.12
+#: s: before the step, and after it in two halves: in the second one it has to have settled.
+_BEFORE, _AFTER = 0.2, 0.9
+#: Shares of the largest force, and strain, of the operating points; steps.
+_LEVELS, _PLACE, _STEP_SHARE, _STEP_STRAIN = (0.25, 0.75), 0.09, 0.06, 6e-3
+#: Swings below so many steps are hunting, not instability.
+_HUNTING = 1.25
+#: Gain over integral, s, and filter time, s, of the baselines that are tried.
+RATIOS, FILTERS = (0.0, 0.012, 0.03, 0.08), (5e-3, 20e-3)
+#: Shares of the gains at our margin that are tried besides: less noise, less air.
+SHARES = (1.0, 0.5, 0.25)
+#: What they are chosen by.
+_JUDGES = {'force': ('steps', 'sine_0.5'), 'strain': ('strain_steps', 'strain_sine')}
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A controller of the benchmark: policy and scheme, and whether it has feedback."""
+
+    policy: str = 'reversal_aware'
+    scheme: str = 'orderly'
+    feedback: bool = True
+
+    @property
+    def baseline(self) -> bool:
+        """Whether it has no model."""
+        return self.scheme in ('equal_pressure', 'threshold')
+
+
+#: Name -> controller; the first is ours, the second what it is held against.
+CONTROLLERS = {
+    'reversal_aware': Controller(), 'equal_pressure': Controller(scheme='equal_pressure'),
+    'threshold': Controller(scheme='threshold'), 'hysteresis': Controller('hysteresis'),
+    'neglect': Controller('neglect'), 'batch': Controller(scheme='batch'),
+    'all_on': Controller(scheme='all_on'), 'no_feedback': Controller(feedback=False),
+}
+
+
+@cache
+def pressure_gains(delay: float) -> PidGains:
+    """Return what `tune` gives for a dead time, the same for all controllers."""
+    return tune(sample_period=PID_PERIOD, transport_delay=delay).gains
+
+
+def told(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig:
+    """Return what pressure loops are told of a plant: the nominal valve, and the dead time."""
+    config = pid_config(replace(rig, valve=RigConfig().valve), PID_PERIOD, noise_factor)
+    return replace(config, transport_delay=delay)
+
+
+def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineConfig,
+            seed: int = 1, noise: float = 1.0, deviation: tuple[float, float] = (1.0, 0.0),
+            ) -> ClosedLoop:
+    """
+    Return the closed loop of a case.
+
+    Parameters
+    ----------
+    plant : str
+    units : int
+    controller : Controller
+    baseline : BaselineConfig
+        Gains, for the schemes that have some.
+    seed : int
+    noise : float
+        Factor on the noise of the plant's sensors.
+    deviation : (float, float)
+        See `ClosedLoop`.
+    """
+    kind = kind_of(plant)
+    config = ControllerConfig(policy=controller.policy, scheme=controller.scheme,
+                              baseline=baseline,
+                              outer=OuterConfig(feedback=controller.feedback, delay=kind.delay),
+                              adaptation=AdaptationConfig(enabled=controller.feedback))
+    return ClosedLoop(plant_of(plant, units), model_of(units), config, kind.rig,
+                      PERIOD, PID_PERIOD, pressure_gains(kind.delay),
+                      told(kind.rig, kind.delay, kind.noise_factor),
+                      kind.noise_factor * noise, seed, deviation=deviation)
+
+
+def settles(plant: str, units: int, controller: Controller, baseline: BaselineConfig, kind: str,
+            k: float) -> bool:
+    """
+    Return whether the response to a small step settles with the loop gain times ``k``.
+
+    Hunting within about the size of the step, which backlash and friction make at any gain, is no
+    loss of stability.
+    """
+    model, true = model_of(units), plant_of(plant, units)
+    if kind == 'force':
+        top = top_force(STRAIN, model, true)
+        points = [(share * top, _STEP_SHARE * top, Dynamometer(strain=STRAIN))
+                  for share in _LEVELS]
+    else:
+        load = mass_spring(0.6 * top_force(0.14, model, true), 0.14, model.length)
+        points = [(_PLACE, _STEP_STRAIN, load)]
+    for level, step, load in points:
+        trajectory = Trajectory(
+            'step', kind, _BEFORE + 2.0 * _AFTER,
+            partial(_step, level, step), lambda t: 0.0, load, prepare=1.2)
+        log = loop_of(plant, units, controller, baseline, noise=0.0,
+                      deviation=(k, level)).run(trajectory)
+        first, last = (_unrest(log.error, (log.time > begin) & (log.time <= begin + _AFTER))
+                       for begin in (_BEFORE, _BEFORE + _AFTER))
+        if last > max(0.5 * first, _HUNTING * step):
+            return False
+    return True
+
+
+def _step(level: float, step: float, t: float) -> float:
+    return level + (step if t > _BEFORE else 0.0)
+
+
+def _unrest(signal: np.ndarray, inside: np.ndarray) -> float:
+    """Return how far a stretch of a signal swings about its slow drift, a parabola."""
+    x = np.linspace(-1.0, 1.0, int(inside.sum()))
+    return float(np.ptp(signal[inside] - np.polyval(np.polyfit(x, signal[inside], 2), x)))
+
+
+def gain_margin(plant: str, units: int, controller: Controller, baseline: BaselineConfig,
+                kind: str) -> float:
+    """
+    Return the gain margin of a controller on a plant with a ``kind`` of reference, a factor.
+
+    At most 64. See the module for what is measured.
+    """
+    low, high = _RANGE
+    if settles(plant, units, controller, baseline, kind, high):
+        return high
+    while high / low > _EXACT:
+        middle = math.sqrt(low * high)
+        if settles(plant, units, controller, baseline, kind, middle):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@cache
+def our_margin(plant: str, units: int, kind: str) -> float:
+    """Return the gain margin of `reversal_aware`."""
+    return gain_margin(plant, units, CONTROLLERS['reversal_aware'], BaselineConfig(), kind)
+
+
+def asked_margin(ours: float) -> float:
+    """Return the margin that a baseline has to keep beside ours: ours, but not above 6 dB."""
+    return min(max(ours, _LEAST_MARGIN), USUAL_MARGIN)
+
+
+@cache
+def shape_of(plant: str, name: str, kind: str) -> tuple[float, float, float]:
+    """Return ratio, filter time and share of the best baseline for two units."""
+    units, margin = 2, asked_margin(our_margin(plant, 2, kind))
+
+    def cost(shape):
+        baseline = _scaled_to(plant, units, name, kind, shape, margin)
+        return math.prod(_cost(plant, units, CONTROLLERS[name], baseline, judge)
+                         for judge in _JUDGES[kind])
+    return min(product(RATIOS, FILTERS, SHARES), key=cost)
+
+
+@cache
+def baseline_gains(plant: str, units: int, name: str, kind: str) -> BaselineConfig:
+    """
+    Return the gains of a baseline on a plant: as `shape_of` says, scaled to our margin.
+
+    Parameters
+    ----------
+    plant : str
+    units : int
+    name : str
+        ``equal_pressure`` or ``threshold``.
+    kind : str
+        ``force`` or ``strain``.
+    """
+    margin = asked_margin(our_margin(plant, units, kind))
+    return _scaled_to(plant, units, name, kind, shape_of(plant, name, kind), margin)
+
+
+@cache
+def _scaled_to(plant, units, name, kind, shape, margin) -> BaselineConfig:
+    found = _critical(plant, units, name, kind, shape[:2])
+    return _gains(kind, shape, found * shape[2] / margin)
+
+
+@cache
+def _critical(plant, units, name, kind, shape) -> float:
+    """Return the factor on the usual integral at which a baseline no longer settles."""
+    return gain_margin(plant, units, CONTROLLERS[name], _gains(kind, shape, 1.0), kind)
+
+
+def _gains(kind, shape, factor) -> BaselineConfig:
+    """Return gains with an integral of ``factor`` times the usual one, 10 1/s or 2 1/s."""
+    integral = factor * (10.0 if kind == 'force' else 2.0)
+    values = {f'{kind}_integral': integral, f'{kind}_gain': shape[0] * integral,
+              'filter_time': shape[1]}
+    return BaselineConfig(**values)
+
+
+def _cost(plant, units, controller, baseline, judge) -> float:
+    """Return squared error times air of a run."""
+    log = loop_of(plant, units, controller, baseline).run(
+        make_trajectory(judge, model_of(units), plant_of(plant, units)))
+    return float(np.mean(log.error ** 2) * (log.air[-1] - log.air[0]))

@@ -1,0 +1,179 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plants of the control benchmark that are not the controller's model.
+
+Each but ``nominal`` has one thing wrong, ``everything`` has all. Muscles (`foreign_muscle`) come
+through the seam for foreign plants and share no law with the catalogue. What is between muscle
+and controller (dead time, lag, valve, line) is configuration of the rig. Controllers are told the
+model, the supply, the nominal valve and the dead time, no more.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+import math
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.benchmarks.foreign_muscle import muscle_plant, Wrong
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
+from fam_bundle_ros.plant import ChamberConfig, RigConfig, SensorConfig, SupplyConfig, ValveConfig
+from fam_bundle_ros.resources import config_path
+
+MODEL = 'models/spie2021.yaml'
+#: Numbers of motor units.
+UNITS = (2, 3, 6)
+#: Radius (m) and muscles of each motor unit, smallest first.
+_SIZES = {3: ((4.0e-3, 1), (5.0e-3, 1), (6.35e-3, 1)),
+          6: ((3.5e-3, 1), (4.0e-3, 1), (4.5e-3, 1), (5.0e-3, 1), (5.0e-3, 2), (6.35e-3, 2))}
+#: Of a dead time, the share that readings have; commands have the rest.
+_READING = 0.6
+
+SLUGGISH = SensorConfig(force_lag=4e-3, pressure_lag=2e-3, strain_lag=1e-3, force_resolution=0.2,
+                        pressure_resolution=500.0, strain_resolution=1e-4)
+STICKY = ValveConfig(dead_band=0.07, hysteresis=0.03, bandwidth=90.0)
+NARROW = ChamberConfig(tube_volume=7e-6, line_volume=3e-6, line_conductance=5e-9)
+
+
+@dataclass(frozen=True)
+class PlantKind:
+    """
+    A plant of the benchmark.
+
+    Attributes
+    ----------
+    name, words : str
+    muscle : Wrong or None
+        What is wrong with the muscles; None for the controller's own model.
+    rig : RigConfig
+        With its dead times.
+    noise_factor : float
+    """
+
+    name: str
+    words: str
+    muscle: Wrong | None = None
+    rig: RigConfig = field(default_factory=RigConfig)
+    noise_factor: float = 1.0
+
+    @property
+    def delay(self) -> float:
+        """Dead time from reading through command, s; controllers are told."""
+        return self.rig.sensors.delay + self.rig.valve.delay
+
+
+def _late(delay: float, sensors: SensorConfig = SensorConfig(),
+          valve: ValveConfig = ValveConfig(), **more: Any) -> RigConfig:
+    """Return a rig whose readings and commands have a dead time, s."""
+    return RigConfig(sensors=SensorConfig(**{**vars(sensors), 'delay': _READING * delay}),
+                     valve=ValveConfig(**{**vars(valve), 'delay': (1.0 - _READING) * delay}),
+                     **more)
+
+
+PLANTS = {kind.name: kind for kind in (
+    PlantKind('everything', 'all of the following at once, 10 ms late',
+              Wrong(own_surface=True, snap=True, scale=0.06, friction=2.5, slide=3e-4),
+              _late(10e-3, SLUGGISH, STICKY, chamber=NARROW,
+                    supply=SupplyConfig(resistance=3e6))),
+    PlantKind('surface', 'measured-like surface of tension and push-back in place of the laws',
+              Wrong(own_surface=True)),
+    PlantKind('snap', 'push-back drops when a muscle folds, and comes back late',
+              Wrong(snap=True)),
+    PlantKind('units_10', 'motor units 10 % weaker and stronger in turn', Wrong(scale=0.10)),
+    PlantKind('units_5', 'motor units 5 % weaker and stronger in turn', Wrong(scale=0.05)),
+    PlantKind('units_2', 'motor units 2 % weaker and stronger in turn', Wrong(scale=0.02)),
+    PlantKind('friction', 'Dahl friction of the braid, also at constant strain',
+              Wrong(friction=3.0, slide=3e-4)),
+    PlantKind('play', 'play of about 10 kPa in pressure, also at constant strain',
+              Wrong(friction=2.0, slide=1e-5)),
+    PlantKind('delay_15', 'dead time of 15 ms', rig=_late(15e-3)),
+    PlantKind('delay_10', 'dead time of 10 ms', rig=_late(10e-3)),
+    PlantKind('delay_5', 'dead time of 5 ms', rig=_late(5e-3)),
+    PlantKind('sensors', 'lag of 1 to 4 ms and coarse readings', rig=RigConfig(sensors=SLUGGISH)),
+    PlantKind('line', 'narrow line between valve with sensor and muscle',
+              rig=RigConfig(chamber=NARROW)),
+    PlantKind('valve', 'backlash of the spool, other dead band, slower',
+              rig=RigConfig(valve=STICKY)),
+    PlantKind('noise', 'noise of all sensors doubled', noise_factor=2.0),
+    PlantKind('nominal', 'the model itself'),
+)}
+
+
+def kind_of(name: str) -> PlantKind:
+    """
+    Return a plant by its name.
+
+    Raises
+    ------
+    InputError
+        For a name that is not in `PLANTS`.
+    """
+    if name not in PLANTS:
+        raise InputError(f"plant is '{name}'; expected one of {', '.join(PLANTS)}")
+    return PLANTS[name]
+
+
+@cache
+def model_of(units: int) -> Bundle:
+    """Return the controller's model: the bundle of the paper, or one of other sizes (`UNITS`)."""
+    paper = load_model(config_path(MODEL))
+    if units == paper.n:
+        return paper
+    if units not in _SIZES:
+        raise InputError(f'{units} motor units; expected one of {", ".join(map(str, UNITS))}')
+    return Bundle(f'{units} units', [
+        MotorUnit(f'mu{k + 1}', muscles, Geometry(radius, 0.127, math.radians(33.0),
+                                                  0.25 * radius), 344.7e3)
+        for k, (radius, muscles) in enumerate(_SIZES[units])], paper.effects)
+
+
+@cache
+def plant_of(name: str, units: int) -> Any:
+    """Return the Bundle or ForeignPlant that the rig of a plant is made of."""
+    kind, model = kind_of(name), model_of(units)
+    return model if kind.muscle is None else muscle_plant(model, kind.muscle)
+
+
+def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray) -> float:
+    """Return the force of any plant without a past, N."""
+    model = plant.model(False)
+    pressure = [float(p) for p in pressure]
+    return sum(model.force(i, strain, 0.0, pressure, 0.0, 0.0, True, model.shape,
+                           model.parameters, model.tables, model.memory, model.after)
+               for i in range(plant.n))
+
+
+@cache
+def model_error(name: str, units: int) -> float:
+    """
+    Return how wrong the controller's model is on a plant, N rms, at rest.
+
+    Over slow pressure sweeps, up and down and from unit to unit in the order of recruitment, at
+    constant strains: what friction and snap do is in it, dead time and lag are not.
+    """
+    model, plant = model_of(units), plant_of(name, units)
+    if plant is model:
+        return 0.0
+    shares = np.concatenate([np.linspace(0.0, units, 60 * units),
+                             np.linspace(units, 0.0, 60 * units)])
+    pressure = (np.clip(shares[:, None] - np.arange(units), 0.0, 1.0) * model.max_pressure)
+    squares = []
+    for strain in (0.08, 0.12, 0.16, 0.20):
+        truth = sweep(plant, np.full(len(pressure), strain), pressure)
+        squares.append(np.mean((truth - model.force(strain, pressure)) ** 2))
+    return float(np.sqrt(np.mean(squares)))
+
+
+def sweep(plant: Any, strain: np.ndarray, pressure: np.ndarray, dt: float = 0.05) -> np.ndarray:
+    """Return the force, N, shape (T,), of any plant along strains (T,) and pressures (T, n)."""
+    model, force = plant.model(False), np.zeros(len(strain))
+    for k, (e, p) in enumerate(zip(strain.tolist(), pressure.tolist())):
+        for i in range(plant.n):
+            force[k] += model.force(i, e, 0.0, p, k * dt, dt, k == 0, model.shape,
+                                    model.parameters, model.tables, model.memory, model.after)
+        for row, after in zip(model.memory, model.after):
+            row[:] = after
+    return force

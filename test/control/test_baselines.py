@@ -1,0 +1,116 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The two schemes without a model: one pressure for all, and orderly switching with a PI."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control import ControllerConfig, Measurement, RecruitmentController, Reference
+from fam_bundle_ros.control.baselines import BaselineConfig
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.plant import Dynamometer, MassSpring
+from fam_bundle_ros.simulation import ClosedLoop, Trajectory
+
+
+def hold(kind, value, load, duration=3.0):
+    """Return a trajectory that asks for one value."""
+    return Trajectory('hold', kind, duration, lambda t: value, lambda t: 0.0, load, prepare=1.0)
+
+
+def controller(bundle, scheme, **gains):
+    """Return a controller without filter and quiet band."""
+    return RecruitmentController(bundle, ControllerConfig(
+        scheme=scheme, still=0.0, baseline=BaselineConfig(**{'filter_time': 0.0, **gains})))
+
+
+def seen(force, n=2):
+    """Return a measurement of a force."""
+    return Measurement(force, 0.1, 0.0, np.zeros(n))
+
+
+@pytest.mark.parametrize('scheme', ['equal_pressure', 'threshold'])
+@pytest.mark.parametrize(('kind', 'value', 'load'), [
+    ('force', 20.0, Dynamometer(strain=0.16)), ('force', 60.0, Dynamometer(strain=0.16)),
+    ('strain', 0.09, MassSpring(mass=3.0, damping=40.0))])
+def test_error_settles_to_nothing(paper_bundle, scheme, kind, value, load):
+    """The integral leaves no lasting error, with one unit or with both needed."""
+    log = ClosedLoop(paper_bundle, controller=ControllerConfig(scheme=scheme), seed=2).run(
+        hold(kind, value, load))
+    assert abs(np.mean(log.error[-250:])) < (0.3 if kind == 'force' else 1e-3)
+
+
+def test_equal_pressure_gives_all_units_one_pressure(bundles):
+    """Whatever their size."""
+    log = ClosedLoop(bundles[3], controller=ControllerConfig(scheme='equal_pressure'), seed=2).run(
+        hold('force', 30.0, Dynamometer(strain=0.12), 1.0))
+    assert np.ptp(log.setpoint, axis=1).max() == 0.0
+    assert log.setpoint.min() > 30e3
+
+
+def test_threshold_fills_one_unit_after_the_other(bundles):
+    """No unit has pressure before those ahead of it are full."""
+    bundle = bundles[3]
+    top = float(bundle.force(0.12, bundle.max_pressure))
+    log = ClosedLoop(bundle, controller=ControllerConfig(scheme='threshold'), seed=2).run(
+        Trajectory('rise', 'force', 6.0, lambda t: 0.15 * t * top, lambda t: 0.0,
+                   Dynamometer(strain=0.12), prepare=1.0))
+    assert set(log.state) == {1, 2, 3}
+    for behind in (1, 2):
+        begun = log.setpoint[:, behind] > 0.0
+        assert np.all(log.setpoint[begun, behind - 1] == bundle.max_pressure[behind - 1])
+    assert any('MU2' in text for _, text in log.decisions)
+
+
+def test_gains_are_shares_of_what_the_bundle_gives(paper_bundle):
+    """An error of the whole range of force answers with gain times the largest pressure."""
+    full = paper_bundle.max_pressure
+    span = float(paper_bundle.force(0.1, full) - paper_bundle.force(0.1, 0.0 * full))
+    one = controller(paper_bundle, 'equal_pressure', force_gain=0.5, force_integral=0.0)
+    command = one.update(4e-3, seen(10.0), Reference('force', 10.0 + 0.4 * span))
+    assert command.pressure == pytest.approx(0.2 * full)
+    rising = controller(paper_bundle, 'equal_pressure', force_gain=0.0, force_integral=2.0)
+    for _ in range(100):
+        command = rising.update(5e-3, seen(10.0), Reference('force', 10.0 + 0.4 * span))
+    assert command.pressure == pytest.approx(0.4 * 2.0 * 0.5 * full)
+
+
+@pytest.mark.parametrize('scheme', ['equal_pressure', 'threshold'])
+def test_integral_stops_at_full_pressure(paper_bundle, scheme):
+    """After a minute of a demand out of reach, less is given as soon as less is asked for."""
+    made = controller(paper_bundle, scheme)
+    for _ in range(6000):
+        command = made.update(1e-2, seen(100.0), Reference('force', 1000.0))
+    assert command.saturated == 'high'
+    assert command.pressure == pytest.approx(paper_bundle.max_pressure)
+    for _ in range(30):
+        command = made.update(1e-2, seen(100.0), Reference('force', 80.0))
+    assert command.pressure[-1] < 0.9 * paper_bundle.max_pressure[-1]
+
+
+def test_threshold_waits_between_switches(paper_bundle):
+    """However the error swings, two switches are a dwell time apart."""
+    made = controller(paper_bundle, 'threshold', force_gain=50.0, dwell=0.2)
+    states, dt = [], 4e-3
+    for k in range(500):
+        error = 50.0 if k % 10 < 5 else -50.0
+        states.append(made.update(dt, seen(50.0), Reference('force', 50.0 + error)).state)
+    switches = np.flatnonzero(np.diff(states)) * dt
+    assert len(switches) > 2
+    assert np.diff(switches).min() >= 0.2 - 1e-9
+
+
+def test_baselines_vent_without_readings(paper_bundle):
+    """As every scheme: hold, then vent."""
+    made = controller(paper_bundle, 'equal_pressure')
+    for _ in range(100):
+        before = made.update(4e-3, seen(0.0), Reference('force', 30.0))
+    assert before.pressure[0] > 0.0
+    for _ in range(100):
+        after = made.update(4e-3, seen(float('nan')), Reference('force', 30.0))
+    assert not after.pressure.any()
+
+
+def test_gain_that_is_none_fails():
+    """A gain that is not a number, or negative, is refused by its name."""
+    with pytest.raises(InputError, match='strain_gain is -1'):
+        BaselineConfig(strain_gain=-1.0)
