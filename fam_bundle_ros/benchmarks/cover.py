@@ -37,9 +37,9 @@ def pairwise(factors: Sequence[Sequence[Any]], seed: int = 0) -> list[tuple[Any,
                 values = list(factors[i])
                 chance.shuffle(values)
                 case[i] = max(values, key=lambda value: len(
-                    missing & _pairs([*case[:i], value, *case[i + 1:]])))  # noqa: B023
+                    missing & _pairs([*case[:i], value, *case[i + 1:]])))
             tries.append(tuple(case))
-        best = max(tries, key=lambda case: len(missing & _pairs(case)))  # noqa: B023
+        best = max(tries, key=lambda case: len(missing & _pairs(case)))
         missing -= _pairs(best)
         cases.append(best)
     return cases
