@@ -29,6 +29,7 @@ TOPICS = {
     'reference/trajectory': 'joint `force`, `strain` or `contraction`; sampled into the above',
     'recruitment_state': '0 off, also while the pressures still ramp down; k for RSk; latched',
     'recruitment': 'per motor unit: on or off (position), share of the force (effort, 0 to 1)',
+    'adaptation': 'what the controller has learnt of each motor unit, in words; latched',
     'model/force': 'what the model predicts, N',
     'model/residual': 'measured minus predicted, N',
     'e_stop': 'emergency stop, latched',
@@ -39,6 +40,9 @@ SERVICES = {
     'e_stop_reset': 'leave the emergency stop',
     'reset': 'the simulated rig starts anew; an emergency stop stays',
     'tare': 'the load cell of the simulated rig is set to zero; warns under pressure',
+    'adaptation/reset': 'forget what was learnt',
+    'adaptation/save': 'write the model with what was learnt beside the one that runs, '
+                       '`*_adapted.yaml`',
 }
 
 

@@ -197,7 +197,8 @@ def _rebound(function):
             names[name] = compiled_inside(value)
         elif hasattr(value, 'compiled_names'):
             names[name] = value.compiled_names()
-    names['__name__'] = function.__module__
+    # compiled code is looked up by this name in the next process; a user's file has none there
+    names['__name__'] = __name__
     return types.FunctionType(function.__code__, names, function.__name__,
                               function.__defaults__, function.__closure__)
 

@@ -268,31 +268,36 @@ class Run:
         controller = RecruitmentController(
             loop.model, replace(loop.controller_config, load=load_model_of(load, rig.length)))
         self._names = [loop.model.names[i].upper() for i in controller.order]
-        self._units, parts = rig.bundle.n, rig.parts
+        self._units = rig.bundle.n
         loads, which_load = self._changes(load, trajectory.events, changed_load)
         faults, which_fault = self._changes(
             rig.faults, trajectory.faults,
             lambda before, now: replace(now, noise_factor=now.noise_factor * loop.noise_factor))
         r = rig.readings
-        self._config: Any = LoopConfig(parts.rig, parts.sensors, controller.settings,
+        self._config: Any = LoopConfig(rig.record, rig.sensors, controller.settings,
                                        pid_settings(loop.gains, loop.pid_config),
                                        float(loop.pid_period), loop.ticks, *loop.deviation)
         self.state: Any = LoopState(
-            parts.state, parts.shown, controller.memory, command_record(self._units),
+            rig.state, rig.shown, controller.memory, command_record(self._units),
             MeasurementRecord(r.force, r.strain, r.strain_rate, r.pressure.tolist()),
-            [0.0] * len(parts.shown.shown), [0.0] * self._units)
+            [0.0] * len(rig.shown.shown), [0.0] * self._units)
         self._pids: Any = [PidState() for _ in range(self._units)]
         self._loads: Any = [item.record for item in loads]
-        self._faults: Any = [fault_record(item, rig.leak, self._units) for item in faults]
+        self._faults: Any = [fault_record(item, rig.bundle.pneumatics.leak_rate,
+                                          self._units) for item in faults]
         self._plan = self._planned(rig, which_load, which_fault, loop.ticks)
         self._log = np.zeros((self.ticks - self._plan.logged,
                               len(SINGLE) + len(EACH_UNIT) * self._units))
         self._reasons = np.zeros((self.ticks, ROW))
-        self._models: Any = (parts.model, controller.model, loop.model.model(False))
+        self._models: Any = (rig.model, controller.model, loop.model.model(False))
         self._step: Any = closed_loop
-        self.compiled = loop.compiled is not False and kernels.numba() is not None
+        self.compiled = bool(loop.compiled) or (loop.compiled is None
+                                                and kernels.numba() is not None)
         if self.compiled:
-            self._compile(loop, controller, parts.model)
+            self._compile(loop, controller, rig.model)
+        if not self.compiled:
+            self._plan = Plan(*(item.tolist() if isinstance(item, np.ndarray) else item
+                                for item in self._plan))
 
     def _changes(self, first, events, change):
         """Return what holds one after the other, and which of it in each tick."""
@@ -307,21 +312,18 @@ class Run:
         return np.arange(self.ticks) * self.period - self.trajectory.prepare
 
     def _planned(self, rig, which_load, which_fault, ticks) -> Plan:
-        """Return the plan of the run in lists."""
-        trajectory = self.trajectory
+        """Return the plan of the run in arrays."""
+        trajectory, times = self.trajectory, self._times().tolist()
         begin = rig.truth.force if trajectory.kind == 'force' else rig.truth.strain
-        times = self._times().tolist()
-        references = [_reference(trajectory, t, begin) for t in times]
-        imposed = [math.nan] * self.ticks
+        references = np.array([_reference(trajectory, t, begin) for t in times]).reshape(-1, 2)
+        imposed = np.full(self.ticks, math.nan)
         if trajectory.imposed is not None:
-            imposed = [trajectory.imposed(max(t + self.period, 0.0)) for t in times]
-            for target in imposed:
-                Dynamometer(strain=target)
+            imposed[:] = [Dynamometer(trajectory.imposed(max(t + self.period, 0.0))).strain
+                          for t in times]
+        value, rate = references.T.copy()
         normal, chance = rig.draws.rows(self.ticks * ticks)
-        values, rates = zip(*references) if references else ((), ())
-        return Plan(KINDS.index(trajectory.kind), values, rates, imposed,
-                    which_load.tolist(), which_fault.tolist(), normal.tolist(), chance.tolist(),
-                    sum(t < 0.0 for t in times))
+        return Plan(KINDS.index(trajectory.kind), value, rate, imposed, which_load, which_fault,
+                    normal, chance, int(np.sum(self._times() < 0.0)))
 
     def _compile(self, loop, controller, begun) -> None:
         """Turn records and lists into those of compiled code, where everything compiles."""
@@ -338,8 +340,6 @@ class Run:
         self._config, self.state = kernels.pack(self._config), kernels.pack(self.state)
         self._pids, self._loads, self._faults = (
             kernels.pack_all(items) for items in (self._pids, self._loads, self._faults))
-        self._plan = Plan(*(np.array(item) if isinstance(item, (list, tuple)) else item
-                            for item in self._plan))
         self._step = kernels.compiled(closed_loop)
 
     def advance(self, tick: int) -> None:

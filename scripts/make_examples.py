@@ -15,10 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from fam_bundle_ros.data.measurement import build, write_csv
-from fam_bundle_ros.model import Bundle, Geometry, Motion, MotorUnit, save_model
-from fam_bundle_ros.model.effects import catalogue
-from fam_bundle_ros.model.effects.base import Parameter
-from fam_bundle_ros.model.effects.expression import expression_class
+from fam_bundle_ros.model import (
+    Bundle,
+    catalogue,
+    Geometry,
+    Motion,
+    MotorUnit,
+    Parameter,
+    save_model,
+)
+from fam_bundle_ros.model.expression import expression_law
 
 FOLDER = Path(__file__).resolve().parent.parent / 'config' / 'data' / 'examples'
 NOISE = {'force': 0.6, 'pressure': 0.3e3, 'strain': 1e-4}
@@ -70,7 +76,7 @@ def main():
 
     write('nothing_missing', start, start, single, 12)
 
-    stop = expression_class('end_stop', '-k * max(0, strain - at)', 'force', (
+    stop = expression_law('end_stop', '-k * max(0, strain - at)', 'force', (
         Parameter('k', 'N', 500.0, 0.0, 5000.0, ''), Parameter('at', '1', 0.17, 0.0, 0.3, '')))
     write('a_stranger', start.with_parameters(off).with_effect(stop()), start, single, 13)
 

@@ -3,6 +3,9 @@
 """Kernels run as plain Python and compiled, on the same records, with the same numbers."""
 
 from dataclasses import dataclass
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -76,3 +79,21 @@ def test_the_fingerprint_follows_the_kernels_that_are_called(monkeypatch):
     before = kernels.fingerprint(kernel)
     monkeypatch.setitem(kernel.__globals__, 'RATE', 0.6)
     assert kernels.fingerprint(kernel) != before
+
+
+@needs_numba
+def test_a_kernel_of_a_file_without_a_module_name_is_found_in_the_cache(tmp_path):
+    """A user's file is no module that the next process can import; its compiled code loads."""
+    (tmp_path / 'own.py').write_text('def kernel(x):\n    return 2.0 * x\n')
+    (tmp_path / 'run.py').write_text(
+        'import importlib.util\n'
+        'from fam_bundle_ros import kernels\n'
+        'spec = importlib.util.spec_from_file_location("only_here", "own.py")\n'
+        'own = importlib.util.module_from_spec(spec)\n'
+        'spec.loader.exec_module(own)\n'
+        'fast = kernels.compiled(own.kernel)\n'
+        'print(fast(1.5), sum(fast.stats.cache_hits.values()))\n')
+    shown = [subprocess.run(
+        [sys.executable, 'run.py'], cwd=tmp_path, capture_output=True, text=True, check=True,
+        env={**os.environ, 'XDG_CACHE_HOME': str(tmp_path)}).stdout.split() for _ in range(2)]
+    assert shown == [['3.0', '0'], ['3.0', '1']]

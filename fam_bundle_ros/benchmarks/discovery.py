@@ -26,11 +26,14 @@ import numpy as np
 
 from fam_bundle_ros.benchmarks import discovery_cases as make
 from fam_bundle_ros.benchmarks.discovery_truth import OUTSIDERS
-from fam_bundle_ros.discovery.candidates import family
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.diagnose import diagnose
-from fam_bundle_ros.discovery.fit import base_terms, Problem
+from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.options import family, Options
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import finite
+from fam_bundle_ros.discovery.settings import Choices
 
 SETS = ('single', 'other', 'clean', 'parameters', 'outside', 'pairs', 'small')
 _KINDS = ('static', 'dynamic', 'bundle')
@@ -123,7 +126,11 @@ def run(task: Task) -> dict[str, Any]:
 
 def left_to_see(case: make.Case) -> float:
     """Return what the refitted model without the hidden effect misses, rms in noise sd."""
-    base = Problem(case.data, case.model).fit(case.model, base_terms(case.model))
+    cells = reduce(case.model, case.data)
+    fitter = Fitter(cells, Covariance(cells, Choices().unexplained))
+    options = Options(case.model, cells, Choices(), {e.name: e for e in case.model.effects})
+    base = fitter.without_discrepancy(fitter.fit(
+        options.own, case.model, options.priors(options.own)))
     missed = predict(base.model, case.data) - case.shown_force
     return float(np.sqrt(np.mean(missed ** 2))) / case.noise
 

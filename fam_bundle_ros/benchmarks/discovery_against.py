@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.benchmarks import discovery_cases as make
-from fam_bundle_ros.discovery import candidates as cand
-from fam_bundle_ros.discovery.fit import Problem
-from fam_bundle_ros.discovery.search import Search
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.options import head, Options
+from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.model import Place
 
 _Dictionary = tuple[list[str], np.ndarray, np.ndarray]
@@ -27,27 +29,28 @@ _Dictionary = tuple[list[str], np.ndarray, np.ndarray]
 
 def dictionary(case: make.Case) -> _Dictionary:
     """Return names, standardised columns (T, m) and the whitened residual (T,) of a case."""
-    problem = Problem(case.data, case.model)
-    search = Search(problem, case.model, cand.candidates(case.model, case.data))
-    base = search.fit(())
-    weight = problem.weight
-    names, columns = [], []
-    for j, term in enumerate(base.terms):
-        names.append(term.key)
-        columns.append(base.jacobian[:, j])
-    for name, effect in search.effects.items():
+    choices = Choices()
+    cells = reduce(case.model, case.data)
+    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
+    options = Options.of(case.model, cells, choices)
+    base = fitter.without_discrepancy(fitter.fit(
+        options.own, case.model, options.priors(options.own)))
+    names, columns = [p.key for p in base.priors], list(base.slopes.T)
+    for name, effect in options.effects.items():
+        if name in options.own:
+            continue
         lively = effect
         if effect.place is Place.SENSOR:
             first = effect.parameters[0]
             lively = effect.replace(**{first.name: 0.1 * first.upper * first.scale})
-        with_it = problem.residual(base.model.with_effect(lively))
+        with_it = cells.mean(base.model.with_effect(lively).predict(cells.motion))
         names.append(name)
-        columns.append((base.residual - with_it) / problem.noise)
-    table = np.stack(columns, -1)[weight]
+        columns.append(with_it - (cells.force - base.residual))
+    table = np.stack(columns, -1)
     size = table.std(axis=0)
     keep = size > 1e-9
     table = (table[:, keep] - table[:, keep].mean(axis=0)) / size[keep]
-    target = (base.residual / problem.noise)[weight]
+    target = base.residual / cells.noise
     return [n for n, k in zip(names, keep) if k], table, target - target.mean()
 
 
@@ -90,7 +93,7 @@ def against(cases: int, sets: tuple[str, ...] = ('single', 'other')) -> dict[str
                 for name, method in methods.items():
                     kept = {key: size for key, size in method(*terms).items() if '.' not in key}
                     first = max(kept, key=lambda key: abs(kept[key]), default='')
-                    found[name].append((bool(first) and cand.head(first) in right, len(kept)))
+                    found[name].append((bool(first) and head(first) in right, len(kept)))
     return {name: {'first_right': round(float(np.mean([r for r, _ in rows])), 3),
                    'terms_mean': round(float(np.mean([n for _, n in rows])), 1),
                    'cases': len(rows)} for name, rows in found.items() if rows}

@@ -35,7 +35,8 @@ _PERIOD = 2e-3
 
 
 def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
-           trajectories: Any = TRAJECTORIES, budget: float = 0.2) -> dict[str, float]:
+           trajectories: Any = TRAJECTORIES, budget: float = 0.2, least: int = 3
+           ) -> dict[str, float]:
     """
     Return x real time of the closed loop by ``policy/scheme/trajectory``.
 
@@ -47,7 +48,7 @@ def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
         Share of each trajectory that is run.
     controllers : sequence of (policy, scheme)
     trajectories : sequence of str
-    budget : float, s
+    budget, least : float, s, and int
         For repeats of each.
     """
     bundle, found = model_of(units), {}
@@ -58,7 +59,7 @@ def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
         for policy, scheme in controllers:
             loop = ClosedLoop(bundle, controller=ControllerConfig(policy=policy, scheme=scheme),
                               seed=1)
-            seconds = best(lambda: loop.run(trajectory), budget, least=1)  # noqa: B023
+            seconds = best(lambda: loop.run(trajectory), budget, least)  # noqa: B023
             found[f'{policy}/{scheme}/{name}'] = (
                 trajectory.prepare + trajectory.duration) / seconds
     return found
@@ -74,7 +75,7 @@ def against_real_time(scale: float) -> list[Figure]:
         figures.append(_slowest(
             f'{units} units, no numba',
             elsewhere('fam_bundle_ros.benchmarks.speed_loop:speeds', units, 0.2 * scale,
-                      plain=True, budget=0.0), REACH_PLAIN))
+                      plain=True, budget=0.0, least=2), REACH_PLAIN))
     return figures
 
 

@@ -16,7 +16,7 @@ from fam_bundle_ros.benchmarks import (
     speed_ticks,
 )
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
-from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model import catalogue, load_model, rowlaw
 from fam_bundle_ros.resources import config_names, config_path
 from fam_bundle_ros.simulation import ClosedLoop
 
@@ -25,9 +25,10 @@ ROWS = (*speed_loop.ROWS, *speed_model.ROWS, *speed_ticks.ROWS, *speed_ros.ROWS,
 
 
 def warm_up() -> None:
-    """Compile what the models that ship need, so that the first run of a user is fast."""
+    """Compile the laws and what the models that ship need, so that a user's first run is fast."""
     if kernels.numba() is None:
         return
+    rowlaw.prepare(catalogue.available().values())
     for name in config_names('models'):
         bundle = load_model(config_path(f'models/{name}'))
         strain = np.linspace(0.0, 0.2, 9)

@@ -213,7 +213,8 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
                 'ROS 2 topics': run_trajectory(
                     bundle, trajectory, rig=rig, rate=1.0 / period, seed=seed, log_level='warn',
                     overrides={'gains.p': gains.p, 'gains.i': gains.i, 'gains.d': gains.d,
-                               'quiet_error': config.quiet_error, 'flow_lag': config.flow_lag})}
+                               'quiet_error': config.quiet_error,
+                               'transport_delay': config.transport_delay})}
     return [{'controller': 'reversal_aware', 'trajectory': 'ramp_20', 'plant': 'nominal',
              **metrics(log, bundle, rig), 'through': through}
             for through, log in logs.items()]

@@ -86,8 +86,15 @@ def diagnose(
     data: DataArgument,
     model: ModelOption,
     out: PageFile = None,
-    save: Annotated[Path | None, typer.Option(metavar='FILE', help='Also write the best model.'
-                                              )] = None,
+    model_out: Annotated[Path | None, typer.Option('--model-out', metavar='FILE', help='Also '
+                                                   'write the model that it recommends (.yaml; '
+                                                   'beside it the table of a discrepancy).'
+                                                   )] = None,
+    unexplained: Annotated[float, typer.Option(metavar='SHARE', min=1e-4, max=1.0, help='How much '
+                                               'structure beyond every law is normal, as a share '
+                                               "of the force's standard deviation.")] = 0.01,
+    odds: Annotated[float, typer.Option(min=1.0, help='Sets of effects at most so many times '
+                                        'less probable than the best are ties.')] = 20.0,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
     *,
@@ -98,7 +105,8 @@ def diagnose(
     bundle = open_model(model, allow_python)
     measured = read_data(data, reading, bundle)
     with progress_bar('diagnose') as tick:
-        result = discovery.diagnose(bundle, measured, progress=tick)
+        result = discovery.diagnose(bundle, measured, progress=tick, choices=discovery.Choices(
+            unexplained=unexplained, odds=odds))
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     _check_first(result.comparison)
     error = result.error_N
@@ -111,8 +119,11 @@ def diagnose(
               [(effect_name(c.effect).append(c.label[len(c.effect):]), f'{c.probability:.2f}',
                 c.error_N, c.reason) for c in result.shortlist],
               '' if answered else result.shortlist_title, numeric=(1, 2))
-    if result.shapes:
-        console.print(f"add: [bold]fam_bundle add {' '.join(result.shapes)} --data {escape(data)} "
+    console.print(escape(str(result.recommended)), soft_wrap=True)
+    words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
+             *(f'--remove {name}' for name in result.removed)]
+    if words:
+        console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data)} "
                       f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
@@ -137,14 +148,10 @@ def diagnose(
         write_page(out, diagnosis_page(result, _files(data, model)))
         wrote(out)
     save_json(json_file, {**result.to_dict(), 'data': measured.to_dict()})
-    if save is not None and result.verdict == 'unexplained':
-        console.print(f'{save} is not written: no effect explains the error, and parameters bent '
-                      'to hide it are no model', soft_wrap=True)
-        raise typer.Exit(1)
-    if save is not None:
-        from fam_bundle_ros.model import save_model
-        save_model(result.best, save)
-        wrote(save)
+    if model_out is not None:
+        if model_out.suffix not in ('.yaml', '.yml'):
+            raise InputError(f'{model_out}: expected the name of a model file (.yaml) to write')
+        wrote(*result.recommended.save(model_out))
 
 
 @reads_data

@@ -49,6 +49,14 @@ def add(
     source: Annotated[str | None, typer.Option('--from', metavar='MODEL', help='Take the effects '
                                                'from this model file: your own expressions.'
                                                )] = None,
+    replacing: Annotated[list[str] | None, typer.Option('--replace', metavar='OLD=NEW', help='Put '
+                                                        'an effect in the place of one of the '
+                                                        "model's.")] = None,
+    removing: Annotated[list[str] | None, typer.Option('--remove', metavar='NAME', help='Take an '
+                                                       "effect of the model's away.")] = None,
+    discrepancy: Annotated[bool, typer.Option('--discrepancy', help='Also write what is left, as '
+                                              'a table, where that foretells unseen rows '
+                                              'better.')] = False,
     name: Annotated[str | None, typer.Option(help='Name of the new model.')] = None,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
@@ -68,12 +76,22 @@ def add(
         wanted = [library.effect(effect) for effect in wanted]
     if out.suffix not in ('.yaml', '.yml'):
         raise InputError(f'{out}: expected the name of a model file (.yaml) to write')
-    if not wanted and name is None:
+    swaps = {}
+    for text in replacing or []:
+        old, sign, new = text.partition('=')
+        if not (old and sign and new):
+            raise InputError(f'--replace {text}: expected OLD=NEW, two names of effects')
+        swaps[old] = new
+    if not (wanted or swaps or removing) and name is None:
         name = f'{bundle.name}_recalibrated'
     measured = read_data(data, reading, bundle)
     with notes.status('refitting'):
-        result = add_effect(bundle, wanted, measured, name)
-    save_model(result.model, out)
+        result = add_effect(bundle, wanted, measured, name,
+                            replacing=swaps, removing=removing or ())
+    if discrepancy:
+        wrote(*result.recommended.save(out))
+    else:
+        save_model(result.model, out)
     console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
                   f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on data left out; '
                   f'noise floor {result.noise.value:.3g} N', soft_wrap=True)

@@ -14,6 +14,7 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     model_path,
     ModelArgument,
+    ModelOption,
     notes,
     open_model,
     quantity,
@@ -108,18 +109,30 @@ def tune(
     phase_margin: Annotated[float, typer.Option(help='Phase margin to keep, degrees.',
                                                  min=0.0)] = 55.0,
     scheduled: Annotated[bool, typer.Option(help='Whether the loop is told the volume.')] = True,
+    loop: Annotated[str, typer.Option(help='pressure, force or strain.')] = 'pressure',
+    gain_error: Annotated[float, typer.Option(help='Force and strain: by how much the bundle may '
+                                              'change more than its model, relative.',
+                                              min=0.0, max=1.0)] = 0.5,
+    inertia: Annotated[float, typer.Option(help='Strain: force per strain acceleration of the '
+                                           'load, N s^2.', min=0.0)] = 0.3,
+    model: ModelOption = 'spie2021',
     json_file: JsonFile = None,
 ) -> None:
     """
-    Work out the gains of the pressure loop and show the margins that they leave.
+    Work out the gains of a loop and show margins and step responses that they leave.
 
     A reading that comes over a topic is a period old: the gains of the node pressure_pid are those
     of a sample period and a delay of 5 ms each, as are the defaults here.
     """
-    from fam_bundle_ros.control import tuning
+    from fam_bundle_ros.control import PidConfig, tuning
+    from fam_bundle_ros.control.loop_tuning import pressure_steps
+    period = quantity(sample_period, 's', '--sample-period')
+    delay = quantity(transport_delay, 's', '--transport-delay')
+    if loop != 'pressure':
+        _tune_outer(loop, period, delay, gain_error, inertia, model, json_file)
+        return
     result = tuning.tune(
-        sample_period=quantity(sample_period, 's', '--sample-period'),
-        transport_delay=quantity(transport_delay, 's', '--transport-delay'),
+        sample_period=period, transport_delay=delay,
         spool_frequency=_hertz(spool_frequency),
         gain_margin_db=gain_margin, phase_margin_deg=phase_margin, scheduled=scheduled)
     gains = result.gains
@@ -130,10 +143,38 @@ def tune(
     table(('volume (mL)', 'valve', 'rate fully open (MPa/s)', 'gain margin (dB)',
            'phase margin (°)', 'crossover (Hz)'), _by_volume(result.points),
           numeric=(0, 3, 4, 5))
-    save_json(json_file, {'gains': gains, 'gain_margin_dB': result.gain_margin_db,
+    steps = pressure_steps(gains, PidConfig(transport_delay=delay), period, delay)
+    table(('volume (mL)', "true rate over the model's", 'overshoot (%)', 'settling (ms)'),
+          [(1e6 * step.volume, 1.0 + step.gain_error, 100.0 * step.overshoot,
+            1e3 * step.settling) for step in steps], numeric=(0, 1, 2, 3))
+    save_json(json_file, {'steps': steps,
+                          'gains': gains, 'gain_margin_dB': result.gain_margin_db,
                           'phase_margin_deg': result.phase_margin_deg,
                           'sample_period_s': result.sample_period,
                           'dead_time_s': result.dead_time, 'points': result.rows()})
+
+
+def _tune_outer(loop: str, period: float, delay: float, gain_error: float, inertia: float,
+                model: str, json_file: Any) -> None:
+    """Show settings, margins and steps of the force or strain loop."""
+    from fam_bundle_ros.control import LoadModel, OuterConfig
+    from fam_bundle_ros.control.loop_tuning import tune_force, tune_strain
+    config = OuterConfig(delay=delay, gain_error=gain_error)
+    if loop == 'force':
+        result = tune_force(config, period)
+    elif loop == 'strain':
+        result = tune_strain(open_model(model), LoadModel(inertia=inertia), config, period)
+    else:
+        raise InputError(f"--loop is '{loop}'; expected pressure, force or strain")
+    console.print('[bold]' + '   '.join(f'{name} {value:.4g}' for name, value
+                                        in result.settings.items()) + '[/bold]')
+    table(("true gain over the model's", 'gain margin (dB)', 'phase margin (°)',
+           'delay margin (ms)', 'overshoot (%)', 'settling (ms)'),
+          [(1.0 + p.gain_error, p.gain_margin_db, p.phase_margin_deg, 1e3 * p.delay_margin,
+            100.0 * p.overshoot, 1e3 * p.settling) for p in result.points],
+          numeric=(0, 1, 2, 3, 4, 5))
+    save_json(json_file, {'loop': loop, 'settings': result.settings, 'lag_s': result.lag,
+                          'points': result.rows()})
 
 
 def _by_volume(points: Any) -> list[tuple[Any, ...]]:

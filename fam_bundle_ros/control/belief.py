@@ -60,7 +60,7 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
     at_rest : bool
         Forces at equilibrium, without memory; not compiled.
     """
-    model, pressures = bundle.model(compiled), np.transpose(grid).copy()
+    model, pressures = bundle.model(compiled), np.transpose(grid)
     if compiled:
         return Belief(model.force, *model[3:], np.zeros_like(model.memory), np.zeros(bundle.n),
                       None)

@@ -40,6 +40,7 @@ from fam_bundle_ros.control.signals import (
     Reference,
 )
 from fam_bundle_ros.control.spread import SCHEMES
+from fam_bundle_ros.control.switching import Margins
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
@@ -73,6 +74,8 @@ class ControllerConfig:
         What is learnt of the model's errors.
     still : float, Pa
         Pressures change only when they would by more than this: no air for sensor noise.
+    adaptation : AdaptationConfig
+        Online adaptation of the model's gains.
     hold_time : float, s
         Readings that are not finite hold the pressures so long, then everything is vented.
     """
@@ -177,6 +180,13 @@ class RecruitmentController:
         enable_step(self.settings, self.model, self.memory, self._read(measurement), self._record)
         self._command = self._told()
 
+    def keep_learnt(self, other: 'RecruitmentController') -> None:
+        """Go on with what another controller of the same bundle has learnt of the model."""
+        if self.settings.adaptation == other.settings.adaptation:
+            self.memory.adaptation = other.memory.adaptation
+            self.memory.table.pull[:] = other.memory.table.pull
+            self.memory.table.push[:] = other.memory.table.push
+
     def update(self, dt: float, measurement: Measurement, reference: Reference) -> Command:
         """
         Return the command of this tick.
@@ -216,7 +226,7 @@ class RecruitmentController:
         record = self._record
         return Command(np.array(record.pressure), record.state, np.array(record.active, bool),
                        np.array(record.share), SATURATION[record.saturated],
-                       sentence(record.reason, self._names), replace(record.margins),
+                       sentence(record.reason, self._names), Margins(**vars(record.margins)),
                        record.demand)
 
 

@@ -4,9 +4,9 @@
 Observer of the force that the model leaves out: measured minus believed force.
 
 A disturbance observer (Ohnishi, Shibata and Murakami 1996) on two time scales. The quick one is as
-fast as the lag of the loop allows, the patient one averages over a second. Each counts by what it
-shows beyond the noise that it would show anyway (Wiener's weight, signal over signal and noise):
-a model without error gets no noise into its pressures, one with a steady error a steady
+fast as the lag of the loop allows, the patient one averages over half a second. Each counts by
+what it shows beyond the noise that it would show anyway (Wiener's weight, signal over signal and
+noise): a model without error gets no noise into its pressures, one with a steady error a steady
 correction, and only errors that move are followed quickly. The believed force is that at the
 *measured* pressures, so that a demand out of reach does not wind it up. Kernels.
 """
@@ -16,7 +16,9 @@ import math
 from typing import Any
 
 #: s: of the patient observer; in which noise and the quick observer's power are learnt.
-PATIENT_TIME, _LEARN_TIME = 1.0, 1.0
+PATIENT_TIME, _LEARN_TIME = 0.5, 1.0
+#: The integral of what pressures do not give takes so many lags of the loop.
+_SHORT = 10.0
 #: The power of a patient observer is averaged over so many of its times.
 _LONG = 5.0
 #: Power must be so many times that of the noise before it counts: within a second the power of
@@ -39,6 +41,11 @@ class ObserverState:
         0 to 1: how much of the quick part is more than noise.
     quick, patient : float, N
         Measured minus believed force, filtered.
+    asked, short : float, N
+        Force that was asked of the model, with the lag of the loop; what is still missing of it
+        at the pressures that are there, integrated: a valve that sticks.
+    short_power : float, N^2
+        Mean square of it.
     power, patient_power : float, N^2
         Mean square of the quick part that the patient one leaves, and of the patient one.
     last, before : float, N
@@ -51,6 +58,9 @@ class ObserverState:
     weight: float = 0.0
     quick: float = 0.0
     patient: float = 0.0
+    asked: float = 0.0
+    short: float = 0.0
+    short_power: float = 0.0
     power: float = 0.0
     patient_power: float = 0.0
     last: float = 0.0
@@ -62,6 +72,7 @@ class ObserverState:
 def forget_observer(state: Any) -> None:
     """Begin anew."""
     state.bias = state.weight = state.quick = state.patient = 0.0
+    state.asked = state.short = state.short_power = 0.0
     state.power = state.patient_power = state.last = state.before = state.change = 0.0
     state.seen = 0
 
@@ -78,19 +89,21 @@ def low_pass(dt: float, time: float) -> float:
     return 1.0 - math.exp(-dt / time)
 
 
-def observe(state: Any, error: float, time: float, dt: float) -> None:
+def observe(state: Any, measured: float, believed: float, asked: float, time: float, dt: float
+            ) -> None:
     """
     Advance by one sample.
 
     Parameters
     ----------
     state : ObserverState
-    error : float, N
-        Measured minus believed force.
+    measured, believed, asked : float, N
+        Measured force; that of the model at the measured pressures, and at those last commanded.
     time : float, s
         Of the quick observer.
     dt : float, s
     """
+    error = measured - believed
     learn_noise(state, error, dt)
     noise = noise_of(state)
     noise *= noise
@@ -103,7 +116,18 @@ def observe(state: Any, error: float, time: float, dt: float) -> None:
     left = state.quick - steady
     state.power += low_pass(dt, _LEARN_TIME) * (left * left - state.power)
     state.weight = beyond_noise(state.power, noise * gain / (2.0 - gain))
-    state.bias = steady + state.weight * left
+    if state.seen == 1:
+        state.asked = believed
+    state.asked += gain * (asked - state.asked)
+    # What the lag alone may explain is not missing.
+    missing = state.asked - believed
+    late = abs(asked - state.asked)
+    missing = math.copysign(max(abs(missing) - late, 0.0), missing)
+    state.short += low_pass(dt, _SHORT * time) * (missing - state.short)
+    state.short_power += low_pass(dt, _LEARN_TIME) * (
+        state.short * state.short - state.short_power)
+    state.bias = steady + state.weight * left - state.short * beyond_noise(
+        state.short_power, noise * gain / (2.0 - gain))
 
 
 def beyond_noise(power: float, noise: float) -> float:

@@ -4,8 +4,8 @@
 Outer loops: a force or strain reference and the readings -> the force that the model shall give.
 
 Feed-forward says what the model knows, feedback corrects the rest; each works alone too. Feedback
-on force is what `observer` finds that the model leaves out, and a gain on the force error. Kernels;
-`outer` has the settings with their meaning.
+on force is what `observer` finds that the model leaves out, and a gain on the force error.
+Kernels; `outer` has the settings with their meaning.
 """
 
 from dataclasses import dataclass, field
@@ -188,8 +188,8 @@ def uncertainty(settings: Any, state: Any) -> float:
         state.observer.bias) + 0.1
 
 
-def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kind: int,
-               value: float, rate: float, saturated: int, lag: float, lag_doubt: float,
+def outer_step(settings: Any, state: Any, measurement: Any, believed: float, asked: float,
+               kind: int, value: float, rate: float, saturated: int, lag: float, lag_doubt: float,
                lead: float, dt: float) -> None:
     """
     Work out what is to be allocated in this tick: `OuterState.target`.
@@ -198,8 +198,8 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kin
     ----------
     settings, state : OuterSettings, OuterState
     measurement : record with force (N), strain, strain_rate (1/s)
-    believed : float, N
-        Force of the model at the measured strain and pressures.
+    believed, asked : float, N
+        Force of the model at the measured strain, and at pressures measured and last commanded.
     kind, value, rate : int, float, float
         Reference: `FORCE` (N, N/s) or `STRAIN` (1, 1/s).
     saturated : int
@@ -218,7 +218,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, kin
     slowest = settings.delay + settings.lead_time + dt + lag + lag_doubt
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
-        observe(state.observer, force - believed, time, dt)
+        observe(state.observer, force, believed, asked, time, dt)
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
@@ -289,11 +289,12 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         target.strain = min(max(ahead, strain - reach), strain + reach)
         target.strain_rate = rate
     if settings.feedback:
+        # The gains on the strain answer what is quick; the quick observer would do it twice.
         error = value - strain
         integrate_error(state, settings.strain_integral * error * dt, saturated)
         wanted = (state.integral + settings.strain_gain * error
                   + settings.strain_damping * (rate - measurement.strain_rate)
-                  - state.observer.bias)
+                  - state.observer.patient)
         still = quiet_band(settings, state, wanted, dt)
         state.kept = min(max(state.kept, wanted - still), wanted + still)
         correction = state.kept

@@ -10,7 +10,7 @@ feedback is small. A setpoint of 0 means open to exhaust, whatever the sensor sh
 of recruitment or ROS. Pressures are gauge.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import math
 
 from fam_bundle_ros.control.pressure_loop import (
@@ -184,7 +184,7 @@ class PressurePid:
     @property
     def diagnostics(self) -> PidDiagnostics:
         """Return what the loop did in the last update."""
-        return replace(self.state.shown)
+        return PidDiagnostics(**vars(self.state.shown))
 
     def reset(self, command: float = 0.0) -> None:
         """

@@ -232,7 +232,8 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         table, model, measurement.pressure, state.adaptation.force), dt)
     adapt(settings.adaptation, state, measurement.force, dt)
     learnt = state.adaptation
-    outer_step(settings.outer, outer, measurement, believed, kind, value, rate,
+    outer_step(settings.outer, outer, measurement, believed,
+               outer.demand - state.shares.missing, kind, value, rate,
                command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
     if kind == FORCE and command.saturated == FREE:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,

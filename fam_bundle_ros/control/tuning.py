@@ -129,7 +129,7 @@ def tune(sample_period: float = 5e-3, transport_delay: float = 5e-3,
     InputError
         When no gain keeps the margins, or python-control is not installed.
     """
-    ct = _python_control()
+    ct = python_control()
     if not (sample_period > 0.0 and transport_delay >= 0.0 and spool_frequency > 0.0):
         raise InputError('tune needs a sample period and a spool frequency above 0 and a '
                          f'transport delay of 0 or more; got {sample_period}, '
@@ -173,7 +173,7 @@ def open_loop_response(result: TuneResult, spool_damping: float = 0.7,
     InputError
         When python-control is not installed.
     """
-    ct = _python_control()
+    ct = python_control()
     hertz = np.geomspace(0.3, 300.0, 300) if frequencies is None else np.asarray(frequencies)
     loop = _loop(ct, _actuator(ct, result.dead_time, result.spool_frequency, spool_damping),
                  result.gains, config, gain)
@@ -181,7 +181,8 @@ def open_loop_response(result: TuneResult, spool_damping: float = 0.7,
     return hertz, 20.0 * np.log10(np.abs(response)), np.degrees(np.unwrap(np.angle(response)))
 
 
-def _python_control():
+def python_control() -> Any:
+    """Return the module `control`; InputError where it is not installed."""
     try:
         import control
     except ImportError:

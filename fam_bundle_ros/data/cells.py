@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 from typing import Any
+import warnings
 
 import numpy as np
 
@@ -95,12 +96,14 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
         values[filled] = clock + _DAY * np.cumsum(np.diff(clock, prepend=clock[:1]) < -_DAY / 2)
         return values
     pandas = pandas_of(name)
-    cells = [text[i] for i in filled]
+    cells = [re.sub(r'(?<=\d),(?=\d)', '.', text[i]) for i in filled]
     for how in ({'format': 'ISO8601'}, {'dayfirst': _day_first(cells)},
                 {'format': 'mixed', 'dayfirst': _day_first(cells)}):
         try:
-            stamps = pandas.Series(pandas.to_datetime(cells, utc=True, **how))
-        except (ValueError, TypeError, OverflowError):
+            with warnings.catch_warnings():
+                warnings.simplefilter('error')  # a format that pandas cannot infer
+                stamps = pandas.Series(pandas.to_datetime(cells, utc=True, **how))
+        except (ValueError, TypeError, OverflowError, UserWarning):
             continue
         values[filled] = (stamps - stamps.iloc[0]).dt.total_seconds()
         return values

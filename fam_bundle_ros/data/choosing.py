@@ -15,7 +15,7 @@ import re
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import is_text, labels, looks_like_time, numbers
+from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.vocabulary import (
@@ -193,7 +193,7 @@ class Choices:
         if _family(match.quantity) in families:
             return f'{_family(match.quantity)} was told'
         if match.quantity == 'trial':
-            count = len(np.unique(labels(column)))
+            count = len({cell for cell in column.tolist() if cell == cell})
             return (f'{count} different values in {len(column)} rows: no trials'
                     if count * _ROWS_PER_TRIAL > len(column) else '')
         if match.quantity != 'time' and is_text(column):

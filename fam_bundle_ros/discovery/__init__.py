@@ -7,20 +7,24 @@ Discovery: which physical effect is a model missing, judged on measured data.
     print(compare(model, data))
     result = diagnose(model, data)
     print(result)
-    better = add_effect(model, result.shapes, data)
-    print(ladder(data, [model, better.model]))
+    result.recommended.save('better.yaml')
 """
 
-from fam_bundle_ros.data.bagfile import write_bag
-from fam_bundle_ros.data.measurement import Measurement, write_csv
-from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
-from fam_bundle_ros.data.reading import read_measurement
+from fam_bundle_ros.data import (
+    Measurement,
+    noise_floor,
+    NoiseFloor,
+    read_measurement,
+    write_bag,
+    write_csv,
+)
 from fam_bundle_ros.discovery.add import add_effect, Added, Ladder, ladder, orders
 from fam_bundle_ros.discovery.compare import compare, Comparison
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
+from fam_bundle_ros.discovery.settings import Choices
 
-__all__ = ['add_effect', 'Added', 'Candidate', 'compare', 'Comparison', 'diagnose', 'Diagnosis',
-           'ladder', 'Ladder', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor', 'orders',
-           'read_measurement', 'Region', 'write_bag', 'write_csv']
+__all__ = ['add_effect', 'Added', 'Candidate', 'Choices', 'compare', 'Comparison', 'diagnose',
+           'Diagnosis', 'ladder', 'Ladder', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor',
+           'orders', 'read_measurement', 'Region', 'write_bag', 'write_csv']

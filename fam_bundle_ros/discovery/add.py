@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Add an effect to a model, with everything refitted; and the ladder of errors, step by step.
+Add, replace or remove effects of a model, with everything refitted; and the ladder of errors.
 
     better = add_effect(model, 'coulomb_friction', data)
     save_model(better.model, 'better.yaml')
@@ -10,22 +10,27 @@ Add an effect to a model, with everything refitted; and the ladder of errors, st
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 import json
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
-from fam_bundle_ros.discovery import candidates as cand
-from fam_bundle_ros.discovery.diagnose import SEARCH_ROWS, with_intervals
-from fam_bundle_ros.discovery.fit import base_terms, confirm, held_out_of_whole, Problem
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_intervals
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
+from fam_bundle_ros.discovery.leftover import Leftover
+from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of
 from fam_bundle_ros.discovery.predict import matched, predict
-from fam_bundle_ros.discovery.result import finite
-from fam_bundle_ros.discovery.search import Scale, Search
-from fam_bundle_ros.discovery.uncertainty import Estimate, estimates
+from fam_bundle_ros.discovery.result import finite, Recommended
+from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, Effect
 
@@ -33,7 +38,7 @@ from fam_bundle_ros.model import Bundle, catalogue, Effect
 @dataclass(frozen=True)
 class Added:
     """
-    A model with effects added and all its parameters refitted.
+    A model with effects added, replaced or removed, and all its parameters refitted.
 
     Attributes
     ----------
@@ -42,11 +47,14 @@ class Added:
     effects : tuple of str
         In the shape in which each was added.
     error_before_N, error_N, held_out_N : float
-        Rms of the model as it was, of the new one, and of refits on blocks that they have not
-        seen; over the rows that count.
+        Rms of the model as it was, of the new one, and of refits on folds left out.
     parameters : tuple of Estimate
     asked : tuple of str
         What the effects were asked for by.
+    replaced : dict of str to str
+    removed : tuple of str
+    recommended : Recommended
+        The same effects with or without the discrepancy, whichever foretells better.
     """
 
     model: Bundle
@@ -56,15 +64,19 @@ class Added:
     held_out_N: float
     noise: NoiseFloor
     parameters: tuple[Estimate, ...]
-    asked: tuple[str, ...] = ()
+    asked: tuple[str, ...]
+    replaced: dict[str, str]
+    removed: tuple[str, ...]
+    recommended: Recommended
 
     @property
     def what(self) -> str:
-        """What was added, in words."""
-        return ' and '.join(
-            name if name == asked else f'{name} (the shape of {asked} that fits best)'
-            for name, asked in zip(self.effects, self.asked)
-        ) or 'nothing; its own parameters were refitted'
+        """What was done, in words."""
+        words = [name if name == asked else f'{name} (the shape of {asked} that fits best)'
+                 for name, asked in zip(self.effects, self.asked)]
+        words += [f'{new} in place of {old}' for old, new in self.replaced.items()]
+        words += [f'no {name}' for name in self.removed]
+        return ' and '.join(words) or 'nothing; its own parameters were refitted'
 
     def __str__(self) -> str:
         return '\n'.join([f'added {self.what}: error {self.error_before_N:.3g} N -> '
@@ -74,9 +86,10 @@ class Added:
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, lists and text."""
         return {'effects': list(self.effects), 'model': self.model.name,
+                'replaced': dict(self.replaced), 'removed': list(self.removed),
                 'error_N': {'model': self.error_before_N, 'best': self.error_N,
                             'held_out': self.held_out_N},
-                'noise_floor_N': self.noise.value,
+                'recommended': self.recommended.to_dict(), 'noise_floor_N': self.noise.value,
                 'parameters': {e.key: e.to_dict() for e in self.parameters}}
 
     def to_json(self) -> str:
@@ -90,65 +103,111 @@ class Added:
 
 
 def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], measurement: Any,
-               name: str | None = None) -> Added:
+               name: str | None = None, *, replacing: Mapping[str, str] | None = None,
+               removing: Sequence[str] = (), choices: Choices | None = None) -> Added:
     """
-    Return a model with effects added, refitted together with its own parameters.
+    Return a model with other effects, refitted together with its own parameters.
 
     Parameters
     ----------
     model : Bundle
     effect : str, Effect, or several of them
         Names of the catalogue, or effects (a user's own). None of them: recalibrate only. A name
-        that stands for several shapes takes the one that fits best, as `diagnose` does; an effect
+        that stands for several shapes takes the most probable one, as `diagnose` does; an effect
         is added as it is.
     measurement : Measurement, path, or DataFrame
     name : str, optional
         Name of the new model; by default the old one's with the effects'.
+    replacing : mapping of str to str, optional
+        Effect of the model -> the one that takes its place.
+    removing : sequence of str
+        Effects of the model to do without.
+    choices : Choices, optional
 
     Raises
     ------
     InputError
-        For an unknown effect, one that the model has already, or bad data.
+        For an unknown effect, one that the model has already or does not have, or bad data.
     """
-    data = as_measurement(measurement)
-    data = matched(model, data)
+    choices = choices or Choices()
+    data = matched(model, as_measurement(measurement))
     listed = [effect] if isinstance(effect, (str, Effect)) else list(effect)
-    effects = {}
-    for item in listed:
-        made = _effect(item)
-        if made.name in {e.name for e in model.effects} or made.name in effects:
+    replacing = dict(replacing or {})
+    for gone in (*replacing, *removing):
+        model.effect(gone)
+    incoming = [_effect(item) for item in (*listed, *replacing.values())]
+    had = {e.name for e in model.effects}
+    for made in incoming:
+        if made.name in had or [e.name for e in incoming].count(made.name) > 1:
             raise InputError(f'{model.name} has {made.name} already; expected an effect that it '
                              'lacks')
-        effects[made.name] = made
-    asked = tuple(effects)
+    cells = reduce(model, data)
+    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
+    effects = {e.name: e for e in (*model.effects, *incoming)}
     for item in listed:
         if isinstance(item, str):
-            effects.update((shape.name, shape) for shape in cand.shapes_of(item)
-                           if shape.name not in effects)
-    problem = Problem(data, model, largest=SEARCH_ROWS)
-    search = Search(problem, model, effects)
-    names = search.in_best_shapes(asked)
-    fit = search.fit(names)
-    full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
-    final = confirm(full, fit)
-    scale = Scale.of(full, final)
-    kept = full.weight
-    label = name or '_'.join([model.name, *names])
-    new = with_intervals(final, scale, kept)
-    return Added(new.named(label), tuple(names), rms(full.residual(model)[kept]),
-                 rms(final.residual[kept]), held_out_of_whole(full, final, problem, fit),
-                 noise_floor(data.select(kept), final.residual[kept]),
-                 tuple(estimates(final, scale)), asked)
+            effects.update((e.name, e) for e in shapes_of(item) if e.name not in effects)
+    options = Options(model, cells, choices, effects)
+    kept = had - set(replacing) - set(removing)
+    asked = tuple(e.name for e in incoming[:len(listed)])
+    chosen, added = _best_shapes(fitter, options, kept | set(replacing.values()), asked,
+                                 [item for item in listed if isinstance(item, str)])
+    physics = fitter.without_discrepancy(chosen)
+    held = held_out(fitter, physics, chosen)
+    told = estimates(physics)
+    words = [*added, *replacing.values(), *(f'without_{gone}' for gone in removing)]
+    label = name or '_'.join([model.name, *(words or ['recalibrated'])])
+    new = physics.model.named(label)
+    error = rms(data.force - predict(new, data))
+    new = with_intervals(new, told, error)
+    held = held.of_rows(beyond_cells(cells, physics, error))
+    return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
+                 noise_floor(data, data.force - predict(new, data)), tuple(told), asked,
+                 replacing, tuple(removing), recommend(new, chosen, held, fitter))
+
+
+def recommend(physics: Bundle, joint: Fit, held: HeldOut, fitter: Fitter) -> Recommended:
+    """Return physics, or physics with the discrepancy, whichever foretells unseen rows better."""
+    needed = not joint.hyper._replace(slow=0).is_white
+    surface = needed and held.discrepancy < held.physics
+    leftover = Leftover.of(fitter.covariance, joint) if surface else None
+    model = joint.model.named(f'{physics.name}_and_discrepancy') if surface else physics
+    return Recommended(model, tuple(effect.name for effect in physics.effects), leftover,
+                       held.best if surface else held.physics, held.physics, held.discrepancy,
+                       dict(held.rivals))
+
+
+def _best_shapes(fitter: Fitter, options: Options, kept: set[str], asked: Sequence[str],
+                 open_: Sequence[str]) -> tuple[Fit, tuple[str, ...]]:
+    """Return the most probable fit with a shape of each effect, and those shapes."""
+    def fitted(names: set[str]) -> Fit:
+        chosen: Names = tuple(sorted(names))
+        return fitter.fit(chosen, options.bundle(chosen), options.priors(chosen),
+                          log_prior=options.log_prior(chosen))
+
+    added = list(asked)
+    best = fitted(kept | set(added))
+    for slot, name in enumerate(asked):
+        if name not in open_:
+            continue
+        for shape in options.effects:
+            if shape == name or head(shape) != name or shape in kept:
+                continue
+            tried = [*added[:slot], shape, *added[slot + 1:]]
+            fit = fitted(kept | set(tried))
+            if fit.posterior > best.posterior:
+                best, added = fit, tried
+    return best, tuple(added)
 
 
 def _effect(item: str | Effect) -> Effect:
     if isinstance(item, Effect):
         return item
-    try:
-        return catalogue.get(item)()
-    except TypeError as error:
+    law = catalogue.get(item)
+    if law.load is not None:
         raise InputError(f"effect '{item}' needs more than numbers; expected it in the model "
-                         'file') from error
+                         'file')
+    return law()
 
 
 @dataclass(frozen=True)
@@ -160,27 +219,32 @@ class Ladder:
     ----------
     steps : list of dict
         ``step`` (name), ``error_N`` (as the model is), ``refitted_N``, ``held_out_N`` (refits on
-        blocks that they have not seen), ``rows`` that count.
+        folds left out), ``rows``.
     noise : NoiseFloor
         Of the best model.
     data : str
+    rivals_N : dict of str to float
+        Held-out errors of the mean force, a plane and an empirical form.
     """
 
     steps: list[dict[str, Any]]
     noise: NoiseFloor
     data: str
+    rivals_N: dict[str, float]
 
     def __str__(self) -> str:
         width = max(len(step['step']) for step in self.steps)
         lines = [f"{'model':<{width}}  {'error':>9}  {'refitted':>9}  {'left out':>9}   (N rms)"]
         lines += [f"{s['step']:<{width}}  {s['error_N']:9.3g}  {s['refitted_N']:9.3g}  "
                   f"{s['held_out_N']:9.3g}" for s in self.steps]
+        lines.append('on the same rows left out: ' + ', '.join(
+            f'{name} {value:.3g} N' for name, value in self.rivals_N.items()))
         return '\n'.join([*lines, str(self.noise)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, lists and text."""
         return {'data': self.data, 'steps': self.steps, 'noise_floor_N': self.noise.value,
-                'noise': self.noise.to_dict()}
+                'rivals_N': dict(self.rivals_N), 'noise': self.noise.to_dict()}
 
     def to_json(self) -> str:
         """Return `to_dict` as JSON."""
@@ -214,27 +278,36 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     data = as_measurement(measurement)
     if not models:
         raise InputError('a ladder needs at least one model')
-    steps, best = [], None
-    data = matched(models[-1], data)
-    # every model is held against the same rows: those that the last one leaves
-    full = Problem(data, models[-1], largest=len(data))
-    kept = full.weight
-    thin = full if len(data) <= SEARCH_ROWS else Problem(data, models[-1], largest=SEARCH_ROWS)
+    steps: list[dict[str, Any]] = []
+    best: tuple[float, Bundle] | None = None
+    rivals: dict[str, float] = {}
     for model in models:
-        data = matched(model, data)
-        fit = thin.fit(model, base_terms(model))
-        confirmed = confirm(full, fit)
-        refitted = rms(confirmed.residual[kept])
+        own = matched(model, data)
+        fitter, joint, physics = _refitted(model, own)
+        refitted = rms(own.force - predict(physics.model, own))
+        held = held_out(fitter, physics, joint).of_rows(
+            beyond_cells(fitter.cells, physics, refitted))
+        rivals = held.rivals
         steps.append({
-            'step': model.name, 'error_N': rms((data.force - predict(model, data))[kept]),
-            'refitted_N': refitted,
-            'held_out_N': held_out_of_whole(full, confirmed, thin, fit),
-            'effects': [effect.name for effect in model.effects], 'rows': int(kept.sum())})
-        if best is None or steps[-1]['refitted_N'] < best[0]:
-            best = (steps[-1]['refitted_N'], fit.model)
+            'step': model.name, 'error_N': rms(own.force - predict(model, own)),
+            'refitted_N': refitted, 'held_out_N': held.physics,
+            'held_out_discrepancy_N': held.discrepancy,
+            'effects': [effect.name for effect in model.effects], 'rows': len(own)})
+        if best is None or refitted < best[0]:
+            best = (refitted, physics.model)
     assert best is not None
-    floor = noise_floor(data, data.force - predict(best[1], data))
-    return Ladder(steps, floor, data.name)
+    own = matched(best[1], data)
+    return Ladder(steps, noise_floor(own, own.force - predict(best[1], own)), data.name, rivals)
+
+
+def _refitted(model: Bundle, data: Any) -> tuple[Fitter, Fit, Fit]:
+    """Return a model's own parameters refitted, with a discrepancy and without."""
+    choices = Choices()
+    cells = reduce(model, data)
+    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
+    options = Options(model, cells, choices, {e.name: e for e in model.effects})
+    joint = fitter.fit(options.own, model, options.priors(options.own))
+    return fitter, joint, fitter.without_discrepancy(joint)
 
 
 def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str, list[float]]:
@@ -248,12 +321,21 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
     dict of str to list of float
         Such as ``{'end_caps, coulomb_friction': [6.7, 5.3, 0.7]}``; the first is recalibration.
     """
-    data = as_measurement(measurement)
-    problem = Problem(data, model, largest=SEARCH_ROWS)
-    search = Search(problem, model, {name: _effect(name) for name in effects})
-    kept = problem.weight
-    found = {}
-    for order in permutations(effects):
-        found[', '.join(order)] = [rms(search.fit(order[:k]).residual[kept])
-                                   for k in range(len(order) + 1)]
-    return found
+    data = matched(model, as_measurement(measurement))
+    choices = Choices()
+    cells = reduce(model, data)
+    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
+    incoming = {name: _effect(name) for name in effects}
+    options = Options(model, cells, choices, {**{e.name: e for e in model.effects}, **incoming})
+    errors: dict[Names, float] = {}
+
+    def error(names: Names) -> float:
+        if names not in errors:
+            fit = fitter.without_discrepancy(fitter.fit(names, options.bundle(names),
+                                                        options.priors(names)))
+            errors[names] = float(np.sqrt(np.mean(
+                (data.force - predict(fit.model, data)) ** 2)))
+        return errors[names]
+
+    return {', '.join(order): [error(tuple(sorted({*options.own, *order[:k]})))
+                               for k in range(len(order) + 1)] for order in permutations(effects)}

@@ -6,9 +6,9 @@ Which effect is the model missing? Verdict, effects, ties, and what to measure n
     result = diagnose(load_model('model.yaml'), read_measurement('data.csv'))
     print(result)
 
-The search (`search`) refits every candidate together with the model's own parameters on blocks of
-neighbours; what it chose is confirmed on every row. `verdict` says what that amounts to, `words`
-puts it into sentences, and this module brings it all together with numbers.
+The measurement is reduced once (`cells`); sets of effects are searched (`search`) under one
+likelihood with a discrepancy in every model (`covariance`, `evidence`); `posterior` says what all
+sets say together, `verdict` what that amounts to. This module passes it on and adds the numbers.
 """
 
 from __future__ import annotations
@@ -20,33 +20,38 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
-from fam_bundle_ros.data.measurement import RESOLUTION
+from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.data.reading import as_measurement
-from fam_bundle_ros.data.trials import trial_offsets
-from fam_bundle_ros.discovery import candidates as cand
+from fam_bundle_ros.data.trials import Offsets, trial_offsets
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.add import recommend
+from fam_bundle_ros.discovery.cells import Cells, reduce
 from fam_bundle_ros.discovery.compare import compare
-from fam_bundle_ros.discovery.fit import confirm, ErrorOf, Fit, held_out_of_whole, Problem
-from fam_bundle_ros.discovery.reshapes import (
-    find_reshapes,
-    find_rival,
-    less_sure,
-    notes_on_reshapes,
-    Reshape,
-)
+from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
+from fam_bundle_ros.discovery.leftover import Leftover
+from fam_bundle_ros.discovery.options import family, Options
+from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
+from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
-from fam_bundle_ros.discovery.search import NEAR, Progress, Scale, Search, TIE
-from fam_bundle_ros.discovery.uncertainty import confounding, estimates
-from fam_bundle_ros.discovery.verdict import hold_against_noise, judge, moved
-from fam_bundle_ros.discovery.words import Finding, next_experiment, notes_on, summarise
+from fam_bundle_ros.discovery.search import Progress, Search
+from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.discovery.templates import describe
+from fam_bundle_ros.discovery.verdict import DOUBTED, Finding, judge, small, what_is_left
+from fam_bundle_ros.discovery.words import next_experiment, notes_on, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 
-#: Rows that the search works on; longer logs are averaged down to about this many.
-SEARCH_ROWS = 3000
+#: Ties that are put to the test on held-out folds.
+_TRIED = 8
+#: Candidates of a ranking whose error is worked out without a discrepancy.
+_TOLD = 6
 
 
 def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
-             rows: int = SEARCH_ROWS) -> Diagnosis:
+             choices: Choices | None = None) -> Diagnosis:
     """
     Find out whether a model is adequate, off in its parameters, or missing an effect.
 
@@ -56,8 +61,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     measurement : Measurement, path, or DataFrame
     progress : callable, optional
         Called with a share from 0 to 1 and a word about what is being done.
-    rows : int
-        Rows that the search works on.
+    choices : Choices, optional
+        How much unexplained structure is normal, the odds of a tie, and the like.
 
     Raises
     ------
@@ -69,195 +74,184 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     Diagnosis
     """
     begun = time.perf_counter()
-    data = as_measurement(measurement)
-    comparison = compare(model, data)
-    data = comparison.measurement
-    offsets = trial_offsets(data, comparison.residual) if data.is_static else None
-    if offsets is not None:
-        # repeats tell them whatever the model lacks, and a map has no memory that could make them
-        data = replace(data, force=data.force - offsets.rows)
-    problem = Problem(data, model, largest=rows)
-    search = Search(problem, model, cand.candidates(model, data), progress).run()
+    choices = choices or Choices()
+    comparison = compare(model, as_measurement(measurement))
+    data, offsets = _tared(comparison.measurement, comparison.residual)
+    cells = reduce(model, data)
+    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
+    search = Search(Options.of(model, cells, choices), fitter, progress).run()
     if progress:
         progress(0.9, 'weighing what is left')
-    full = problem if problem.block == 1 else Problem(data, model, largest=len(data))
-    base = confirm(full, search.fit(()))
-    final = confirm(full, search.fit(search.chosen))
-    finding = judge(problem, search, comparison.noise)
-    if rms(base.residual[full.weight]) < RESOLUTION * np.abs(data.force).max():
-        finding = Finding('recalibrate' if moved(problem, search) else 'adequate', finding.left)
-    finding = hold_against_noise(full, final, finding, offsets)
-    told = finding.named or finding.verdict == 'unexplained'
-    reshapes = find_reshapes(search, search.chosen if finding.named else []) if told else []
-    rival = find_rival(search, reshapes)
-    error = _error_on_every_row(full, base, search)
-    if rival is not None:
-        finding = less_sure(search, finding, rival, error)
-    chosen = search.chosen if finding.named else []
-    final = final if chosen else base
-    scale = Scale.of(full, final)
-    ranking = _ranking(search, full, final, chosen, rival, error)
-    tied = _ties(search, chosen)
-    next_one = next_experiment(problem, search, finding, tied, data)
-    if rival is not None and chosen:
-        tied = _join(tied, cand.head(rival.instead), rival.shape)
-    kept = full.weight
-    floor = noise_floor(data.select(kept), final.residual[kept])
-    keep_nominal = finding.verdict == 'adequate'
+    chosen, found = _best_of_ties(search, *named(search), choices)
+    physics = fitter.without_discrepancy(chosen)
+    base = fitter.without_discrepancy(search.null) if found else physics
+    chosen, found, physics, held = _that_foretell(search, chosen, found, physics)
+    if offsets is None and not data.is_static:
+        offsets = _offsets_left(cells, physics)
+    finding = judge(fitter, search.null, chosen, physics, found, held, offsets,
+                    choices.inclusion)
+    if finding.verdict == 'unexplained' and found:
+        held = held_out(fitter, base, search.null)
+    answer = found if finding.named else []
+    final, joint = (physics, chosen) if finding.named else (base, search.null)
+    posterior = Posterior.of(search)
+    ties = tuple(posterior.ties(answer, chosen, choices.odds))
+    told = estimates(final, posterior if answer else None)
+    best, recalibrated = _written(model, final, told), _written(model, base, estimates(base))
+    if finding.verdict == 'adequate':
+        best = model
+    error = {name: rms(data.force - predict(bundle, data)) for name, bundle in
+             (('recalibrated', recalibrated), ('best', best))}
+    error = {'model': comparison.error_N, **error}
+    beyond = beyond_cells(cells, final, error['best'] if final is not base else
+                          error['recalibrated'])
+    held = held.of_rows(beyond)
+    leftover = Leftover.of(fitter.covariance, joint)
+    recommended = recommend(best, joint, held, fitter)
+    residual = data.force - predict(best, data)
+    shapes = describe(cells, final)
     return Diagnosis(
-        verdict=finding.verdict, summary=summarise(finding, search, tied, base),
-        model=model, measurement=comparison.measurement, comparison=comparison,
-        effects=tuple(cand.head(name) for name in chosen), shapes=tuple(chosen),
-        error_N={'model': rms(comparison.residual[kept]), 'recalibrated': rms(
-            base.residual[kept]), 'best': rms(final.residual[kept])},
-        noise=floor, ranking=ranking, tied=tied, located=comparison.located,
-        next_experiment=next_one,
-        parameters=tuple(estimates(final, scale)), moved=final.moved(),
-        best=model if keep_nominal else with_intervals(final, scale, kept),
-        recalibrated=base.model, shapes_left=tuple(finding.left.templates),
-        notes=(data.notes + ((finding.offset,) if finding.offset else ())
-               + notes_on(data, floor, base, final) + _rivals(search, finding, tied, error)
-               + notes_on_reshapes(search, finding, reshapes, error)),
-        rows_left_out=int((~kept).sum()), confounding=confounding(final, scale),
-        ladder=_ladder(full, model, search, chosen), seconds=time.perf_counter() - begun)
+        verdict=finding.verdict, model=model, measurement=comparison.measurement,
+        summary=summarise(finding, answer, found, ties, base, shapes),
+        comparison=comparison,
+        effects=tuple(change.label for change in answer if not change.old),
+        shapes=tuple(change.new for change in answer if not change.old),
+        replaced={change.old: change.new for change in answer if change.old and change.new},
+        removed=tuple(change.old for change in answer if not change.new),
+        error_N=error, noise=noise_floor(data, residual),
+        ranking=_ranking(search, posterior, answer, final, finding, beyond), tied=ties,
+        located=comparison.located,
+        next_experiment=next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes),
+        parameters=tuple(told),
+        moved={p.key: float(u) for p, u in zip(final.priors, final.u) if p.own},
+        best=best, recalibrated=recalibrated, shapes_left=shapes,
+        notes=(*data.notes, *finding.refusals, *finding.warnings,
+               *notes_on(cells, comparison.noise, base, final, held)),
+        rows_left_out=int((cells.label < 0).sum()), confounding=confounding(final),
+        held_out=held, recommended=recommended, leftover=leftover,
+        ladder=_ladder(search, answer, error, base, held, beyond),
+        seconds=time.perf_counter() - begun)
 
 
-def _error_on_every_row(full: Problem, base: Fit, search: Search) -> ErrorOf:
+def _tared(data: Measurement, residual: np.ndarray) -> tuple[Measurement, Offsets | None]:
+    """Return a map without what its trials differ by: no memory could make that."""
+    offsets = trial_offsets(data, residual) if data.is_static else None
+    if offsets is None:
+        return data, None
+    return replace(data, force=data.force - offsets.rows), offsets
+
+
+def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
+    """Return what the trials of a log differ by where it is more than a part of the noise."""
+    residual = cells.data.force - physics.model.predict(cells.motion)
+    kept = cells.label >= 0
+    found = trial_offsets(cells.data.select(kept), residual[kept])
+    return found if found is not None and found.size > settings.VISIBLE * cells.noise else None
+
+
+def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[str, float],
+                  choices: Choices) -> tuple[Fit, list[Change]]:
     """
-    Return a function from a fit of the search to its error on every row, N rms.
+    Return the chosen set, or one as probable that foretells unseen rows better.
 
-    Averaged rows have less noise: by as much as the base model's error, confirmed on every row,
-    is larger there.
+    Only where structure is left: down to the noise folds can tell nothing that evidence does not.
     """
-    thin = search.problem.weight
-    noise = rms(base.residual[full.weight]) ** 2 - rms(search.fit(()).residual[thin]) ** 2
-    return lambda fit: float(np.hypot(rms(fit.residual[thin]), np.sqrt(max(noise, 0.0))))
+    fitter = search.fitter
+    if not found or what_is_left(fitter.covariance, chosen).total <= small(fitter.cells):
+        return chosen, found
+    ties = [fit for fit in Posterior.of(search).fits if fit is not chosen
+            and fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
+    tried = [chosen, *ties]
+    errors = [held_out_physics(fitter, fitter.without_discrepancy(fit)) for fit in tried]
+    best = tried[int(np.argmin(errors))]
+    order = changes(search.options, best.names)
+    return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
 
 
-def _ranking(search: Search, full: Problem, final: Fit, chosen: list[str],
-             rival: Reshape | None, error: ErrorOf) -> tuple[Candidate, ...]:
-    """Return every effect with the best set that holds it; chosen effects first."""
-    scale = search.scale
-    # sets of as many effects compete with each other, and with none at all
-    count = max(len(chosen), 1)
-    scores = {key: search.score(key, scale) for key in search.fits if len(key) in (0, count)}
-    best = min(scores.values())
-    weights = {key: np.exp(-0.5 * min(score - best, 700.0)) for key, score in scores.items()}
-    total = sum(weights.values())
-    if rival is not None:
-        total += np.exp(0.5 * min(best - rival.score, 700.0))
+def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit,
+                   ) -> tuple[Fit, list[Change], Fit, HeldOut]:
+    """
+    Return the chosen set without effects that foretell nothing on rows not seen.
+
+    Those are effects without which physics does as well there, alone and with a discrepancy.
+    """
+    fitter = search.fitter
+    held = held_out(fitter, physics, chosen)
+    while len(found) > 1:
+        for change in reversed(found):
+            fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
+            without = fitter.without_discrepancy(fewer)
+            error = held_out(fitter, without, fewer)
+            if error.physics <= held.physics and error.best <= held.best:
+                found = [other for other in found if other is not change]
+                chosen, physics, held = fewer, without, error
+                break
+        else:
+            break
+    return chosen, found, physics, held
+
+
+def _written(model: Bundle, fit: Fit, told: list) -> Bundle:
+    """Return a fitted model that says in its name what it is."""
+    had = {effect.name for effect in model.effects}
+    new = [effect.name for effect in fit.model.effects if effect.name not in had]
+    gone = [name for name in had if name not in {e.name for e in fit.model.effects}]
+    words = [*new, *(f'without_{name}' for name in gone)] or ['recalibrated']
+    error = float(np.sqrt(np.mean(fit.residual ** 2)))
+    return with_intervals(fit.model.named('_'.join([model.name, *words])), told, error)
+
+
+def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,
+             finding: Finding, beyond: float) -> tuple[Candidate, ...]:
+    """Return every effect that was tried with the best set that holds it; named ones first."""
+    fitter = search.fitter
+    most = DOUBTED if finding.warnings or finding.refusals else 1.0
+    most = 0.5 if finding.refusals or (finding.verdict == 'unexplained') else most
+    chosen = {change.label: change for change in answer}
+    order = [*chosen, *sorted((label for label in posterior.labels() if label not in chosen),
+                              key=lambda label: -posterior.of_label(label))]
     entries = []
-    for name in dict.fromkeys(cand.head(n) for n in search.effects):
-        sets = [key for key in scores if name in {cand.head(n) for n in key}]
-        if not sets:
+    for place, label in enumerate(order):
+        best = posterior.best_with(label)
+        if best is None:
             continue
-        key = min(sets, key=lambda k: scores[k])
-        mine = tuple(sorted(chosen))
-        shape = next(n for n in key if cand.head(n) == name)
-        if mine and name in {cand.head(n) for n in mine}:
-            key, shape = mine, next(n for n in mine if cand.head(n) == name)
-        fit = final if key == mine and chosen else search.fit(key)
-        problem = full if fit is final else search.problem
-        own = [e for e in estimates(fit, Scale.of(problem, fit))
-               if e.key.startswith(shape + '.')]
+        fit, change = best
+        if label in chosen:
+            fit, change = final, chosen[label]
+        elif place < max(_TOLD, len(chosen) + 2):
+            fit = fitter.without_discrepancy(fit)
+        square = np.average(fit.residual ** 2, weights=fitter.cells.count)
+        error = float(np.hypot(np.sqrt(square), beyond))
+        name = change.name
+        own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
+        probability = posterior.of_label(label)
+        law = catalogue.available().get(name)
         entries.append(Candidate(
-            name, shape, cand.family(shape), float(sum(weights[k] for k in sets) / total),
-            rms(fit.residual[full.weight]) if fit is final else error(fit),
-            float(scores[key] - best), tuple(own),
-            catalogue.get(shape).signature, search.votes.get(shape)))
-    place = {cand.head(name): k for k, name in enumerate(chosen)}
-    entries.sort(key=lambda c: (place.get(c.effect, len(place)), c.score))
+            label, name, family(name), min(probability, most), error,
+            float(posterior.fits[0].posterior - best[0].posterior), tuple(own),
+            law.signature if law else '', replaces=change.old if change.new else '',
+            removes=not change.new))
     return tuple(entries)
 
 
-def _ties(search: Search, chosen: list[str]) -> tuple[tuple[str, ...], ...]:
-    """Return groups of effects of which one is chosen and the others would do as well."""
-    groups = []
-    scale = search.scale
-    now = search.score(chosen, scale) if chosen else 0.0
-    for slot, name in enumerate(chosen):
-        rest = chosen[:slot] + chosen[slot + 1:]
-        others = []
-        for key in search.fits:
-            new = [n for n in key if n not in rest]
-            if len(key) != len(chosen) or len(new) != 1 or not set(rest) <= set(key):
-                continue
-            if cand.head(new[0]) == cand.head(name):
-                continue
-            score = search.score(key, scale)
-            if score - now < TIE:
-                others.append((score, cand.head(new[0])))
-        if others:
-            names = list(dict.fromkeys(other for _, other in sorted(others)))
-            groups.append((cand.head(name), *names))
-    return tuple(groups)
+def _ladder(search: Search, answer: list[Change], error: dict[str, float], base: Fit,
+            held: HeldOut, beyond: float) -> list[dict[str, Any]]:
+    """Return the error after each step, on all rows and on folds left out."""
+    fitter = search.fitter
 
+    def step(words: str, fit: Fit) -> dict[str, Any]:
+        square = np.average(fit.residual ** 2, weights=fitter.cells.count)
+        return {'step': words, 'error_N': float(np.hypot(np.sqrt(square), beyond)),
+                'held_out_N': float(np.hypot(held_out_physics(fitter, fit), beyond))}
 
-def _ladder(full: Problem, model: Bundle, search: Search, chosen: list[str],
-            ) -> list[dict[str, Any]]:
-    """Return the error after each step, on all rows and on isobars or trials left out."""
-    kept = full.weight
-    nominal = rms(full.residual(model)[kept])
-    steps = [{'step': 'model', 'error_N': nominal, 'held_out_N': nominal}]
-    for count in range(len(chosen) + 1):
-        fit = search.fit(chosen[:count])
-        here = confirm(full, fit)
-        steps.append({'step': 'recalibrated' if not count else f'+ {chosen[count - 1]}',
-                      'error_N': rms(here.residual[kept]),
-                      'held_out_N': held_out_of_whole(full, here, search.problem, fit)})
+    steps = [{'step': 'model', 'error_N': error['model'], 'held_out_N': error['model']},
+             {**step('recalibrated', base), 'error_N': error['recalibrated']}]
+    names = search.options.own
+    for place, change in enumerate(answer):
+        names = tuple(sorted({*(n for n in names if n != change.old), change.new} - {''}))
+        words = f'+ {change.new}' if change.new else f'- {change.old}'
+        if place == len(answer) - 1:
+            steps.append({'step': words, 'error_N': error['best'], 'held_out_N': held.physics})
+        else:
+            steps.append(step(words, fitter.without_discrepancy(search.fit(names))))
     return steps
-
-
-def with_intervals(fit: Fit, scale: Scale, kept: np.ndarray) -> Bundle:
-    """
-    Return the fitted model with its error and the intervals of its effects' parameters.
-
-    The error is that of the rows ``kept`` (T,) of bool: spikes are the rig's, not the model's.
-    """
-    found: dict[str, dict[str, tuple[float, float]]] = {}
-    for estimate in estimates(fit, scale):
-        owner, _, name = estimate.key.partition('.')
-        found.setdefault(owner, {})[name] = estimate.si_interval
-    effects = []
-    for effect in fit.model.effects:
-        known = effect.replace()
-        known.intervals = {**effect.intervals, **found.get(effect.name, {})}
-        effects.append(known)
-    model = fit.model
-    return Bundle(model.name, model.motor_units, effects, rms(fit.residual[kept]), model.notes)
-
-
-def _rivals(search: Search, finding: Finding, tied: tuple[tuple[str, ...], ...],
-            error_of: ErrorOf) -> tuple[str, ...]:
-    """
-    Return notes on other effects that leave hardly more, where the shape is not quite right.
-
-    What was chosen is then ahead by what it asks of the model's own parameters, which says little
-    as long as something is missing.
-    """
-    if finding.verdict != 'partial':
-        return ()
-    error = error_of(search.fit(search.chosen))
-    notes = []
-    for name in search.chosen:
-        rest = {other for other in search.chosen if other != name}
-        known = {cand.head(n) for n in search.chosen} | {
-            n for group in tied if cand.head(name) in group for n in group}
-        near = {}
-        for key in search.fits:
-            new = [n for n in key if n not in rest]
-            left = error_of(search.fit(key))
-            if (len(key) == len(search.chosen) and rest <= set(key) and left < NEAR * error
-                    and cand.head(new[0]) not in known):
-                near[cand.head(new[0])] = left
-        notes += [f'{other} instead of {cand.head(name)} would leave {left:.3g} N instead of '
-                  f'{error:.3g} N: do not build on the choice between the two'
-                  for other, left in sorted(near.items(), key=lambda item: item[1])[:2]]
-    return tuple(notes)
-
-
-def _join(tied: tuple[tuple[str, ...], ...], name: str, other: str) -> tuple[tuple[str, ...], ...]:
-    """Return the ties with one more in the group that an effect leads."""
-    if not any(group[0] == name for group in tied):
-        return (*tied, (name, other))
-    return tuple((*group, other) if group[0] == name else group for group in tied)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fam_bundle_ros.discovery.fit import Fit, Problem
-from fam_bundle_ros.discovery.search import Scale
+from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.model import Bundle, catalogue, Motion
 
 #: Below this many noise standard deviations (summed squares) an experiment tells nothing.
@@ -33,9 +33,9 @@ class Experiment:
     separation: float
 
 
-def menu(problem: Problem, model: Bundle) -> list[tuple[str, Motion]]:
+def menu(cells: Cells, model: Bundle) -> list[tuple[str, Motion]]:
     """Return experiments within the range of the data, as motions of some hundred samples."""
-    data = problem.full
+    data = cells.data
     low, high = float(data.strain.min()), float(data.strain.max())
     top = data.pressure.max(axis=0)
     usual = float(np.percentile(np.abs(data.strain_rate), 75)) if not data.is_static else 0.0
@@ -65,7 +65,7 @@ def menu(problem: Problem, model: Bundle) -> list[tuple[str, Motion]]:
     return tests
 
 
-def best_experiment(problem: Problem, first: Fit, second: Fit, scale: Scale,
+def best_experiment(fitter: Fitter, first: Fit, second: Fit,
                     ) -> tuple[Experiment | None, list[Experiment]]:
     """
     Return the experiment that separates two fitted models most, and all of them, best first.
@@ -73,21 +73,14 @@ def best_experiment(problem: Problem, first: Fit, second: Fit, scale: Scale,
     None when no force test of the menu tells them apart.
     """
     ranked = []
-    held = [0.0 if t.prior is None else 1.0 for t in second.terms]
-    known = second.jacobian.T @ second.jacobian / (scale.inflation * scale.tau) + np.diag(held)
-    for words, motion in menu(problem, first.model):
-        gap = (first.model.predict(motion) - second.model.predict(motion)) / problem.noise
-        columns = np.zeros((len(gap), len(second.terms)))
-        for j, term in enumerate(second.terms):
-            step = 1e-3 * term.scale
-            if second.values[j] + step > term.upper:
-                step = -step
-            moved = second.model.with_parameters({term.key: second.values[j] + step})
-            columns[:, j] = (moved.predict(motion) - second.model.predict(motion)) / (
-                problem.noise * step / term.scale)
-        system = known + columns.T @ columns + 1e-9 * np.eye(len(known))
+    known = np.linalg.inv(second.covariance)
+    for words, motion in menu(fitter.cells, first.model):
+        slope = np.array([prior.slope(u) for prior, u in zip(second.priors, second.u)])
+        force, columns = second.model.jacobian(motion, [p.key for p in second.priors])
+        gap = (first.model.predict(motion) - force) / fitter.cells.noise
+        columns = columns * slope / fitter.cells.noise
         part = columns.T @ gap
-        separation = float(gap @ gap - part @ np.linalg.solve(system, part))
+        separation = float(gap @ gap - part @ np.linalg.solve(known + columns.T @ columns, part))
         if np.isfinite(separation):
             ranked.append(Experiment(words, max(separation, 0.0)))
     plain = max((item.separation for item in ranked if item.words == _PLAIN), default=0.0)
@@ -98,10 +91,12 @@ def best_experiment(problem: Problem, first: Fit, second: Fit, scale: Scale,
 
 
 def without_force(first: str, second: str) -> str:
-    """Return what tells two effects apart where no force test does."""
+    """Return what tells two effects apart where no force test does: the remedy of one of them."""
     laws = catalogue.available()
-    remedies = {laws[name].remedy for name in (first, second) if name in laws} - {''}
-    return ' or '.join(sorted(remedies)) or 'measure radius and braid angle with a calliper'
+    for name in (first, second):
+        if name in laws and laws[name].remedy:
+            return laws[name].remedy
+    return 'measure radius and braid angle with a calliper'
 
 
 def _sweeps(low: float, high: float, top: np.ndarray, levels: np.ndarray, rate: float) -> Motion:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ import numpy as np
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.discovery.compare import Comparison
+from fam_bundle_ros.discovery.estimates import Estimate
+from fam_bundle_ros.discovery.held_out import HeldOut
+from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.locate import Region
 from fam_bundle_ros.discovery.templates import Template
-from fam_bundle_ros.discovery.uncertainty import Estimate
 from fam_bundle_ros.model import Bundle
 
 VERDICTS = ('adequate', 'recalibrate', 'missing_effect', 'partial', 'unexplained')
@@ -36,12 +39,14 @@ class Candidate:
     error_N : float
         Error of the best set that holds it.
     score : float
-        Score of that set above the best one's.
+        Log posterior of that set below the best one's.
     parameters : tuple of Estimate
     reason : str
         What in the error points at it, in plain words.
-    votes : float or None
-        Share of held-out blocks that it made better, where it was put to the vote.
+    replaces : str
+        Effect of the model in whose place it stands; empty for one that is added.
+    removes : bool
+        True where the candidate is to do without this effect of the model.
     """
 
     effect: str
@@ -52,21 +57,80 @@ class Candidate:
     score: float
     parameters: tuple[Estimate, ...]
     reason: str
-    votes: float | None = None
+    replaces: str = ''
+    removes: bool = False
 
     @property
     def label(self) -> str:
         """The effect, and the shape of it whose error this is where that is another one."""
+        if self.replaces or self.removes:
+            return f'{self.shape} for {self.replaces}' if self.replaces else f'no {self.shape}'
         return self.effect if self.shape == self.effect else f'{self.effect} as {self.shape}'
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entry as DESIGN.md's JSON has it."""
+        """Return the entry as JSON has it."""
         return {'effect': self.effect, 'shape': self.shape, 'family': self.family,
                 'probability': self.probability, 'error_N': self.error_N,
-                'score': self.score, 'reason': self.reason, 'votes': self.votes,
+                'score': self.score, 'reason': self.reason,
+                'replaces': self.replaces, 'removes': self.removes,
                 'parameters': {e.key.partition('.')[2]: {
                     'value': e.value, 'unit': e.unit, 'interval': list(e.interval),
                     'flag': e.flag} for e in self.parameters}}
+
+
+@dataclass(frozen=True)
+class Recommended:
+    """
+    The model that foretells rows it has not seen best.
+
+    Attributes
+    ----------
+    model : Bundle
+        Physics; where ``leftover`` is not None it is to be written with that.
+    effects : tuple of str
+        All effects of the model.
+    leftover : Leftover or None
+        The discrepancy that goes with it.
+    held_out_N, held_out_physics_N, held_out_discrepancy_N : float
+        Of what is recommended, of physics alone, and with the discrepancy.
+    rivals_N : dict of str to float
+        ``mean``, ``plane``, ``empirical``: on the same rows.
+    """
+
+    model: Bundle
+    effects: tuple[str, ...]
+    leftover: Leftover | None
+    held_out_N: float
+    held_out_physics_N: float
+    held_out_discrepancy_N: float
+    rivals_N: dict[str, float]
+
+    def __str__(self) -> str:
+        rivals = self.rivals_N
+        return (f"recommended: {'physics with the discrepancy' if self.leftover else 'physics'}; "
+                f'on rows not seen {self.held_out_physics_N:.3g} N without and '
+                f'{self.held_out_discrepancy_N:.3g} N with a discrepancy; mean force '
+                f"{rivals['mean']:.3g} N, plane {rivals['plane']:.3g} N, six-parameter empirical "
+                f"form {rivals['empirical']:.3g} N")
+
+    def save(self, path: Path) -> tuple[Path, ...]:
+        """Write the model file, and the table of its discrepancy beside it; return both."""
+        from fam_bundle_ros.model import catalogue, save_model
+        if self.leftover is None:
+            save_model(self.model, path)
+            return (path,)
+        table = path.with_name(f'{path.stem}.discrepancy.csv')
+        self.leftover.write(table)
+        effect = catalogue.get('discrepancy_surface')(table=table.name, folder=path.parent)
+        save_model(self.model.with_effect(effect), path)
+        return path, table
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry as the JSON has it."""
+        return {'effects': list(self.effects), 'discrepancy': self.leftover is not None,
+                'held_out_N': self.held_out_N, 'held_out_physics_N': self.held_out_physics_N,
+                'held_out_discrepancy_N': self.held_out_discrepancy_N,
+                'rivals_N': dict(self.rivals_N)}
 
 
 @dataclass(frozen=True)
@@ -83,8 +147,12 @@ class Diagnosis:
     effects, shapes : tuple of str
         The chosen effects in the order found, and the shape of each; empty unless the verdict is
         ``missing_effect`` or ``partial``.
+    replaced : dict of str to str
+        Effects of the model that another shape is to replace.
+    removed : tuple of str
+        Effects of the model that are to be taken away.
     error_N : dict
-        ``model``, ``recalibrated``, ``best``: rms over the rows that count.
+        ``model``, ``recalibrated``, ``best``: rms over all rows.
     noise : NoiseFloor
     ranking : tuple of Candidate
     tied : tuple of tuple of str
@@ -101,9 +169,14 @@ class Diagnosis:
         Plain shapes of the error where no effect explains it (or of what is left).
     notes : tuple of str
     rows_left_out : int
-        Spikes and reversals that the fit ignored.
+        Spikes, first rows of trials, and visits beyond those that were worked with.
     confounding : tuple
         Parameter keys and their matrix of correlations.
+    held_out : HeldOut
+        Errors on folds left out.
+    recommended : Recommended
+    leftover : Leftover
+        The discrepancy beside the best model, as a map.
     ladder : list of dict
         The steps from the model as it was to the best one: ``step``, ``error_N``, ``held_out_N``.
     """
@@ -115,6 +188,8 @@ class Diagnosis:
     comparison: Comparison
     effects: tuple[str, ...]
     shapes: tuple[str, ...]
+    replaced: dict[str, str]
+    removed: tuple[str, ...]
     error_N: dict[str, float]
     noise: NoiseFloor
     ranking: tuple[Candidate, ...]
@@ -129,6 +204,9 @@ class Diagnosis:
     notes: tuple[str, ...]
     rows_left_out: int
     confounding: tuple[list[str], np.ndarray] = field(repr=False)
+    held_out: HeldOut
+    recommended: Recommended
+    leftover: Leftover = field(repr=False)
     ladder: list[dict[str, Any]] = field(default_factory=list)
     seconds: float = 0.0
 
@@ -137,7 +215,7 @@ class Diagnosis:
                  *(f'check first: {slip}' for slip in self.comparison.slips),
                  f"error {self.error_N['model']:.3g} N as it is, "
                  f"{self.error_N['recalibrated']:.3g} N recalibrated, "
-                 f"{self.error_N['best']:.3g} N at best; {self.noise}"]
+                 f"{self.error_N['best']:.3g} N at best; {self.noise}", str(self.recommended)]
         if self.shortlist:
             lines.append(self.shortlist_title)
             for entry in self.shortlist:
@@ -167,7 +245,8 @@ class Diagnosis:
         if self.verdict in ('adequate', 'recalibrate'):
             return ()
         return tuple(entry for entry in self.ranking
-                     if entry.effect in self.effects or entry.probability >= 0.005)[:6]
+                     if entry.effect in self.effects or entry.replaces in self.replaced
+                     or entry.probability >= 0.005)[:6]
 
     @property
     def shortlist_title(self) -> str:
@@ -176,13 +255,15 @@ class Diagnosis:
                 if self.verdict == 'unexplained' else 'candidates')
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, lists and text; the keys of DESIGN.md and some more."""
+        """Return plain numbers, lists and text."""
         return {
             'verdict': self.verdict, 'summary': self.summary, 'model': self.model.name,
             'data': self.measurement.name, 'data_sha256': self.measurement.sha256,
             'samples': len(self.measurement), 'noise_floor_N': self.noise.value,
             'noise': self.noise.to_dict(), 'error_N': dict(self.error_N),
             'effects': list(self.effects), 'shapes': list(self.shapes),
+            'replaced': dict(self.replaced), 'removed': list(self.removed),
+            'recommended': self.recommended.to_dict(),
             'ranking': [entry.to_dict() for entry in self.ranking],
             'tied': [list(group) for group in self.tied],
             'located': [region.to_dict() for region in self.located],

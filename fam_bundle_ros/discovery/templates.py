@@ -18,9 +18,10 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import pressure_levels
 from fam_bundle_ros.data.measurement import pressure_labels
-from fam_bundle_ros.data.noise import autocorrelation_time, what_does_not_repeat
-from fam_bundle_ros.discovery.candidates import makers
-from fam_bundle_ros.discovery.fit import base_terms, Fit, Problem
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.options import makers
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect, Parameter
 from fam_bundle_ros.model.expression import expression_law
@@ -98,18 +99,19 @@ class _Shape:
     extra: int = 0  # scanned constants, which count as parameters
 
 
-def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
+def bank(cells: Cells, model: Bundle) -> list[_Shape]:
     """Return the shapes that the data can show, unscaled."""
-    data = problem.data
-    e, total = problem.motion.strain, problem.motion.pressure.mean(-1)
-    force = model.predict(problem.motion)
+    data = cells.data
+    kept = cells.label >= 0
+    e, total = cells.motion.strain, cells.motion.pressure.mean(-1)
+    force = model.predict(cells.motion)
     single = data.pressure.shape[1] == 1
     shapes: list[_Shape] = []
 
     def add(column: np.ndarray, words: str, unit: str, families: tuple[str, ...],
             expression: str | None, kind: str, extra: int = 0) -> None:
         columns = column if column.ndim == 2 else column[:, None]
-        if np.all(np.isfinite(columns)) and np.ptp(columns[problem.weight], axis=0).min() >= 0:
+        if np.all(np.isfinite(columns)) and np.ptp(columns[kept], axis=0).min() >= 0:
             shapes.append(_Shape(columns, words, unit, families, expression, kind, extra))
 
     pressures = [(np.ones_like(total), '', '', '', 0),
@@ -158,7 +160,7 @@ def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
                 f'only above {onset / 1e3:.0f} kPa, {words}', 'N/Pa', (),
                 f'k * {formula} * max(0, pressure - {onset:.0f})' if single else None,
                 'above_pressure', 1)
-    for label, column in zip(pressure_labels(data), problem.motion.pressure.T):
+    for label, column in zip(pressure_labels(data), cells.motion.pressure.T):
         means = np.sort(pressure_levels(column)[1])
         if len(means) < 3:
             continue
@@ -185,14 +187,14 @@ def bank(problem: Problem, model: Bundle, residual: np.ndarray) -> list[_Shape]:
         add(np.maximum(force - share * reach, 0), f'only above {share * reach:.0f} N of force', '',
             (), None, 'force_onset', 1)
     if not data.is_static:
-        _add_motion(add, problem, residual, e, total, force, single)
+        _add_motion(add, cells, data.force - force, e, total, force, single)
     return shapes
 
 
-def _add_motion(add: Any, problem: Problem, residual: np.ndarray, e: np.ndarray,
+def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
                 total: np.ndarray, force: np.ndarray, single: bool) -> None:
     """Add the shapes that need time: direction, speed, memory, drift, a single trial."""
-    data = problem.data
+    data = cells.data
     rate, way = data.strain_rate, data.direction.astype(float)
     sign = 'tanh(strain_rate / 0.002)'
     dry, viscous, slow = makers('friction'), makers('speed'), makers('drift')
@@ -239,7 +241,7 @@ def _add_motion(add: Any, problem: Problem, residual: np.ndarray, e: np.ndarray,
             slow_part = _lagged(signal, data.start, steps)
             add(slow_part - signal, f'decays over {steps * usual:.2g} s after {words} changes',
                 unit, makers('decay'), None, 'decay', 1)
-    _add_hum(add, problem, residual, time if continuing else own)
+    _add_hum(add, cells, residual, time if continuing else own)
     count = len(data.trial_names)
     if 4 <= count <= 60:
         for k in range(count):
@@ -247,14 +249,14 @@ def _add_motion(add: Any, problem: Problem, residual: np.ndarray, e: np.ndarray,
             add(inside, f'trial {data.trial_names[k]} alone', 'N', (), None, 'one_trial', 1)
 
 
-def _add_hum(add: Any, problem: Problem, residual: np.ndarray, time: np.ndarray) -> None:
+def _add_hum(add: Any, cells: Cells, residual: np.ndarray, time: np.ndarray) -> None:
     """Add the one wave in time that stands out of the residual's spectrum, if there is one."""
-    step = float(np.median(np.diff(time)[np.diff(problem.data.trial) == 0]))
+    step = float(np.median(np.diff(time)[np.diff(cells.data.trial) == 0]))
     count = int(np.ptp(time) / max(step, 1e-12)) // 2
     if count < 8 or count > 20000:
         return
-    r = np.where(problem.weight, residual, 0.0)
-    r = r - r[problem.weight].mean()
+    kept = cells.label >= 0
+    r = np.where(kept, residual - residual[kept].mean(), 0.0)
     # trials share a clock or restart it: either way one grid of times, then one transform
     slot = np.round((time - time.min()) / step).astype(int)
     size = 1 << int(np.ceil(np.log2(4 * (slot.max() + 1))))
@@ -283,103 +285,42 @@ def _lagged(signal: np.ndarray, start: np.ndarray, steps: int) -> np.ndarray:
     return result
 
 
-@dataclass(frozen=True)
-class Described:
+def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
     """
-    The shapes that describe what a fit leaves, and how well the best one does.
-
-    Attributes
-    ----------
-    templates : list of Template
-        Best first, one of each kind.
-    chi2, prior : float
-        Of the fit together with the best shape; its own parameters moved along.
-    parameters : int
-        How many numbers fit and shape have together.
-    tau : float
-        Correlation of what is left.
-    """
-
-    templates: list[Template]
-    chi2: float = np.inf
-    prior: float = 0.0
-    parameters: int = 0
-    tau: float = 1.0
-
-
-def describe(problem: Problem, fit: Fit, most: int = 5) -> Described:
-    """
-    Return the shapes that best describe what a fit leaves.
+    Return the shapes that best describe what a fit leaves, best first, one of each kind.
 
     Parameters
     ----------
-    problem : Problem
+    cells : Cells
     fit : Fit
-        A refitted model; the shapes compete with the freedom that its own parameters have.
+        Without a discrepancy; shapes compete with the freedom that its parameters have.
     most : int
-        How many shapes to return, one of each kind.
+        How many shapes to return.
     """
-    shapes = bank(problem, fit.model, fit.residual)
-    kept = problem.weight
-    r = np.where(kept, fit.residual, 0.0) / problem.noise
-    prior = np.diag([0.0 if t.prior is None else 1.0 for t in fit.terms])
-    pull = np.array([0.0 if t.prior is None else (v - t.prior) / t.scale
-                     for t, v in zip(fit.terms, fit.values)])
-    jacobian = fit.jacobian
-    gram = jacobian.T @ jacobian + prior + 1e-9 * np.eye(len(pull))
-    inverse = np.linalg.pinv(gram, hermitian=True)
-    slope = jacobian.T @ r - prior @ pull
+    sd = np.sqrt(cells.noise ** 2 / cells.count + (settings.SMALL * cells.largest_force) ** 2)
+    r, jacobian = fit.residual / sd, fit.slopes / sd[:, None]
+    gram = jacobian.T @ jacobian + np.eye(len(fit.u))
+    slope = jacobian.T @ r - fit.u
     scored = []
-    for shape in shapes:
-        columns = np.where(kept[:, None], shape.columns, 0.0) / problem.noise
+    for shape in bank(cells, fit.model):
+        columns = cells.mean(shape.columns) / sd[:, None]
         across = jacobian.T @ columns
-        own = columns.T @ columns - across.T @ inverse @ across
-        size = np.diag(columns.T @ columns)
-        if np.any(np.diag(own) <= 1e-6 * size):
+        own = columns.T @ columns - across.T @ np.linalg.solve(gram, across)
+        if np.any(np.diag(own) <= 1e-6 * np.sum(columns ** 2, axis=0)):
             continue  # the model can do this by itself
-        right = columns.T @ r - across.T @ inverse @ slope
+        right = columns.T @ r - across.T @ np.linalg.solve(gram, slope)
         weight = np.linalg.solve(own, right)
-        scored.append((float(right @ weight), weight, shape, columns))
-    if not scored:
-        return Described([])
+        scored.append((float(right @ weight), weight, shape, columns * sd[:, None]))
     scored.sort(key=lambda item: -item[0])
-    best_gain, weight, shape, columns = scored[0]
-    moved = inverse @ (slope - jacobian.T @ columns @ weight)
-    left = r - columns @ weight - jacobian @ moved
-    count = max(problem.samples - len(pull) - len(weight), 1)
-    freedom = problem.samples / count
-    tau = autocorrelation_time(left, problem.data.trial)
-    noises = [(left[kept] ** 2 * freedom, np.ones(problem.samples, bool), tau)]
-    # a misfit that comes back at each visit has a memory too, and is no noise
-    pure = what_does_not_repeat(problem.data.select(kept), left[kept])
-    if pure is not None:
-        noises.append((pure ** 2, np.isfinite(pure), autocorrelation_time(
-            np.nan_to_num(pure), problem.data.trial[kept])))
-
-    def loss(columns: np.ndarray) -> float:
-        """Return the chi2 of noise in a shape: noise may be larger where the shape is."""
-        share = np.sum(columns[kept] ** 2, axis=1)
-        return min(max(float(np.average(squares[rows], weights=share[rows] + 1e-300)), 1.0) * tau
-                   for squares, rows, tau in noises)
-
-    reference = float(r @ r) + float(pull @ prior @ pull) - float(slope @ inverse @ slope)
-    excess = max(reference - problem.samples, 1e-9)
+    excess = max(float(r @ r), 1e-9)
     found: list[Template] = []
     for gain, weight, shape, columns in scored:
         if any(t.kind == shape.kind for t in found):
             continue
         found.append(Template(
             shape.words, float(np.linalg.norm(weight) if len(weight) > 1 else weight[0]),
-            shape.unit, float(np.clip(gain / excess, 0, 1)), gain / loss(columns),
-            shape.families, shape.expression, shape.kind,
-            float(np.sqrt(np.mean((columns @ weight) ** 2)) * problem.noise)))
+            shape.unit, float(np.clip(gain / excess, 0, 1)), gain, shape.families,
+            shape.expression, shape.kind, float(np.sqrt(np.mean((columns @ weight) ** 2)))))
         if len(found) == most:
             break
-    return Described(found, float(left @ left),
-                     float(np.sum((np.diag(prior) * (pull + moved)) ** 2)),
-                     len(pull) + len(weight) + shape.extra, tau)
-
-
-def nominal_fit(problem: Problem, model: Bundle) -> Fit:
-    """Return the model as it is, as a fit: a start for shapes that a refit would bend around."""
-    return problem.fit(model, base_terms(model), iterations=0)
+    return tuple(found)

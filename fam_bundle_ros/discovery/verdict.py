@@ -3,138 +3,203 @@
 """
 Adequate, recalibrate, missing effect, partial or unexplained: what a search amounts to.
 
-The rules look at what the fit leaves: has it a shape, does it come back at each visit, is it more
-than the noise, and would a plain shape that no chosen effect can make explain more with less?
+The verdict goes by what is left: how large the discrepancy is before and after, and whether it is
+needed. Two kinds of doubt stand beside it. Some refuse a name: no better than a plane on rows
+not seen, or a value that cannot be. Others warn: then it is `partial` at most.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from fam_bundle_ros.data.grouping import rms
-from fam_bundle_ros.data.measurement import RESOLUTION
-from fam_bundle_ros.data.noise import noise_floor, NoiseFloor, what_does_not_repeat
-from fam_bundle_ros.data.trials import Offsets, trial_offsets
-from fam_bundle_ros.discovery import candidates as cand
-from fam_bundle_ros.discovery.fit import Fit, Problem
-from fam_bundle_ros.discovery.search import Scale, Search
-from fam_bundle_ros.discovery.structure import surface_share
-from fam_bundle_ros.discovery.templates import describe, Described, nominal_fit
-from fam_bundle_ros.discovery.words import Finding
+from fam_bundle_ros.data.trials import Offsets
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.held_out import HeldOut
+from fam_bundle_ros.discovery.posterior import Change
 
-#: A model that leaves so much of the force's standard deviation tells hardly more than a constant.
-_NOTHING = 0.9
-#: "Down to the noise" is said of errors up to this many noise floors, which are themselves
-#: uncertain by several per cent.
-_AT_NOISE = 1.2
-#: A shape in what is left counts from this gain in chi2 (some four hundred shapes are tried).
-_SHAPE_GATE = 25.0
-#: ... and from this size, in noise standard deviations.
-_SHAPE_SIZE = 0.3
+#: Geometry further than this from its nominal value is said.
+_TOLERANCES = 3.0
+#: Belief is never above this while there is a doubt.
+DOUBTED = 0.9
 
 
-def judge(problem: Problem, search: Search, floor: NoiseFloor) -> Finding:
-    """Return the verdict on what a search chose, or on its choosing nothing."""
-    base, final = search.fit(()), search.fit(search.chosen)
-    left = describe(problem, final)
-    spread = float(problem.data.force[problem.weight].std())
-    rest = rms(final.residual[problem.weight])
-    if rest > _NOTHING * spread and not cand.force_hardly_changes(problem.data):
-        return Finding('unexplained', left, 0.0, hidden='the force does not follow the model at '
-                       f'all: the refitted model leaves {100 * rest / spread:.0f} % of its '
-                       'standard deviation',
-                       next='check columns, units and that data and model are of one muscle')
-    structured = _structured(problem, final, left)
-    if not search.chosen:
-        if structured:
-            return Finding('unexplained', left, 0.0)
-        if floor.hides_loops:
-            return Finding('unexplained', Described([]), 0.0, hidden=floor.note,
-                           next='give the time of each row, or one file for each direction of '
-                           'motion')
-        return Finding('recalibrate' if moved(problem, search) else 'adequate', left)
-    before = search.excess(())
-    explained = 1.0 - search.excess(search.chosen) / max(before, 1e-9)
-    if not structured:
-        return Finding('missing_effect', left, explained)
-    shape = _outsider(problem, search, final)
-    if shape is not None:
-        return Finding('unexplained', shape, explained, 'that shape explains more with less')
-    if explained < 0.7:
-        return Finding('unexplained', describe(problem, base), explained,
-                       f'it explains only {100 * explained:.0f} % of the error')
-    return Finding('partial', left, explained)
-
-
-def hold_against_noise(full: Problem, final: Fit, finding: Finding, offsets: Offsets | None,
-                       ) -> Finding:
-    """Return the verdict less sure where trials have offsets, or more than noise is left."""
-    kept = full.weight
-    data, left = full.data.select(kept), final.residual[kept]
-    if finding.named and rms(left) < RESOLUTION * np.abs(data.force).max():
-        return replace(finding, verdict='missing_effect')
-    found = offsets or trial_offsets(data, left)
-    if found is not None and found.size > _SHAPE_SIZE * full.row_noise:
-        finding = replace(finding, offset=str(found))
-        tare = 'tare the load cell before each trial and measure again'
-        if finding.verdict in ('adequate', 'recalibrate'):
-            return replace(finding, verdict='unexplained', hidden=str(found), next=tare)
-        if finding.named:
-            return replace(finding, verdict='partial', rest=str(found), next=tare)
-    if finding.verdict not in ('missing_effect', 'adequate'):
-        return finding
-    floor = noise_floor(data, left).value
-    pure = what_does_not_repeat(data, left)
-    if pure is not None:
-        floor = max(floor, rms(pure[np.isfinite(pure)]))
-    if rms(left) < max(_AT_NOISE * floor, RESOLUTION * np.abs(data.force).max()):
-        return finding
-    rest = f'{rms(left):.3g} N are left where the noise is {floor:.3g} N'
-    return replace(finding, rest=rest,
-                   verdict='partial' if finding.named else finding.verdict)
-
-
-def _structured(problem: Problem, fit: Fit, left: Described) -> bool:
-    """Return whether what a fit leaves has a shape, or comes back at each visit."""
-    if left.templates and left.templates[0].gain > _SHAPE_GATE and (
-            left.templates[0].size_N > _SHAPE_SIZE * problem.row_noise):
-        return True
-    kept = problem.weight
-    if rms(fit.residual[kept]) < np.hypot(problem.noise, _SHAPE_SIZE * problem.row_noise):
-        return False
-    # noise, however coloured, cannot be foretold from strain, pressure and direction
-    return surface_share(problem, fit) > 0.25
-
-
-def moved(problem: Problem, search: Search) -> bool:
-    """Return whether the refit of the model's own parameters is more than noise."""
-    base = search.fit(())
-    scale = Scale.of(problem, base)
-    nominal = problem.chi2(problem.residual(search.model))
-    gain = (nominal - base.chi2) / (scale.inflation * scale.tau) - base.prior
-    return bool(gain > 10.0 + 2.0 * len(base.terms))
-
-
-def _outsider(problem: Problem, search: Search, final: Fit) -> Described | None:
+@dataclass(frozen=True)
+class Left:
     """
-    Return a plain shape that beats the chosen effects and that their families cannot make.
+    What a set leaves to the discrepancy, N rms.
 
-    A library without the right shape takes the nearest one; a shape from outside that explains
-    more with less is the sign of it.
+    Attributes
+    ----------
+    smooth : float
+        Its mean over strain, pressure and direction.
+    rough : float
+        White misfit beyond noise.
     """
-    families = {cand.family(name) for name in search.chosen}
-    for start in (nominal_fit(problem, search.model), search.fit(())):
-        found = describe(problem, start)
-        if not found.templates or families & set(found.templates[0].families):
-            continue
-        if found.chi2 >= final.chi2:
-            continue
-        count = max(problem.samples - found.parameters, 1)
-        scale = Scale(max(found.chi2 / count, 1.0), found.tau, problem.samples)
-        theirs = (found.chi2 / (scale.inflation * scale.tau) + found.prior
-                  + found.parameters * scale.penalty)
-        if theirs + 10.0 < search.score(search.chosen, scale):
-            return found
-    return None
+
+    smooth: float
+    rough: float
+
+    @property
+    def total(self) -> float:
+        """Both together."""
+        return float(np.hypot(self.smooth, self.rough))
+
+
+def what_is_left(covariance: Covariance, fit: Fit) -> Left:
+    """Return the size of the discrepancy that a set needs."""
+    h = fit.hyper._replace(slow=0)
+    rough = covariance.white_sd(fit.hyper)
+    if h.is_white:
+        return Left(0.0, rough)
+    smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
+                                                        fit.residual)
+    return Left(float(np.sqrt(np.mean(smooth ** 2))), rough)
+
+
+def small(cells: Cells) -> float:
+    """Return the size up to which a discrepancy is as good as none, N."""
+    return max(cells.noise, settings.SMALL * cells.largest_force)
+
+
+def need_of_structure(fitter: Fitter, fit: Fit) -> float:
+    """Return how many log units the smooth discrepancy gains over white and slow misfit."""
+    best = -np.inf
+    h = fit.hyper._replace(even=0, odd=0)
+    for _ in range(3):
+        before = h
+        for axis in ('white', 'slow', 'tau'):
+            if axis not in fitter.covariance.axes:
+                continue
+            places = range(len(settings.AMPLITUDES) if axis != 'tau'
+                           else len(settings.TIME_LENGTHS))
+            tries = [h._replace(**{axis: place}) for place in places]
+            values = [fitter.log_evidence(q, fit.residual, fit.slopes, fit.u, fit.priors)
+                      for q in tries]
+            h, best = tries[int(np.argmax(values))], max(best, max(values))
+        if h == before:
+            break
+    return fit.evidence - best
+
+
+@dataclass(frozen=True)
+class Finding:
+    """
+    A verdict with its reasons.
+
+    Attributes
+    ----------
+    verdict : str
+    before, after : Left
+        Discrepancy of the model as given (recalibrated) and of the chosen set.
+    explained : float
+        Share of the need for a discrepancy (log units of evidence) that the changes take.
+    refusals, warnings : tuple of str
+        Doubts in words; refusals are why effects that fit are no answer.
+    """
+
+    verdict: str
+    before: Left
+    after: Left
+    explained: float
+    refusals: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> bool:
+        """Whether the effects that were chosen are part of the answer."""
+        return self.verdict in ('missing_effect', 'partial')
+
+
+def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
+          held: HeldOut, offsets: Offsets | None, inclusion: float) -> Finding:
+    """
+    Return the verdict.
+
+    Parameters
+    ----------
+    fitter : Fitter
+    null, chosen : Fit
+        The model with its own effects, and the chosen set, each with its discrepancy.
+    physics : Fit
+        The chosen set without one.
+    found : sequence of Change
+        What was chosen; none where nothing earns a name.
+    held : HeldOut
+    offsets : Offsets or None
+        By how much trials differ, where they do.
+    inclusion : float
+        Prior probability that something is missing.
+    """
+    cells = fitter.cells
+    before = what_is_left(fitter.covariance, null)
+    after = what_is_left(fitter.covariance, chosen)
+    needed = need_of_structure(fitter, null)
+    explained = 1.0 - (need_of_structure(fitter, chosen) / max(needed, 1e-9) if found else 1.0)
+    abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
+    refusals = _refusals(physics, held) if found else ()
+    warnings = _warnings(physics, held) if found else ()
+    if offsets is not None:
+        warnings = (*warnings, str(offsets))
+    if not found:
+        # as an effect must, structure has prior odds to overcome
+        odds = inclusion / (1.0 - inclusion)
+        structured = (needed + np.log(odds) > settings.LEAST_LOSS
+                      and before.smooth > settings.VISIBLE * cells.noise)
+        if offsets is not None or structured:
+            verdict = 'unexplained'
+        else:
+            verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
+    elif after.total > small(cells) and (after.total > abnormal
+                                         or explained < settings.MOST_OF_IT):
+        verdict = 'unexplained'
+    elif refusals:
+        verdict = 'unexplained'
+    else:
+        verdict = 'partial' if warnings or after.total > small(cells) else 'missing_effect'
+    return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
+                   warnings)
+
+
+def _moved(fitter: Fitter, null: Fit) -> bool:
+    """Return whether the model's parameters had to move: evidence against those as given."""
+    nominal = np.zeros(len(null.u))
+    residual = fitter.residual(null.model, null.priors, nominal)
+    _, as_given, _ = fitter.best_hyper(null.hyper, residual, np.zeros((len(residual), 0)),
+                                       np.zeros(0), ())
+    return null.evidence - as_given > settings.LEAST_LOSS
+
+
+def _refusals(physics: Fit, held: HeldOut) -> tuple[str, ...]:
+    found = []
+    for name, words in (('mean', 'the mean force'), ('plane', 'a plane')):
+        if held.physics >= held.rivals[name]:
+            found.append(f'on rows not seen it is off by {held.physics:.3g} N, {words} by '
+                         f'{held.rivals[name]:.3g} N')
+    for prior, bound in zip(physics.priors, physics.at_bound):
+        if bound and prior.own:
+            found.append(f'{prior.key} would have to be at the end of what is possible')
+    return tuple(found)
+
+
+def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
+    found = []
+    for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound):
+        if bound and not prior.own and not _is_off(prior):
+            found.append(f'{prior.key} is at its bound')
+        if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES:
+            found.append(f'{prior.key} has moved {u:+.1f} tolerances')
+    if held.physics > held.rivals['empirical']:
+        found.append(f'on rows not seen the effects are off by {held.physics:.3g} N, a '
+                     f'six-parameter empirical form by {held.rivals["empirical"]:.3g} N')
+    return tuple(found)
+
+
+def _is_off(prior) -> bool:
+    """Return whether a bound merely switches a part off: a size that is zero."""
+    return prior.kind == 'half' or prior.lower == 0.0

@@ -4,153 +4,151 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
-from fam_bundle_ros.discovery import candidates as cand
+from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.experiment import best_experiment, without_force
-from fam_bundle_ros.discovery.fit import Fit, Problem
-from fam_bundle_ros.discovery.search import Search
-from fam_bundle_ros.discovery.templates import Described
+from fam_bundle_ros.discovery.held_out import HeldOut
+from fam_bundle_ros.discovery.options import head
+from fam_bundle_ros.discovery.posterior import Change, Posterior
+from fam_bundle_ros.discovery.templates import Template
+from fam_bundle_ros.discovery.verdict import Finding
+
+Ties = tuple[tuple[str, ...], ...]
 
 
-@dataclass
-class Finding:
+def what(change: Change) -> str:
+    """Return a change in words."""
+    if not change.new:
+        return f'{change.old} taken away'
+    if change.old:
+        return f'{change.new} in place of {change.old}'
+    same = change.new == head(change.new)
+    return change.new if same else f'{head(change.new)} (shape: {change.new})'
+
+
+def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change], ties: Ties,
+              base: Fit, shapes: Sequence[Template]) -> str:
     """
-    A verdict, what is left in the error, and the share of it that is explained.
+    Return the verdict in a sentence.
 
-    ``refused`` says why what the search chose is no answer, ``hidden`` what these data cannot
-    show at all, ``rest`` what effects leave that explain a part, ``offset`` by how much trials
-    differ, in words, ``next`` what to do about it.
+    Parameters
+    ----------
+    finding : Finding
+    answer, found : sequence of Change
+        What is named, and what was chosen before the verdict refused it.
+    ties : tuple of tuple of str
+    base : Fit
+        The model recalibrated.
+    shapes : sequence of Template
+        What the error looks like.
     """
-
-    verdict: str
-    left: Described
-    explained: float = 1.0
-    refused: str = ''
-    hidden: str = ''
-    rest: str = ''
-    offset: str = ''
-    next: str = ''
-
-    @property
-    def named(self) -> bool:
-        """Whether the effects of the search are part of the answer."""
-        return self.verdict in ('missing_effect', 'partial')
-
-
-def summarise(finding: Finding, search: Search, tied: tuple[tuple[str, ...], ...],
-              base: Fit) -> str:
-    """Return the verdict in a sentence."""
-    moved = {key.partition('.')[2]: value for key, value in base.moved().items()
-             if abs(value) > 0.2}
-    far = ', '.join(f'{key} {value:+.1f}' for key, value in moved.items())
-    if finding.verdict == 'adequate' and finding.rest:
-        return ('nothing is left in the error that strain, pressure or motion foretell: '
-                f'{finding.rest} between neighbours or repeats, the rest is slow or uneven noise')
     if finding.verdict == 'adequate':
         return 'the model explains the data down to their noise'
     if finding.verdict == 'recalibrate':
+        far = ', '.join(f'{p.key.partition(".")[2]} {u:+.1f}' for p, u in zip(
+            base.priors, base.u) if abs(u) > 0.2)
         return (f"the model's own parameters explain the error (tolerances moved: "
                 f'{far or "little"}); no effect is missing')
     if finding.verdict == 'unexplained':
-        shape = finding.left.templates[0].words if finding.left.templates else 'no plain shape'
-        if finding.hidden:
-            return finding.hidden
-        near = ' and '.join(cand.head(name) for name in search.chosen)
+        offset = next((w for w in finding.warnings if 'offset' in w), '')
+        if offset:
+            return offset
+        shape = shapes[0].words if shapes else 'no plain shape'
+        near = ' and '.join(map(what, found))
+        why = '; '.join(finding.refusals) or (
+            f'{finding.after.total:.2g} N of structure would stay')
         return ('the error has a structure that no effect of the catalogue explains; it looks '
-                f'like this: {shape}' + (f' (nearest: {near}, but {finding.refused})'
-                                         if near else ''))
-    shapes = [f'{cand.head(name)} (shape: {name})' if name != cand.head(name) else name
-              for name in search.chosen]
-    named, one = ' and '.join(shapes), len(shapes) == 1
+                f'like this: {shape}' + (f' (nearest: {near}, but {why})' if near else ''))
+    told, one = ' and '.join(map(what, answer)), len(answer) == 1
+    text = f"{told} {'explains' if one else 'explain'} "
     if finding.verdict == 'partial':
-        text = (f"{named} {'explains' if one else 'explain'} "
-                f'{100 * finding.explained:.0f} % of the error, but ' + (
-                    finding.rest or f"{'its' if one else 'their'} shape is not quite right"))
+        text += (f'{100 * finding.explained:.0f} % of the structure in the error; '
+                 f'{finding.after.total:.2g} N are left to a smooth discrepancy')
+        if finding.warnings:
+            text += '; doubtful: ' + '; '.join(finding.warnings)
     else:
-        text = (f"{named} {'is missing and explains' if one else 'are missing and explain'} the "
-                'error down to the noise')
-    if tied:
-        text += '; these data cannot tell apart ' + '; '.join(' and '.join(g) for g in tied)
+        text += 'the error down to the noise'
+    if ties:
+        text += '; these data cannot tell apart ' + '; '.join(' and '.join(g) for g in ties)
     return text
 
 
-def next_experiment(problem: Problem, search: Search, finding: Finding,
-                    tied: tuple[tuple[str, ...], ...], data: Measurement) -> str:
+def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
+                    answer: Sequence[Change], chosen: Fit, ties: Ties,
+                    shapes: Sequence[Template]) -> str:
     """Return the experiment that would tell most."""
-    if finding.next:
-        return finding.next
-    if finding.named and tied:
-        chosen = search.chosen
-        slot = [cand.head(name) for name in chosen].index(tied[0][0])
-        rest = chosen[:slot] + chosen[slot + 1:]
-        rival = min((key for key in search.fits if len(key) == len(chosen)
-                     and set(rest) <= set(key)
-                     and tied[0][1] in {cand.head(n) for n in key}),
-                    key=lambda key: search.score(key, search.scale))
-        best, _ = best_experiment(problem, search.fit(chosen), search.fit(rival), search.scale)
-        if best is None:
-            return (f'no force test of the menu separates {tied[0][0]} from {tied[0][1]}; '
-                    + without_force(chosen[slot], tied[0][1]))
-        return (f'{best.words}: separates {tied[0][0]} from {tied[0][1]} '
-                f'(by {np.sqrt(best.separation):.0f} noise sd)')
+    if any('offset' in warning for warning in finding.warnings):
+        return 'tare the load cell before each trial and measure again'
+    if answer:
+        tie = ties[0] if ties else (answer[-1].label, '')
+        rival = _rival(posterior, tie, chosen)
+        if rival is not None:
+            other = tie[1] or next((label for label in _labels(posterior, rival)
+                                    if label != tie[0]), 'the model without it')
+            best, _ = best_experiment(fitter, chosen, rival)
+            if best is None and ties:
+                return (f'no force test of the menu separates {tie[0]} from {other}; '
+                        + without_force(tie[0], other))
+            if best is not None:
+                return (f'{best.words}: separates {tie[0]} from {other} '
+                        f'(by {np.sqrt(best.separation):.0f} noise sd)')
     if finding.verdict == 'unexplained':
-        shape = finding.left.templates[0].words if finding.left.templates else 'the error'
+        shape = shapes[0].words if shapes else 'the error'
         return (f'measure where the error is largest again, in finer steps and at two speeds '
                 f'({shape})')
     if finding.verdict == 'recalibrate':
         return 'measure radius and braid angle with a calliper: they explain the error'
-    runner = _runner_up(search)
-    if finding.named and runner is not None:
-        best, _ = best_experiment(problem, search.fit(search.chosen), search.fit(runner),
-                                  search.scale)
-        other = cand.head(next(n for n in runner if n not in search.chosen))
-        if best is not None:
-            return f'{best.words}: the firmest check of {cand.head(search.chosen[-1])} against ' \
-                   f'{other}'
-    if data.is_static:
+    if fitter.cells.data.is_static:
         return 'log a sweep up and down with time: friction and memory cannot be seen in a map'
     return 'none needed within this range; widen it (past free strain, another speed) to go on'
 
 
-def _runner_up(search: Search) -> tuple[str, ...] | None:
-    if not search.chosen:
-        return None
-    rest = set(search.chosen[:-1])
-    last = cand.head(search.chosen[-1])
-    keys = [key for key in search.fits if len(key) == len(search.chosen) and rest <= set(key)
-            and all(cand.head(n) != last for n in set(key) - rest)]
-    return min(keys, key=lambda key: search.score(key, search.scale), default=None)
+def _labels(posterior: Posterior, fit: Fit) -> list[str]:
+    from fam_bundle_ros.discovery.posterior import changes
+    return [change.label for change in changes(posterior.options, fit.names)]
 
 
-def notes_on(data: Measurement, floor: NoiseFloor, base: Fit, final: Fit) -> tuple[str, ...]:
+def _rival(posterior: Posterior, tie: tuple[str, ...], chosen: Fit) -> Fit | None:
+    """Return the most probable set that has the rival of a tie instead, or any without it."""
+    for fit in posterior.fits:
+        labels = _labels(posterior, fit)
+        if fit is not chosen and tie[0] not in labels and (not tie[1] or tie[1] in labels):
+            return fit
+    return None
+
+
+def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldOut,
+             ) -> tuple[str, ...]:
     """Return what a reader should know besides: odd noise, moved geometry, the protocol."""
-    notes = []
+    notes, data = [], cells.data
     if floor.note:
         notes.append(floor.note)
-    if cand.force_hardly_changes(data):
+    left_out = int((cells.label < 0).sum())
+    if left_out:
+        notes.append(f'{left_out} of {len(cells.label)} rows are in no cell: spikes, the first '
+                     'row of a trial, or visits beyond the number that is worked with')
+    if data.force.std() < 0.1 * abs(data.force.mean()):
         notes.append(f'the force hardly changes ({data.force.mean():.3g} N, standard deviation '
                      f'{data.force.std():.2g} N): such data fix neither the scale of the model '
                      'nor a bias; let a dynamometer move the bundle, or hang it on a spring')
-    far = [f'{key} {value:+.1f}' for key, value in final.moved().items()
-           if abs(value) > 3.0 and key.startswith('geometry')]
-    if far:
-        notes.append('the refit moved geometry beyond what tolerances allow: ' + ', '.join(far)
-                     + ' tolerances')
-    far = [f'{key} {value:+.1f}' for key, value in base.moved().items()
-           if abs(value) > 3.0 and key.startswith('geometry')]
-    if far and base is not final:
-        notes.append('recalibration alone would move ' + ', '.join(far) + ' tolerances')
+    if not held.kinds:
+        notes.append('nothing could be left out to test on: held-out errors are those of the fit')
+    for words, fit in (('the refit', final), ('recalibration alone', base)):
+        far = [f'{p.key} {u:+.1f}' for p, u in zip(fit.priors, fit.u)
+               if abs(u) > 3.0 and p.key.startswith('geometry')]
+        if far:
+            notes.append(f'{words} moves geometry beyond what tolerances allow: '
+                         + ', '.join(far) + ' tolerances')
     if not data.is_static and len(data.trial_names) >= 3:
-        means = np.array([data.pressure[data.trial == k].sum(-1).mean()
-                          for k in range(len(data.trial_names))])
-        spread = np.array([np.ptp(data.pressure[data.trial == k].sum(-1)).max()
-                           for k in range(len(data.trial_names))])
+        means, spread = np.array([(data.pressure[data.trial == k].sum(-1).mean(),
+                                   np.ptp(data.pressure[data.trial == k].sum(-1)))
+                                  for k in range(len(data.trial_names))]).T
         if np.all(np.diff(means) > 0) and spread.max() < 0.2 * np.ptp(means):
             notes.append('isobars were run in ascending order: pressure and time cannot be told '
                          'apart')
-    return tuple(notes)
+    return tuple(dict.fromkeys(notes))

@@ -17,10 +17,10 @@ from fam_bundle_ros.model.laws.base import Law
 ENTRY_POINT_GROUP = 'fam_bundle_ros.effects'
 
 #: Files of `fam_bundle_ros.model.laws`, in the order in which laws are listed.
-FAMILIES = ('mesh', 'bladder', 'surface', 'resistive', 'slack', 'dry_friction', 'viscous',
-            'relaxation', 'end_caps', 'braid', 'threshold', 'line_lag', 'temperature',
-            'softening', 'force_sensor', 'pressure_sensor', 'strain_sensor', 'mismatch', 'leak',
-            'supply')
+FAMILIES = ('mesh', 'bladder', 'surface', 'resistive', 'slack', 'force_floor', 'dry_friction',
+            'viscous', 'relaxation', 'sheath', 'end_caps', 'braid', 'threshold', 'line_lag',
+            'gas_history', 'temperature', 'softening', 'discrepancy', 'force_sensor',
+            'pressure_sensor', 'strain_sensor', 'mismatch', 'leak', 'supply')
 
 
 @cache

@@ -21,7 +21,7 @@ arrays, on plain floats, compiled.
 import ast
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 import inspect
 import textwrap
 import types
@@ -64,7 +64,7 @@ class Partials:
     source: str
 
 
-@cache
+@lru_cache(maxsize=1024)
 def partials(function: Callable, arguments: tuple[str, ...]) -> Partials:
     """
     Return the function that gives a law's value and its partial derivatives.
@@ -218,7 +218,7 @@ def _global(function, name, tree):
     raise _refused(tree, function)
 
 
-@cache
+@lru_cache(maxsize=1024)
 def _tree(function) -> ast.FunctionDef:
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]

@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterable, Sequence
 import operator
 from typing import Any
 
-import numpy as np
-
 _ARITHMETIC: dict[str, Callable] = {
     '+': operator.add, '-': operator.sub, '*': operator.mul, '/': operator.truediv,
     '**': operator.pow}
@@ -351,8 +349,7 @@ class Writer:
     def _formula(self, node):
         if isinstance(node, Constant):
             value = node.value
-            text = f'np.{value}' if value != value or value in (np.inf, -np.inf) else repr(value)
-            return text, _BINDING['neg'] if value < 0 else _CALL
+            return repr(value).replace('inf', '1e999'), _BINDING['neg'] if value < 0 else _CALL
         if node.operation == 'argument':
             return node.hint, _CALL
         if node.operation == 'item':

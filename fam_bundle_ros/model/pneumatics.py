@@ -66,10 +66,14 @@ def mass_flow(conductance: float, critical_ratio: float, upstream: float, downst
 
 def valve_opening(valve: Any, command: float) -> float:
     """Return the opening, -1 exhaust .. 1 fill, that a command or a spool position gives."""
-    size = (abs(command) - valve.dead_band) / (1.0 - valve.dead_band)
-    if size <= 0.0:
-        return 0.0
-    return math.copysign(min(size, 1.0), command)
+    dead = valve.dead_band
+    if command > dead:
+        opening = (command - dead) / (1.0 - dead)
+        return 1.0 if opening > 1.0 else opening
+    if command < -dead:
+        opening = (command + dead) / (1.0 - dead)
+        return -1.0 if opening < -1.0 else opening
+    return 0.0
 
 
 def valve_command(valve: Any, opening: float) -> float:

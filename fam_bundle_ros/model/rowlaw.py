@@ -9,7 +9,7 @@ by its recurrences or, when it is written otherwise, sample by sample.
 """
 
 from collections.abc import Callable, Iterable
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ _GIVEN = {'unit', 'strain_rate', 'time', *STEPPING, *TABLES}
 _WORTH = 200_000
 
 
-@cache
+@lru_cache(maxsize=1024)
 def row_law(function: Callable, fields: tuple[str, ...]) -> 'RowLaw':
     """Return a law's function for rows, made once."""
     return RowLaw(function, fields)
@@ -161,11 +161,11 @@ class RowLaw:
 
     def _sample_by_sample(self, function, count, inputs, size):
         with_rows = self._with_rows(inputs)
+        inputs = [np.asarray(item) for item in inputs]
         # plain numbers raise where those of arrays give nan or infinity
-        for mode, listed in (('floats', np.ndarray.tolist), ('arrays', list)):
+        for mode, number in (('floats', np.ndarray.tolist), ('arrays', lambda array: array[()])):
             loop = _loop(function, self._names, self._fields, count, with_rows, mode)
-            given = [listed(item) if name in with_rows else item
-                     for name, item in zip(self._names, inputs, strict=True)]
+            given = [number(item) for item in inputs]
             out = [[0.0] * size for _ in range(count)]
             try:
                 after = loop(*given, out)

@@ -104,6 +104,11 @@ class BundleNode(Node):
             self._streams.append(publisher)
         return publisher
 
+    def sender(self, topic: str, kind: Any, write: Callable[..., Any]) -> Callable[..., None]:
+        """Return a function that publishes what a writer of `interface` makes of its arguments."""
+        publish = self.publisher(topic, kind).publish
+        return lambda *values: publish(write(*values))
+
     def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], None],
                   qos: QoSProfile | None = None) -> Subscription:
         """

@@ -80,11 +80,12 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
     try:
         bringup = BundleBringup(**common)
         nodes.append(bringup)
-        # Listeners first: in lock-step nothing is lost that way, and nothing repeated.
+        # Listeners first: in lock-step nothing is lost that way, and nothing repeated. Messages
+        # reach them in this order: the fastest loops first.
+        nodes += [PressurePidNode(unit + 1, **common) for unit in range(bringup.units)]
+        nodes.append(RecruitmentNode(**common))
         if bringup.p['monitor']:
             nodes.append(ModelMonitor(**common))
-        nodes.append(RecruitmentNode(**common))
-        nodes += [PressurePidNode(unit + 1, **common) for unit in range(bringup.units)]
         if bringup.p['generate']:
             nodes.append(ReferenceGenerator(**common, **(generator or {})))
         if bringup.p['simulate']:

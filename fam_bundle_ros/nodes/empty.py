@@ -112,11 +112,11 @@ class EmptyRig(Relay):
         self._stamp = 0
         valves = {interface.valve_topic(k): JointState for k in _count(units)}
         outputs: dict[str, Any] = {
-            interface.FORCE: interface.force_message(0, 50.0),
             interface.STRAIN: interface.strain_message(0, 0.1, 0.0, 0.127),
+            **{interface.pressure_topic(k): interface.pressure_message(
+                0, PRESSURE, _AMBIENT, f'mu{k}') for k in _count(units)},
+            interface.FORCE: interface.force_message(0, 50.0),
             interface.SUPPLY: interface.pressure_message(0, 5e5, _AMBIENT)}
-        outputs.update({interface.pressure_topic(k): interface.pressure_message(
-            0, PRESSURE, _AMBIENT, f'mu{k}') for k in _count(units)})
         super().__init__('empty_rig', valves if lock_step else {}, {} if lock_step else valves,
                          outputs, interface.stream_qos(lock_step),
                          0.0 if lock_step else 1.0 / rate, context, namespace)
@@ -188,8 +188,8 @@ def empty_node(role: str, units: int, lock_step: bool, context: Context,
 
 def roles(units: int) -> list[str]:
     """Return the nodes of a bundle besides its rig, in the order in which they are started."""
-    return ['model_monitor', 'recruitment_controller',
-            *(f'pressure_pid_mu{k}' for k in _count(units)), 'reference_generator']
+    return [*(f'pressure_pid_mu{k}' for k in _count(units)), 'recruitment_controller',
+            'model_monitor', 'reference_generator']
 
 
 def spin(context: Context, nodes: Iterable[Node], done: Callable[[], bool]) -> None:

@@ -35,6 +35,7 @@ class Gate:
         self._latest: dict[str, tuple[int, Any]] = dict.fromkeys(channels, (-1, None))
         #: Channels that are not waited for.
         self.lost: set[str] = set()
+        self._missing = set(self._latest)
         #: Newest stamp that any channel carries; -1 before the first.
         self.stamp = -1
         #: Whether all channels have arrived together once.
@@ -52,25 +53,25 @@ class Gate:
         self._latest[channel] = (stamp, value)
         if stamp > self.stamp or stamp < before == self.stamp:
             self.stamp = stamp
-        return stamp == self.stamp and self.complete
-
-    @property
-    def complete(self) -> bool:
-        """Whether every channel that is not lost carries the newest stamp."""
-        done = self.stamp >= 0 and not self.missing
+            self._missing = set(self._latest) - self.lost
+        if stamp != self.stamp:
+            self._missing.add(channel)
+            return False
+        self._missing.discard(channel)
+        done = not self._missing
         self.begun = self.begun or done
         return done
 
     @property
     def missing(self) -> list[str]:
         """Channels that are waited for."""
-        return [name for name, (stamp, _) in self._latest.items()
-                if stamp != self.stamp and name not in self.lost]
+        return [name for name in self._latest if name in self._missing]
 
     def give_up(self) -> list[str]:
         """Count the channels that are waited for as lost and return them."""
         missing = self.missing
         self.lost.update(missing)
+        self._missing.clear()
         return missing
 
     def value(self, channel: str, missing: Any = None) -> Any:

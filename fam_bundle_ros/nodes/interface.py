@@ -7,9 +7,14 @@ The one place that knows how a quantity looks on a topic. Inside, stamps are int
 nanoseconds and pressures are gauge; FluidPressure is absolute. Every scalar is cast: Jazzy's
 Python messages write a wrong type as garbage without a word. Motor units count from 1 here, as
 in the topic names.
+
+Making a message takes longer than sending it. What is sent for every sample is therefore made
+once: a *writer* is a function that writes one message anew and returns it, to be published
+before the next call. ``..._message`` returns a message of its own.
 """
 
-from collections.abc import Iterable, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -20,7 +25,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool, UInt8
+from std_msgs.msg import Bool, String, UInt8
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -36,6 +41,7 @@ REFERENCE_STRAIN = 'reference/strain'
 TRAJECTORY = 'reference/trajectory'
 RECRUITMENT_STATE = 'recruitment_state'
 RECRUITMENT = 'recruitment'
+ADAPTATION = 'adaptation'
 MODEL_FORCE = 'model/force'
 MODEL_RESIDUAL = 'model/residual'
 E_STOP = 'e_stop'
@@ -48,8 +54,10 @@ E_STOP_TRIGGER = 'e_stop_trigger'
 E_STOP_RESET = 'e_stop_reset'
 RESET = 'reset'
 TARE = 'tare'
+ADAPTATION_RESET = 'adaptation/reset'
+ADAPTATION_SAVE = 'adaptation/save'
 SERVICES = {ENABLE: SetBool, E_STOP_TRIGGER: Trigger, E_STOP_RESET: Trigger, RESET: Trigger,
-            TARE: Trigger}
+            TARE: Trigger, ADAPTATION_RESET: Trigger, ADAPTATION_SAVE: Trigger}
 
 LOAD_CELL_FRAME = 'load_cell'
 
@@ -67,6 +75,11 @@ def setpoint_topic(unit: int) -> str:
 def valve_topic(unit: int) -> str:
     """Return the name of a motor unit's valve command topic."""
     return f'mu{unit}/valve_command'
+
+
+def pressure_channels(units: int) -> list[tuple[str, str]]:
+    """Return topic and frame of every pressure that a rig shows, the supply's first."""
+    return [(SUPPLY, 'supply'), *((pressure_topic(k), f'mu{k}') for k in range(1, units + 1))]
 
 
 @dataclass(frozen=True)
@@ -94,6 +107,7 @@ def topics(units: int) -> tuple[Topic, ...]:
             Topic(REFERENCE_FORCE, WrenchStamped), Topic(REFERENCE_STRAIN, JointState),
             Topic(TRAJECTORY, JointTrajectory),
             Topic(RECRUITMENT_STATE, UInt8, latched=True), Topic(RECRUITMENT, JointState),
+            Topic(ADAPTATION, String, latched=True),
             Topic(MODEL_FORCE, WrenchStamped), Topic(MODEL_RESIDUAL, WrenchStamped),
             Topic(E_STOP, Bool, latched=True), Topic(DIAGNOSTICS, DiagnosticArray))
 
@@ -125,8 +139,14 @@ def stamp_ns(stamp: Time) -> int:
 
 def to_stamp(nanoseconds: int) -> Time:
     """Return nanoseconds as a stamp."""
-    sec, nanosec = divmod(int(nanoseconds), 1_000_000_000)
-    return Time(sec=sec, nanosec=nanosec)
+    stamp = Time()
+    write_stamp(stamp, nanoseconds)
+    return stamp
+
+
+def write_stamp(stamp: Time, nanoseconds: int) -> None:
+    """Set a stamp to nanoseconds."""
+    stamp.sec, stamp.nanosec = divmod(int(nanoseconds), 1_000_000_000)
 
 
 def clock_message(nanoseconds: int) -> Clock:
@@ -136,13 +156,22 @@ def clock_message(nanoseconds: int) -> Clock:
 
 # --- rig --------------------------------------------------------------------------------------
 
-def force_message(stamp: int, force: float, frame: str = LOAD_CELL_FRAME) -> WrenchStamped:
-    """Return a force in N, tension positive, as a wrench."""
+def force_writer(frame: str = LOAD_CELL_FRAME) -> Callable[[int, float], WrenchStamped]:
+    """Return the writer (stamp, force) of a force in N, tension positive, as a wrench."""
     message = WrenchStamped()
-    message.header.stamp = to_stamp(stamp)
     message.header.frame_id = frame
-    message.wrench.force.x = float(force)
-    return message
+    stamp_now, vector = message.header.stamp, message.wrench.force
+
+    def write(stamp: int, force: float) -> WrenchStamped:
+        write_stamp(stamp_now, stamp)
+        vector.x = float(force)
+        return message
+    return write
+
+
+def force_message(stamp: int, force: float) -> WrenchStamped:
+    """Return a force in N, tension positive, as a wrench."""
+    return force_writer()(stamp, force)
 
 
 def read_force(message: WrenchStamped) -> float:
@@ -150,23 +179,44 @@ def read_force(message: WrenchStamped) -> float:
     return message.wrench.force.x
 
 
-def strain_message(stamp: int, strain: float, rate: float, length: float) -> JointState:
+def joint_writer(names: Sequence[str], *fields: str) -> Callable[..., JointState]:
+    """Return the writer (stamp, values of each field) of joints; the values are cast."""
+    message = JointState()
+    message.name = list(names)
+    for field in fields:
+        setattr(message, field, array('d', bytes(8 * len(names))))
+    stamp_now, arrays = message.header.stamp, [getattr(message, field) for field in fields]
+
+    def write(stamp: int, *values: Iterable[float]) -> JointState:
+        write_stamp(stamp_now, stamp)
+        for room, given in zip(arrays, values):
+            for k, value in enumerate(given):
+                room[k] = value
+        return message
+    return write
+
+
+def strain_writer(length: float) -> Callable[[int, float, float], JointState]:
     """
-    Return strain and contraction as joints, positive when shorter.
+    Return the writer of strain and contraction as joints, positive when shorter.
+
+    It takes the stamp (ns), the strain (1) and its rate (1/s).
 
     Parameters
     ----------
-    stamp : int, ns
-    strain, rate : float, 1 and 1/s
     length : float, m
         Rest length of the bundle.
     """
-    message = JointState()
-    message.header.stamp = to_stamp(stamp)
-    message.name = ['contraction', 'strain']
-    message.position = [float(strain * length), float(strain)]
-    message.velocity = [float(rate * length), float(rate)]
-    return message
+    joints = joint_writer(('contraction', 'strain'), 'position', 'velocity')
+
+    def write(stamp: int, strain: float, rate: float) -> JointState:
+        return joints(stamp, (strain * length, strain), (rate * length, rate))
+    return write
+
+
+def strain_message(stamp: int, strain: float, rate: float, length: float) -> JointState:
+    """Return a message of `strain_writer`."""
+    return strain_writer(length)(stamp, strain, rate)
 
 
 def read_strain(message: JointState, length: float) -> tuple[float, float]:
@@ -192,13 +242,26 @@ def read_strain(message: JointState, length: float) -> tuple[float, float]:
                      "expected 'strain' or 'contraction'")
 
 
-def pressure_message(stamp: int, gauge: float, ambient: float, frame: str = '') -> FluidPressure:
-    """Return a gauge pressure, Pa, as the absolute one that the message is defined to carry."""
+def pressure_writer(ambient: float, frame: str = '') -> Callable[[int, float], FluidPressure]:
+    """
+    Return the writer (stamp, gauge pressure in Pa) of a pressure.
+
+    The message is defined to carry the absolute one, gauge + ``ambient``.
+    """
     message = FluidPressure()
-    message.header.stamp = to_stamp(stamp)
     message.header.frame_id = frame
-    message.fluid_pressure = float(gauge + ambient)
-    return message
+    stamp_now = message.header.stamp
+
+    def write(stamp: int, gauge: float) -> FluidPressure:
+        write_stamp(stamp_now, stamp)
+        message.fluid_pressure = float(gauge + ambient)
+        return message
+    return write
+
+
+def pressure_message(stamp: int, gauge: float, ambient: float, frame: str = '') -> FluidPressure:
+    """Return a message of `pressure_writer`."""
+    return pressure_writer(ambient, frame)(stamp, gauge)
 
 
 def read_pressure(message: FluidPressure, ambient: float, is_gauge: bool = False) -> float:
@@ -206,13 +269,22 @@ def read_pressure(message: FluidPressure, ambient: float, is_gauge: bool = False
     return message.fluid_pressure if is_gauge else message.fluid_pressure - ambient
 
 
+def valve_writer(unit: int) -> Callable[[int, float], JointState]:
+    """
+    Return the writer (stamp, command) of a valve command, -1 exhaust, 0 closed, 1 fill.
+
+    The stamp is that of the reading that it answers.
+    """
+    joints = joint_writer((f'mu{unit}_valve',), 'effort')
+
+    def write(stamp: int, command: float) -> JointState:
+        return joints(stamp, (command,))
+    return write
+
+
 def valve_message(stamp: int, unit: int, command: float) -> JointState:
-    """Return a valve command, -1 exhaust, 0 closed, 1 fill; stamp of the reading it answers."""
-    message = JointState()
-    message.header.stamp = to_stamp(stamp)
-    message.name = [f'mu{unit}_valve']
-    message.effort = [float(command)]
-    return message
+    """Return a message of `valve_writer`."""
+    return valve_writer(unit)(stamp, command)
 
 
 def read_valve(message: JointState, unit: int) -> float:
@@ -236,19 +308,27 @@ def read_valve(message: JointState, unit: int) -> float:
 
 # --- references -------------------------------------------------------------------------------
 
-def reference_force_message(stamp: int, force: float, rate: float = 0.0) -> WrenchStamped:
-    """Return a force reference, N. A wrench has no room for its rate: it is not sent."""
-    return force_message(stamp, force)
+def reference_force_writer() -> Callable[[int, float, float], WrenchStamped]:
+    """Return the writer (stamp, force, rate) of a force reference, N; it does not send the rate.
+
+    A wrench has no room for it.
+    """
+    wrench = force_writer()
+    return lambda stamp, force, rate: wrench(stamp, force)
+
+
+def reference_strain_writer() -> Callable[[int, float, float], JointState]:
+    """Return the writer (stamp, strain, rate in 1/s) of a strain reference."""
+    joints = joint_writer(('strain',), 'position', 'velocity')
+
+    def write(stamp: int, strain: float, rate: float) -> JointState:
+        return joints(stamp, (strain,), (rate,))
+    return write
 
 
 def reference_strain_message(stamp: int, strain: float, rate: float = 0.0) -> JointState:
-    """Return a strain reference with its rate, 1/s."""
-    message = JointState()
-    message.header.stamp = to_stamp(stamp)
-    message.name = ['strain']
-    message.position = [float(strain)]
-    message.velocity = [float(rate)]
-    return message
+    """Return a message of `reference_strain_writer`."""
+    return reference_strain_writer()(stamp, strain, rate)
 
 
 # --- recruitment ------------------------------------------------------------------------------
@@ -258,14 +338,18 @@ def state_message(state: int) -> UInt8:
     return UInt8(data=int(state))
 
 
-def recruitment_message(stamp: int, active: Iterable[bool], share: Sequence[float]) -> JointState:
-    """Return per motor unit 0 or 1 (position) and its share of the force, 0 to 1 (effort)."""
-    message = JointState()
-    message.header.stamp = to_stamp(stamp)
-    message.position = [float(bool(on)) for on in active]
-    message.effort = [float(value) for value in share]
-    message.name = [f'mu{i + 1}' for i in range(len(message.position))]
-    return message
+def recruitment_writer(units: int) -> Callable[..., JointState]:
+    """Return the writer of 0 or 1 (position) and share of the force (effort) per motor unit."""
+    joints = joint_writer([f'mu{k + 1}' for k in range(units)], 'position', 'effort')
+
+    def write(stamp: int, active: Iterable[bool], share: Iterable[float]) -> JointState:
+        return joints(stamp, map(bool, active), share)
+    return write
+
+
+def recruitment_message(stamp: int, active: Sequence[bool], share: Sequence[float]) -> JointState:
+    """Return a message of `recruitment_writer`."""
+    return recruitment_writer(len(active))(stamp, active, share)
 
 
 def read_recruitment(message: JointState) -> tuple[list[bool], list[float]]:

@@ -80,8 +80,9 @@ class ModelMonitor(BundleNode):
         self._residuals: deque[float] = deque(
             maxlen=max(round(self.p['window'] * self.p['rate']), 50))
         self._stamp = -1
-        self._model = self.publisher(interface.MODEL_FORCE, WrenchStamped)
-        self._residual = self.publisher(interface.MODEL_RESIDUAL, WrenchStamped)
+        self._send_model, self._send_residual = (
+            self.sender(topic, WrenchStamped, interface.force_writer())
+            for topic in (interface.MODEL_FORCE, interface.MODEL_RESIDUAL))
         bundle = self._live.bundle
         self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
                                 self._on_sample)
@@ -100,8 +101,8 @@ class ModelMonitor(BundleNode):
         self._stamp = sample.stamp
         force = self._live.step(dt, sample.strain, sample.pressure, sample.rate)
         residual = sample.force - force
-        self._model.publish(interface.force_message(sample.stamp, force))
-        self._residual.publish(interface.force_message(sample.stamp, residual))
+        self._send_model(sample.stamp, force)
+        self._send_residual(sample.stamp, residual)
         if math.isfinite(residual):
             self._residuals.append(residual)
 

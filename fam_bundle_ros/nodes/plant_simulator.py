@@ -131,11 +131,17 @@ class PlantSimulator(BundleNode):
             self.every(self._period_ns * 1e-9, self._tick)
 
     def _set_up_interface(self) -> None:
-        self._force = self.publisher(interface.FORCE, WrenchStamped)
-        self._strain = self.publisher(interface.STRAIN, JointState)
-        self._supply = self.publisher(interface.SUPPLY, FluidPressure)
-        self._pressure = [self.publisher(interface.pressure_topic(i + 1), FluidPressure)
-                          for i in range(self.units)]
+        supply, *pressures = (
+            (topic, self.sender(topic, FluidPressure,
+                                interface.pressure_writer(self.ambient, frame)))
+            for topic, frame in interface.pressure_channels(self.units))
+        #: Channel, as faults name it, and what sends it; first what pressure loops wait for.
+        self._outputs = [
+            ('strain', self.sender(interface.STRAIN, JointState,
+                                   interface.strain_writer(self.rig.length))),
+            *pressures,
+            ('force', self.sender(interface.FORCE, WrenchStamped, interface.force_writer())),
+            ('supply', supply[1])]
         self._e_stop = self.publisher(interface.E_STOP, Bool, interface.LATCHED)
         self._time_publisher = (self.publisher(interface.CLOCK, Clock)
                        if self.lock_step and self.p['publish_clock'] else None)
@@ -277,29 +283,18 @@ class PlantSimulator(BundleNode):
         if driven:
             self._sent = time.monotonic()
         self._meter.tick()
-        stamp, readings, ambient = self._stamp, self.rig.readings, self.ambient
+        stamp, readings = self._stamp, self.rig.readings
         if self._time_publisher:
             self._time_publisher.publish(interface.clock_message(stamp))
-        values: list[tuple[str, Any, Any]] = [
-            ('force', self._force, readings.force),
-            ('strain', self._strain, (readings.strain, readings.strain_rate)),
-            ('supply', self._supply, readings.supply)]
-        values += [(f'mu{i + 1}/pressure', self._pressure[i], readings.pressure[i])
-                   for i in range(self.units)]
-        for channel, publisher, value in values:
+        values = ((readings.strain, readings.strain_rate),
+                  *((value,) for value in readings.pressure.tolist()),
+                  (readings.force,), (readings.supply,))
+        for (channel, send), value in zip(self._outputs, values):
             if channel in self.faults.silent:
                 continue
             if channel in self.faults.frozen:
                 value = self._frozen.setdefault(channel, value)
-            if channel == 'force':
-                publisher.publish(interface.force_message(stamp, value))
-            elif channel == 'strain':
-                strain, rate = value
-                publisher.publish(interface.strain_message(stamp, strain, rate,
-                                                           self.rig.length))
-            else:
-                publisher.publish(interface.pressure_message(stamp, value, ambient,
-                                                             channel.partition('/')[0]))
+            send(stamp, *value)
 
     def _announce_stop(self) -> None:
         if self.rig.e_stopped:

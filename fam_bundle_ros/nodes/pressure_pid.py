@@ -52,7 +52,8 @@ SPECS = (
          dynamic=True),
     Spec('setpoint_rate', _CONFIG.setpoint_rate, 'largest rate of the setpoint, Pa/s', 1e3, 1e9,
          dynamic=True),
-    Spec('flow_lag', _CONFIG.flow_lag, 'from command to flow, s', 0.0, 0.5, dynamic=True),
+    Spec('transport_delay', _CONFIG.transport_delay, 'dead time from a reading through the valve '
+         'to the next reading, s', 0.0, 0.5, dynamic=True),
     Spec('valve.conductance', _CONFIG.valve.conductance, 'sonic conductance, m^3/(s Pa)',
          1e-12, 1e-5),
     Spec('valve.dead_band', _CONFIG.valve.dead_band, 'command that does not open the valve',
@@ -123,12 +124,14 @@ class PressurePidNode(BundleNode):
         #: State and reason.
         self._latched: tuple[str, str] | None = None
         self._state = 'WAITING'
-        self._seen = ''
+        #: Pa, that was last answered by the loop.
+        self._pressure = 0.0
         self._off, self._still = _Stretch(), _Stretch()
         self._command = -1.0
         self._answered = -1
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
-        self._valve = self.publisher(interface.valve_topic(self.unit), JointState)
+        self._send = self.sender(interface.valve_topic(self.unit), JointState,
+                                 interface.valve_writer(self.unit))
         self._gate = Gate(('pressure', 'setpoint', 'strain', 'supply'))
         self._gate_since = time.monotonic()
         self.subscribe(interface.pressure_topic(self.unit), FluidPressure, self._on_pressure)
@@ -268,15 +271,19 @@ class PressurePidNode(BundleNode):
 
     def _observe(self, now: float, pressure: float) -> None:
         """Note how long the pressure has been off, or has stood still under a flow of air."""
-        state = self.pid.diagnostics
-        setpoint = pressure + state.error
-        self._seen = (f'mu{self.unit} pressure {round(pressure / 1e3)} kPa, setpoint '
-                      f'{round(setpoint / 1e3)} kPa, valve at {self._command:.2f}')
+        state = self.pid.state.shown
+        self._pressure = pressure
         self._off.see(now, state.followed_setpoint - pressure, _NOTABLE)
         # An empty unit is open to exhaust all the time: nothing has to move.
-        flow = state.expected_rate if setpoint >= _AMBIENT else 0.0
+        flow = state.expected_rate if pressure + state.error >= _AMBIENT else 0.0
         fast = 3.0 * self._max_pressure / (self.p['response_time'] or math.inf)
         self._still.see(now, flow, fast, pressure)
+
+    @property
+    def _seen(self) -> str:
+        setpoint = self._pressure + self.pid.state.shown.error
+        return (f'mu{self.unit} pressure {round(self._pressure / 1e3)} kPa, setpoint '
+                f'{round(setpoint / 1e3)} kPa, valve at {self._command:.2f}')
 
     def _judge(self, now: float, pressure: float | None, new: bool = True) -> float | None:
         """
@@ -337,7 +344,7 @@ class PressurePidNode(BundleNode):
 
     def _publish(self, stamp: int, command: float | None) -> None:
         if command is not None:
-            self._valve.publish(interface.valve_message(stamp, self.unit, command))
+            self._send(stamp, command)
 
     def stop(self) -> None:
         """Vent."""
@@ -449,7 +456,7 @@ def _settings(values: dict[str, Any]) -> tuple[PidGains, PidConfig]:
         anti_windup=values['anti_windup'], volume=values['volume'],
         supply=values['supply.pressure'],
         ambient=values['ambient_pressure'], setpoint_rate=values['setpoint_rate'],
-        flow_lag=values['flow_lag'], quiet_error=values['quiet_error'],
+        transport_delay=values['transport_delay'], quiet_error=values['quiet_error'],
         feed_forward=values['feed_forward'],
         dead_band_compensation=values['dead_band_compensation'])
     return gains, config

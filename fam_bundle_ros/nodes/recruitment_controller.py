@@ -31,6 +31,7 @@ from fam_bundle_ros.control import (
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.adaptation import Adaptation
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
 from fam_bundle_ros.nodes.doubts import OffTarget, ReferenceTally
@@ -109,11 +110,13 @@ class RecruitmentNode(BundleNode):
 
     def _set_up_interface(self) -> None:
         n = self.bundle.n
-        self._setpoint_publishers = [
-            self.publisher(interface.setpoint_topic(i + 1), FluidPressure) for i in range(n)]
+        self._send_setpoint = [
+            self.sender(interface.setpoint_topic(i + 1), FluidPressure,
+                        interface.pressure_writer(self.ambient)) for i in range(n)]
         self._state_publisher = self.publisher(interface.RECRUITMENT_STATE, UInt8,
                                                interface.LATCHED)
-        self._recruitment = self.publisher(interface.RECRUITMENT, JointState)
+        self._send_recruitment = self.sender(interface.RECRUITMENT, JointState,
+                                             interface.recruitment_writer(n))
         self._publish_state(0)
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
@@ -122,6 +125,7 @@ class RecruitmentNode(BundleNode):
         self.subscribe(interface.REFERENCE_STRAIN, JointState, self._tallied(self._on_strain))
         self._e_stop = EmergencyStop(self, self._on_e_stop)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
+        self._adaptation = Adaptation(self, lambda: self.controller)
         if self.bundle.unusual_order:
             self.get_logger().warning(self.bundle.unusual_order)
         self.p.on_change(self, self._check, self._change)
@@ -257,9 +261,8 @@ class RecruitmentNode(BundleNode):
     def _trusted(self, sample: Sample) -> Measurement:
         """Return the readings with nan for those that cannot be trusted."""
         now = self._now()
-        meters = list(self._sensing.meters.values())
         values = [sample.force, sample.strain, *sample.pressure]
-        for watch, meter, value in zip(self._watches, meters, values):
+        for watch, meter, value in zip(self._watches, self._sensing.meters.values(), values):
             last = meter.last
             if self.lock_step:
                 watch.see(now, value, self._must_move(watch.name, value, sample.pressure))
@@ -349,14 +352,14 @@ class RecruitmentNode(BundleNode):
     # --- output --------------------------------------------------------------------------------
 
     def _publish(self, stamp: int) -> None:
-        for publisher, setpoint in zip(self._setpoint_publishers, self._setpoints):
-            publisher.publish(interface.pressure_message(stamp, setpoint, self.ambient))
+        for send, setpoint in zip(self._send_setpoint, self._setpoints):
+            send(stamp, setpoint)
         command = self._command
         n = self.bundle.n
         self._publish_state(command.state if command else 0)
         active = command.active if command else [False] * n
         share = command.share.tolist() if command else [0.0] * n
-        self._recruitment.publish(interface.recruitment_message(stamp, active, share))
+        self._send_recruitment(stamp, active, share)
 
     def _publish_state(self, state: int) -> None:
         if state != self._published_state:
@@ -423,7 +426,10 @@ class RecruitmentNode(BundleNode):
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
         self._limit = self.bundle.max_pressure.tolist()
+        before = self.controller
         self.controller = RecruitmentController(self.bundle, controller_config(self.p))
+        if before.bundle is self.bundle:
+            self.controller.keep_learnt(before)
         self._take_over = True
         self.get_logger().info(f"taken over: {', '.join(sorted(changes))}")
 
@@ -451,6 +457,7 @@ class RecruitmentNode(BundleNode):
             report.value('overlap, N', command.margins.width)
             report.value('uncertainty, N', command.margins.uncertainty)
             report.value('bias, N', self.controller.outer.bias)
+            self._adaptation.report(report)
             if command.saturated in ('high', 'low'):
                 report.add(WARN, f'demand {command.demand:.1f} N is out of reach '
                            f'({command.saturated})')

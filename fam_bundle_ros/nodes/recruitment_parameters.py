@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fam_bundle_ros.control import (
+    AdaptationConfig,
     ControllerConfig,
     LoadModel,
     OuterConfig,
@@ -25,7 +26,8 @@ _BASELINE_FIELDS = (
     ('strain_integral', '1/s', 1e4), ('filter_time', 's', 10.0), ('dwell', 's', 60.0))
 #: Fields of the outer loop that are parameters: name, unit, largest value.
 _OUTER_FIELDS = (
-    ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0), ('force_integral', '1/s', 1e3),
+    ('delay', 's', 0.5), ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0),
+    ('force_integral', '1/s', 1e3),
     ('strain_gain', 'N', 1e6), ('strain_integral', 'N/s', 1e7), ('strain_damping', 'N s', 1e5),
     ('still', 'N', 1e3), ('filter_time', 's', 10.0), ('fade_time', 's', 10.0))
 _LOAD_FIELDS = (('force', 'N at zero strain'), ('stiffness', 'N per strain'),
@@ -58,6 +60,10 @@ SPECS = (
          dynamic=True),
     Spec('feed_forward', True, 'use the model to meet the reference', dynamic=True),
     Spec('feedback', True, 'correct by the measured error', dynamic=True),
+    Spec('adaptation.enabled', True, 'learn what the model gets wrong while it works',
+         dynamic=True),
+    Spec('adaptation.memory', AdaptationConfig().memory, 'how long an error that no gain '
+         'explains stays alike, s', 0.01, 1e3, dynamic=True),
     *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
     *(Spec(f'baseline.{name}', getattr(_BASELINE, name), 'of the schemes equal_pressure and '
            f'threshold, {unit}', 0.0, high, dynamic=True)
@@ -100,6 +106,8 @@ def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
             **outer),
         baseline=BaselineConfig(**{name: values[f'baseline.{name}']
                                    for name, _, _ in _BASELINE_FIELDS}),
+        adaptation=AdaptationConfig(enabled=values['adaptation.enabled'],
+                                    memory=values['adaptation.memory']),
         load=LoadModel(**{name: values[f'load_model.{name}'] for name, _ in _LOAD_FIELDS}))
 
 

@@ -65,8 +65,11 @@ class ReferenceGenerator(BundleNode):
         self._sent = 0
         self._meter = Meter()
         self._sample_meter = Meter()
-        self._force = self.publisher(interface.REFERENCE_FORCE, WrenchStamped)
-        self._strain = self.publisher(interface.REFERENCE_STRAIN, JointState)
+        self._outputs = {
+            'force': (self.publisher(interface.REFERENCE_FORCE, WrenchStamped),
+                      interface.reference_force_writer()),
+            'strain': (self.publisher(interface.REFERENCE_STRAIN, JointState),
+                       interface.reference_strain_writer())}
         self.subscribe(interface.TRAJECTORY, JointTrajectory, self._on_trajectory,
                        interface.RELIABLE)
         # The rig's samples are the clock of the references, so that both carry one time; two
@@ -110,7 +113,7 @@ class ReferenceGenerator(BundleNode):
         profile = self._profile
         if profile is None:
             return
-        publisher = self._force if profile.kind == 'force' else self._strain
+        publisher, write = self._outputs[profile.kind]
         if self.start is None:
             if not self.lock_step and publisher.get_subscription_count() == 0:
                 return
@@ -121,10 +124,7 @@ class ReferenceGenerator(BundleNode):
         value = profile.value(max(t, 0.0))
         rate = profile.rate(t) if 0.0 <= t < profile.duration else 0.0
         self._meter.tick()
-        if profile.kind == 'force':
-            publisher.publish(interface.reference_force_message(stamp, value, rate))
-        else:
-            publisher.publish(interface.reference_strain_message(stamp, value, rate))
+        publisher.publish(write(stamp, value, rate))
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         """Take a new trajectory; one that does not make sense leaves the old one."""

@@ -5,7 +5,8 @@ What recruitment and monitor hear of a rig: force, strain and pressures, brought
 
 In lock-step a sample is complete when every channel carries its stamp. In wall time it is
 complete when every channel has sent anew; the owner's timer takes what there is when a channel
-is slower or silent.
+is slower or silent. The work on it waits until the process has dealt with all messages that are
+there already: pressure loops in the same process answer first.
 """
 
 from collections.abc import Callable, Sequence
@@ -114,12 +115,15 @@ class Sensing:
         self._rate = StrainRate()
         self._last_sample = time.monotonic()
         self._stamp = -1
-        node.subscribe(interface.FORCE, WrenchStamped, self._on_force)
-        node.subscribe(interface.STRAIN, JointState, self._on_strain)
+        #: Fires once after it is reset, behind all that waits: what else could be put there,
+        #: `Executor.create_task`, crashes Python when an exception leaves it.
+        self._due = node.every(1e-9, self._complete_fresh)
+        self._due.cancel()
+        self._listen('force', interface.FORCE, WrenchStamped, interface.read_force)
+        self._listen('strain', interface.STRAIN, JointState, self._read_strain)
         for i in range(units):
-            def pressure(message: FluidPressure, i: int = i) -> None:
-                self._on_pressure(i, message)
-            node.subscribe(interface.pressure_topic(i + 1), FluidPressure, pressure)
+            self._listen(f'mu{i + 1}', interface.pressure_topic(i + 1), FluidPressure,
+                         self._read_pressure)
 
     @property
     def begun(self) -> bool:
@@ -130,10 +134,6 @@ class Sensing:
     def stamp(self) -> int:
         """Stamp of the newest sample, ns; -1 before the first."""
         return self._stamp
-
-    def put(self, channel: str, stamp: int, value: Any) -> None:
-        """Take a value that is not a sensor's."""
-        self._put(channel, stamp, value)
 
     def check_time(self) -> None:
         """Call this from a timer: nothing else runs while the rig is silent."""
@@ -155,25 +155,27 @@ class Sensing:
 
     # --- messages ------------------------------------------------------------------------------
 
-    def _on_force(self, message: WrenchStamped) -> None:
-        self._put('force', interface.stamp_ns(message.header.stamp),
-                  interface.read_force(message))
+    def _listen(self, channel: str, topic: str, kind: Any, read: Callable[[Any], Any]) -> None:
+        tick = self.meters[channel].tick
 
-    def _on_strain(self, message: JointState) -> None:
-        stamp = interface.stamp_ns(message.header.stamp)
+        def take(message: Any) -> None:
+            value = read(message)
+            tick()
+            self.put(channel, interface.stamp_ns(message.header.stamp), value)
+        self._node.subscribe(topic, kind, take)
+
+    def _read_strain(self, message: JointState) -> tuple[float, float]:
         strain, rate = interface.read_strain(message, self._length)
         if math.isnan(rate):
-            rate = self._rate.update(stamp, strain)
-        self._put('strain', stamp, (strain, rate))
+            rate = self._rate.update(interface.stamp_ns(message.header.stamp), strain)
+        return strain, rate
 
-    def _on_pressure(self, index: int, message: FluidPressure) -> None:
-        self._put(f'mu{index + 1}', interface.stamp_ns(message.header.stamp),
-                  interface.read_pressure(message, self._node.ambient,
-                                          self._node.p['pressure_is_gauge']))
+    def _read_pressure(self, message: FluidPressure) -> float:
+        return interface.read_pressure(message, self._node.ambient,
+                                       self._node.p['pressure_is_gauge'])
 
-    def _put(self, channel: str, stamp: int, value: Any) -> None:
-        if channel in self.meters:
-            self.meters[channel].tick()
+    def put(self, channel: str, stamp: int, value: Any) -> None:
+        """Take a value of a channel."""
         if self._node.lock_step:
             if stamp > self._gate.stamp:
                 self._gate_since = time.monotonic()
@@ -182,7 +184,16 @@ class Sensing:
             return
         self._latest[channel] = (stamp, value)
         self._fresh.add(channel)
-        if len(self._fresh) == len(self.meters):
+        if self._all_fresh:
+            self._due.reset()
+
+    @property
+    def _all_fresh(self) -> bool:
+        return len(self._fresh) == len(self.meters)
+
+    def _complete_fresh(self) -> None:
+        self._due.cancel()
+        if self._all_fresh:
             self._complete()
 
     def _complete_gate(self) -> None:

@@ -95,11 +95,13 @@ class SerialRig(BundleNode):
         self._link.start()
 
     def _set_up_interface(self) -> None:
-        self._force = self.publisher(interface.FORCE, WrenchStamped)
-        self._strain = self.publisher(interface.STRAIN, JointState)
-        self._supply = self.publisher(interface.SUPPLY, FluidPressure)
-        self._pressure = [self.publisher(interface.pressure_topic(i + 1), FluidPressure)
-                          for i in range(self.units)]
+        self._send_force = self.sender(interface.FORCE, WrenchStamped, interface.force_writer())
+        # The contraction alone: the rest length is the model's to know.
+        self._send_contraction = self.sender(interface.STRAIN, JointState, interface.joint_writer(
+            ('contraction',), 'position'))
+        self._send_supply, *self._send_pressure = (
+            self.sender(topic, FluidPressure, interface.pressure_writer(self.ambient, frame))
+            for topic, frame in interface.pressure_channels(self.units))
         self._e_stop = self.publisher(interface.E_STOP, Bool, interface.LATCHED)
         for i in range(self.units):
             def command(message: JointState, i: int = i) -> None:
@@ -151,14 +153,12 @@ class SerialRig(BundleNode):
     def _publish(self, readings: Readings, taken: float) -> None:
         self._sample_meter.tick()
         stamp = self._ros_time(taken)
-        self._force.publish(interface.force_message(stamp, readings.force))
-        self._strain.publish(_contraction_message(stamp, readings.contraction))
+        self._send_force(stamp, readings.force)
+        self._send_contraction(stamp, (readings.contraction,))
         if readings.supply is not None:
-            self._supply.publish(interface.pressure_message(stamp, readings.supply, self.ambient,
-                                                            'supply'))
-        for i, (publisher, value) in enumerate(zip(self._pressure, readings.pressure)):
-            publisher.publish(interface.pressure_message(stamp, value, self.ambient,
-                                                         f'mu{i + 1}'))
+            self._send_supply(stamp, readings.supply)
+        for send, value in zip(self._send_pressure, readings.pressure):
+            send(stamp, value)
 
     def _ros_time(self, steady: float) -> int:
         """Return a steady time (s) as ROS time, ns."""
@@ -331,15 +331,6 @@ class SerialRig(BundleNode):
             report.add(ERROR, 'another rig publishes force under this namespace')
         if self.publisher_count(interface.E_STOP) > 1:
             report.add(ERROR, 'another node publishes e_stop')
-
-
-def _contraction_message(stamp: int, contraction: float) -> JointState:
-    """Return the contraction alone: the rest length is the model's to know."""
-    message = JointState()
-    message.header.stamp = interface.to_stamp(stamp)
-    message.name = ['contraction']
-    message.position = [float(contraction)]
-    return message
 
 
 def _units(context: Context | None, namespace: str, overrides: dict[str, Any] | None) -> int:

@@ -29,8 +29,6 @@ from fam_bundle_ros.plant.supply import SupplyConfig
 _STIFFNESS = 0.7
 #: Above this pressure ratio the flow through a narrow line is laminar.
 LINE_LAMINAR_RATIO = 0.98
-#: A spool further than this from its command is on the move and gets two sub-steps at least.
-_SPOOL_MOVES = 0.05
 
 
 @dataclass
@@ -156,7 +154,7 @@ def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
 
 def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: float) -> int:
     """
-    Return how many sub-steps keep spools and pressures well resolved.
+    Return how many sub-steps keep the pressures well resolved.
 
     The flow is concave in the pressure ratio, so flow over pressure difference bounds the
     slope at the present pressure from above.
@@ -167,22 +165,19 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
     exponent = RT * max(chamber.inflow_exponent, chamber.outflow_exponent)
     relief = ambient + chamber.relief_pressure - chamber.relief_band
     apart = chamber.line_volume > 0.0
-    least, fastest = 1, 0.0
+    fastest = 0.0
     through = 1.0 / config.resistance
     if air.dumping:
         through += secant(supply.dump_conductance, b, manifold, ambient)
     for i in range(len(commands)):
-        p, spool = air.pressure[i], air.spool[i]
-        smallest = min(air.volume[i], volume[i])
+        p, smallest = air.pressure[i], min(air.volume[i], volume[i])
         if apart:
             inside = secant(chamber.line_conductance, chamber.line_ratio, air.line[i], p,
                             LINE_LAMINAR_RATIO)
             fastest = max(fastest, exponent * inside * (1.0 / chamber.line_volume
                                                         + 1.0 / smallest))
             p, smallest = air.line[i], chamber.line_volume
-        if abs(spool - commands[i]) > _SPOOL_MOVES:
-            least = 2
-        here, there = valve_opening(valve, spool), valve_opening(valve, commands[i])
+        here, there = valve_opening(valve, air.spool[i]), valve_opening(valve, commands[i])
         most, lowest = max(here, there), min(here, there)
         slope = 0.0
         if most > 0.0:
@@ -200,7 +195,7 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
         if slope > 0.0 or leaks[i] > 0.0:
             fastest = max(fastest, exponent * slope / smallest + leaks[i])
     fastest = max(fastest, RT * through / supply.volume)
-    return max(least, math.ceil(dt * fastest / _STIFFNESS))
+    return max(1, math.ceil(dt * fastest / _STIFFNESS))
 
 
 def secant(conductance: float, b: float, upstream: float, downstream: float,

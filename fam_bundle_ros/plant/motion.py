@@ -99,7 +99,7 @@ class RigState:
                    False, [0.0] * n, [0.0] * n, [0.0] * n)
 
 
-def begin(rig: Any, load: Any, model: Any, state: Any) -> None:
+def begin(rig: Any, model: Any, state: Any) -> None:
     """Fill gas volumes and force of a rig at rest; the memory of the effects begins here."""
     feel(rig, state)
     gas_volumes(rig, model, state, state.air.volume)

@@ -98,41 +98,6 @@ class Faults(SensorFaults):
         self.__dict__.update(Faults().__dict__)
 
 
-@dataclass(frozen=True)
-class RigParts:
-    """The records of a rig at rest, as its kernels take them; ``model`` runs in plain Python."""
-
-    rig: RigRecord
-    load: Any
-    model: Any
-    state: RigState
-    sensors: SensorRecord
-    shown: SensorState
-
-
-def rig_parts(plant: Any, config: RigConfig) -> RigParts:
-    """
-    Return the records of a rig around a plant.
-
-    Parameters
-    ----------
-    plant : Bundle or ForeignPlant
-    config : RigConfig
-    """
-    n, length = plant.n, float(plant.length)
-    model = plant.model(False)
-    air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
-                       plant.pneumatics.supply_resistance)
-    tube = float(config.chamber.tube_volume)
-    rig = RigRecord(air, float(config.step), length, tube, tube - config.chamber.line_volume,
-                    float(config.trip_pressure), *_dependences(plant, model))
-    state = RigState.at_rest(Air.at_rest(air, [0.0] * n), config.load.start(length))
-    begin(rig, None, model, state)
-    return RigParts(rig, config.load.record, model, state,
-                    SensorRecord.of(config.sensors, *_gauge_errors(plant)),
-                    SensorState.fresh(n + PRESSURE))
-
-
 def _dependences(plant, model) -> tuple[bool, bool]:
     """Return whether the plant's force knows the strain rate, and its volume the pressure."""
     rate = volume = False
@@ -182,10 +147,9 @@ class Rig:
     load : Load
     length : float
         Rest length of the bundle, m.
-    leak : float
-        Rate at which every chamber's gauge pressure leaks away after the plant's model, 1/s.
-    parts : RigParts
-        The records that kernels take.
+    record, state, sensors, shown : RigRecord, RigState, SensorRecord, SensorState
+    model : Model
+        These are what kernels take.
     draws : Draws
         Random numbers of the instruments, those of the samples to come.
 
@@ -204,18 +168,29 @@ class Rig:
         self.bundle = bundle
         self.config = config
         self.faults = faults or Faults()
+        self.length = float(bundle.length)
         self._seed = seed
+        air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
+                           bundle.pneumatics.supply_resistance)
+        tube = float(config.chamber.tube_volume)
+        self.record = RigRecord(air, float(config.step), self.length, tube,
+                                tube - config.chamber.line_volume, float(config.trip_pressure),
+                                *_dependences(bundle, bundle.model(False)))
+        self.sensors = SensorRecord.of(config.sensors, *_gauge_errors(bundle))
         self.reset()
 
     def reset(self) -> None:
         """Return to the start: at rest, vented, seed as new, not stopped. Faults stay."""
-        self.load = self.config.load
-        self.parts = rig_parts(self.bundle, self.config)
-        self._state, self._load = self.parts.state, self.parts.load
-        self.length, self.leak = self.parts.rig.length, self.bundle.pneumatics.leak_rate
+        self.load, n = self.config.load, self.bundle.n
+        self._load = self.load.record
+        self.model = self.bundle.model(False)
+        self.state = RigState.at_rest(Air.at_rest(self.record.air, [0.0] * n),
+                                      self.load.start(self.length))
+        begin(self.record, self.model, self.state)
+        self.shown = SensorState.fresh(n + PRESSURE)
+        self.draws = Draws(self._seed, n + PRESSURE)
         self._e_stop_reason = ''
-        self.draws = Draws(self._seed, self.bundle.n + PRESSURE)
-        self._broken = fault_record(self.faults, self.leak, self.bundle.n)
+        self._broken = self._faults()
         self._read()
 
     @property
@@ -226,28 +201,28 @@ class Rig:
     @property
     def truth(self) -> Readings:
         """What perfect sensors would show now."""
-        motion = self._state.motion
+        motion = self.state.motion
         return self._as_readings(self._true(), motion.strain_rate)
 
     @property
     def air(self) -> AirBalance:
         """Where the air went so far."""
-        return self._state.air.balance
+        return self.state.air.balance
 
     @property
     def air_mass(self) -> float:
         """Air that the valves have taken from the supply so far, kg."""
-        return self._state.air.balance.delivered
+        return self.state.air.balance.delivered
 
     @property
     def work(self) -> float:
         """Done on the load so far, J."""
-        return self._state.work
+        return self.state.work
 
     @property
     def e_stopped(self) -> str:
         """Why the rig was stopped; empty while it runs."""
-        return stop_text(self._state, self.bundle, self.config, self._e_stop_reason)
+        return stop_text(self.state, self.bundle, self.config, self._e_stop_reason)
 
     def step(self, valve_commands: Sequence[float], duration: float) -> Readings:
         """
@@ -272,9 +247,8 @@ class Rig:
         commands = self._checked(valve_commands)
         if not 0.0 < duration < math.inf:
             raise InputError(f'duration is {duration!r} s; expected a positive number')
-        self._broken = fault_record(self.faults, self.leak, self.bundle.n)
-        parts = self.parts
-        rig_step(parts.rig, self._load, parts.model, self._state, commands, self._broken,
+        self._broken = self._faults()
+        rig_step(self.record, self._load, self.model, self.state, commands, self._broken,
                  duration)
         for unit, position in self.faults.stuck_valve.items():
             if position is None:
@@ -294,7 +268,7 @@ class Rig:
         if not isinstance(self.load, Dynamometer):
             raise InputError(f'the load is a {type(self.load).__name__}; '
                              'only a Dynamometer imposes a strain')
-        self.load.impose(self._state.motion, strain, rate)
+        self.load.impose(self.state.motion, strain, rate)
 
     def change_load(self, **changes: float) -> None:
         """
@@ -310,15 +284,15 @@ class Rig:
 
     def tare(self) -> None:
         """Zero the force reading at the present force (as the mean of many samples would)."""
-        sensors = self.parts.sensors
-        self.parts.shown.tare = (sensors.gain[FORCE] * self._state.force
-                                  + sensors.offset[FORCE] + sensors.bias[FORCE])
+        sensors = self.sensors
+        self.shown.tare = (sensors.gain[FORCE] * self.state.force + sensors.offset[FORCE]
+                           + sensors.bias[FORCE])
 
     def e_stop(self, reason: str = 'emergency stop') -> None:
         """Shut off and dump the supply, switch all valves to exhaust, and stay so."""
-        if self._state.reason == RUNNING:
-            self._state.reason, self._e_stop_reason = E_STOP, reason
-        self._state.air.dumping = True
+        if self.state.reason == RUNNING:
+            self.state.reason, self._e_stop_reason = E_STOP, reason
+        self.state.air.dumping = True
 
     def e_stop_reset(self) -> bool:
         """
@@ -329,25 +303,27 @@ class Rig:
         bool
             False, and still stopped, while a chamber is above the trip pressure.
         """
-        if max(self._state.gauge) > self.config.trip_pressure:
+        if max(self.state.gauge) > self.config.trip_pressure:
             return False
-        self._state.reason, self._state.air.dumping = RUNNING, False
+        self.state.reason, self.state.air.dumping = RUNNING, False
         return True
+
+    def _faults(self) -> FaultRecord:
+        return fault_record(self.faults, self.bundle.pneumatics.leak_rate, self.bundle.n)
 
     def _true(self) -> list[float]:
         """Return the true value of every channel."""
         true = [0.0] * (self.bundle.n + PRESSURE)
-        true_channels(self.parts.rig, self._state, true)
+        true_channels(self.record, self.state, true)
         return true
 
     def _read(self) -> None:
-        parts, broken = self.parts, self._broken
-        read_sensors(parts.sensors, parts.shown, self._true(), self._state.time, broken.lost,
-                     broken.noise_factor, *self.draws.row())
-        self._readings = self._as_readings(parts.shown.shown, parts.shown.strain_rate)
+        read_sensors(self.sensors, self.shown, self._true(), self.state.time, self._broken.lost,
+                     self._broken.noise_factor, *self.draws.row())
+        self._readings = self._as_readings(self.shown.shown, self.shown.strain_rate)
 
     def _as_readings(self, channels, strain_rate) -> Readings:
-        return Readings(self._state.time, channels[FORCE], channels[STRAIN],
+        return Readings(self.state.time, channels[FORCE], channels[STRAIN],
                         channels[STRAIN] * self.length, strain_rate,
                         np.array(channels[PRESSURE:]), channels[SUPPLY])
 

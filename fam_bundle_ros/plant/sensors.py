@@ -269,20 +269,20 @@ class Draws:
         streams = np.random.SeedSequence(seed).spawn(2)
         self._normal = np.random.default_rng(streams[0])
         self._uniform = np.random.default_rng(streams[1])
-        self._channels = channels
-        self._rows: list[tuple[list[float], list[float]]] = []
+        self._ahead = np.empty((2, 0, channels))
 
-    def rows(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the next ``count`` rows of normal and of uniform numbers, (count, channels)."""
-        shape = (count, self._channels)
-        return self._normal.standard_normal(shape), self._uniform.random(shape)
+    def rows(self, count: int) -> np.ndarray:
+        """Return the next rows of normal and of uniform numbers, shape (2, count, channels)."""
+        if self._ahead.shape[1] < count:
+            shape = (max(count, _BLOCK), self._ahead.shape[2])
+            more = np.stack([self._normal.standard_normal(shape), self._uniform.random(shape)])
+            self._ahead = np.concatenate([self._ahead, more], axis=1)
+        rows, self._ahead = self._ahead[:, :count], self._ahead[:, count:]
+        return rows
 
-    def row(self) -> tuple[list[float], list[float]]:
-        """Return the next row of each as lists."""
-        if not self._rows:
-            normal, uniform = self.rows(_BLOCK)
-            self._rows = list(zip(normal[::-1].tolist(), uniform[::-1].tolist()))
-        return self._rows.pop()
+    def row(self) -> list[list[float]]:
+        """Return the next row of each."""
+        return self.rows(1)[:, 0].tolist()
 
 
 @cache

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 __all__ = ['CaseView']
 
 _CAPTIONS = {
-    'curves': 'Points: measured (filled: shortening; grey: where the motion turns, not counted). '
-              'Lines: model. Band: noise.',
+    'curves': 'Points: measured (open: lengthening). Lines: model. Band: noise.',
     'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '
             'sign with the motion.',
     'loops': 'The error on the way in and on the way out. Two branches apart: a loss such as '
@@ -82,7 +81,9 @@ class CaseView:
         found = self.session.diagnosis
         if found is None or len(self.session.steps) > self.session.diagnosed_at:
             return self.session.headline()
-        names = ', '.join(parts.words(name) for name in found.effects)
+        names = ', '.join(parts.words(name) for name in (
+            *found.effects, *(f'{new} in place of {old}' for old, new in found.replaced.items()),
+            *(f'no {old}' for old in found.removed)))
         return {
             'missing_effect': f'Found: {names}.',
             'partial': f'Found in part: {names}. Its shape is not quite right.',

@@ -44,7 +44,7 @@ _SIMULATED = "simulated with this project's own engine, noise 0.6 N"
 
 EXAMPLES = (
     Example('hidden_friction', 'Hidden friction',
-            'One muscle, up and down at seven pressures. The model is off by 6.7 N: why?',
+            'One muscle, up and down at seven pressures. The model is off by 6.6 N: why?',
             _SIMULATED, 'examples/hidden_friction'),
     Example('bundle_push_back', 'The unit that pushes back',
             'Two motor units. While the second one fills, the bundle is stronger than the model '

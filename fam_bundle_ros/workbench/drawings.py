@@ -167,11 +167,10 @@ def _isobar(session: Session, x: np.ndarray, rows: np.ndarray, colour: str, over
               *numbers] for row, numbers in zip(rows, np.round(np.stack(
                   [data.strain[rows], pressure, data.force[rows], prediction[rows],
                    residual[rows]], axis=-1), 4).tolist())]
-    shades = np.where(session.counted[rows], colour, _BEFORE).tolist()
     symbols = np.where(data.direction[rows] < 0, 'circle-open', 'circle').tolist()
     points = [{'type': 'scatter', 'mode': 'markers', 'name': name, 'x': _plain(x[rows]),
                'y': _plain(values[rows]), 'xaxis': 'x' + axis, 'yaxis': 'y' + axis,
-               'marker': {'color': shades, 'size': 4.5, 'symbol': symbols, 'opacity': 0.8},
+               'marker': {'color': colour, 'size': 4.5, 'symbol': symbols, 'opacity': 0.8},
                'customdata': notes, 'hovertemplate': _HOVER}
               for axis, name, values in (('', 'measured', data.force),
                                          ('2', 'error', residual))]
@@ -214,7 +213,6 @@ def _force_range(session, rows):
 
 def _error_range(session, rows):
     """Keep the scale of the first step, so that a smaller error looks smaller."""
-    rows = rows[session.counted[rows]]
     worst = max(float(np.quantile(np.abs(session.residual(step)[rows]), 0.995))
                 for step in session.steps) if len(rows) else 1.0
     top = 1.15 * max(worst, 3.0 * session.noise)

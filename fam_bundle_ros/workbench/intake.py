@@ -17,7 +17,7 @@ import yaml
 from fam_bundle_ros.data import Measurement, read_measurement
 from fam_bundle_ros.data.formats import SUFFIXES
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, loads_model
+from fam_bundle_ros.model import Bundle, catalogue, loads_model
 
 __all__ = ['DATA_SUFFIXES', 'MAX_UPLOAD', 'MODEL_SUFFIXES', 'label', 'measurement_from_bytes',
            'model_from_bytes', 'what_is']
@@ -114,10 +114,11 @@ def _limit(shown: str, content: bytes, most: int) -> None:
 def _refuse_tables(shown: str, text: str) -> None:
     try:
         events = yaml.parse(text, Loader=yaml.SafeLoader)
-        named = any(isinstance(event, yaml.ScalarEvent) and event.value == 'measured_surface'
-                    for event in events)
+        readers = {name for name, law in catalogue.available().items() if law.load is not None}
+        named = next((event.value for event in events if isinstance(event, yaml.ScalarEvent)
+                      and event.value in readers), None)
     except yaml.YAMLError:
         return  # the model reader says what is wrong, with its line
     if named:
-        raise InputError(f'{shown}: measured_surface names a table on the disk, which an uploaded '
+        raise InputError(f'{shown}: {named} names a table on the disk, which an uploaded '
                          'file may not; start with fam_bundle workbench --model instead')

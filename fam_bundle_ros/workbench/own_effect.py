@@ -107,9 +107,8 @@ def preview(session: Session, effect: Effect) -> Preview:
     if not np.isfinite(prediction).all():
         raise InputError(f'{effect.name}: the formula gives no finite force at '
                          f'{int((~np.isfinite(prediction)).sum())} samples')
-    counted = session.counted
-    return Preview(rms((data.force - prediction)[counted]),
-                   rms((prediction - session.now.prediction)[counted]), prediction)
+    return Preview(rms(data.force - prediction), rms(prediction - session.now.prediction),
+                   prediction)
 
 
 def from_template(template: Template) -> Draft:

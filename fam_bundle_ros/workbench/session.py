@@ -7,14 +7,11 @@ Plain Python without a browser; the page only shows what is here and calls these
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros.data.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.discovery import compare, Comparison, Measurement, Region
-from fam_bundle_ros.discovery.fit import Problem
-from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect
@@ -49,13 +46,9 @@ class Step:
     label : str
         What was done: ``start``, ``recalibrated``, ``+ coulomb_friction``.
     comparison : Comparison
-        Of the model after this step, on the samples that count (see `Session.counted`).
-    prediction : ndarray, shape (T,), N
-        On every sample.
-    error_N : float
-        Error over the samples that count, N rms.
+        Of the model after this step, over every sample.
     held_out_N : float
-        The same on data that the fit had not seen, N.
+        Error on data that the fit had not seen, N rms.
     added : tuple of Effect
         Every effect added so far, at its start value: what the next refit begins with.
     effect : str
@@ -65,11 +58,19 @@ class Step:
     label: str
     model: Bundle
     comparison: Comparison
-    prediction: np.ndarray
-    error_N: float
     held_out_N: float
     added: tuple[Effect, ...] = ()
     effect: str = ''
+
+    @property
+    def prediction(self) -> np.ndarray:
+        """Force of the model at every sample, N, shape (T,)."""
+        return self.comparison.prediction
+
+    @property
+    def error_N(self) -> float:
+        """Error over every sample, N rms: that of `compare`."""
+        return self.comparison.error_N
 
 
 @dataclass(frozen=True)
@@ -122,9 +123,6 @@ class Session:
     diagnosis : Diagnosis or None
     diagnosed_at : int
         How many steps there were when the diagnosis was made.
-    counted : ndarray of bool, shape (T,)
-        Samples that errors are taken over, as in every fit: not lone spikes, nor reversals, where
-        the direction of motion cannot be known.
     """
 
     case: Case | None = None
@@ -132,17 +130,14 @@ class Session:
     diagnosis: Diagnosis | None = None
     diagnosed_at: int = 0
     selection: Selection = Selection()
-    counted: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
 
     # --- opening -------------------------------------------------------------------------------
 
     def open(self, case: Case) -> None:
         """Begin with a case; InputError where its data and model do not fit together."""
-        prediction = predict(case.model, case.data)
-        counted = Problem(case.data, case.model, largest=len(case.data)).weight
-        first = _compare_known(case.model, case.data, prediction, counted)
-        self.case, self.counted = case, counted
-        self.steps = [Step('start', case.model, first, prediction, first.error_N, first.error_N)]
+        first = compare(case.model, case.data)
+        self.case = case
+        self.steps = [Step('start', case.model, first, first.error_N)]
         self.diagnosis, self.selection = None, Selection()
 
     def close(self) -> None:
@@ -210,9 +205,7 @@ class Session:
         if chosen.trial is not None:
             keep &= data.trial == chosen.trial
         if self.region is not None:
-            inside = np.zeros(len(data), bool)
-            inside[self.counted] = self.region.rows
-            keep &= inside
+            keep &= self.region.rows
         return keep
 
     # --- selecting -----------------------------------------------------------------------------
@@ -247,7 +240,7 @@ class Session:
         inside = {effect.name for effect in self.now.model.effects}
         chosen = set(self.diagnosis.effects)
         rows = [Choice(c, c.effect in chosen, ties.get(c.effect, ()), c.shape in inside)
-                for c in self.diagnosis.ranking]
+                for c in self.diagnosis.ranking if not (c.replaces or c.removes)]
         rivals = {name for group in self.diagnosis.tied for name in group}
         # those found in the order found, then what ties with them, then the rest
         return sorted(rows, key=lambda row: 0 if row.found else
@@ -289,11 +282,9 @@ class Session:
                 effect: str = '') -> Step:
         """Put a refitted model on the ladder and return the new step."""
         model = refit.model
-        prediction = predict(model, self.data)
-        comparison = _compare_known(model, self.data, prediction, self.counted)
-        error = comparison.error_N
-        self.steps.append(Step(label, model.named(model.name, error=error), comparison,
-                               prediction, error, refit.held_out_N, added, effect))
+        comparison = compare(model, self.data)
+        self.steps.append(Step(label, model.named(model.name, error=comparison.error_N),
+                               comparison, refit.held_out_N, added, effect))
         self.selection = replace(self.selection, region=None)
         return self.now
 
@@ -306,41 +297,14 @@ class Session:
             self.selection = replace(self.selection, region=None)
 
 
-@dataclass(frozen=True)
-class _Known:
-    """A model whose prediction is known already: what `compare` asks of a Bundle."""
-
-    bundle: Bundle
-    prediction: np.ndarray
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.bundle, name)
-
-    def predict(self, motion: Any) -> np.ndarray:
-        """Return the prediction, whatever the motion."""
-        del motion
-        return self.prediction
-
-
-def _compare_known(model: Bundle, data: Measurement, prediction: np.ndarray,
-                   counted: np.ndarray) -> Comparison:
-    """
-    Compare on some samples a model that was simulated over all of them.
-
-    Memory needs the whole record; errors are taken over what counts.
-    """
-    known: Any = _Known(model, prediction[counted])
-    return compare(known, data.select(counted))
-
-
 def short(value: float) -> str:
     """
     Return a number as the page shows it: two digits that matter, three from a hundred on.
 
     Examples
     --------
-    >>> short(6.718), short(0.6042), short(151.3), short(11.12)
-    ('6.7', '0.60', '151', '11')
+    >>> short(6.630), short(0.6042), short(151.3), short(11.12)
+    ('6.6', '0.60', '151', '11')
     """
     if not np.isfinite(value):
         return '–'

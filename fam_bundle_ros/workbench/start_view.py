@@ -58,8 +58,8 @@ class StartView:
                 f'fill="{found}"/><path d="M4 102h168" stroke="{ink}" stroke-width="1.5" '
                 f'stroke-dasharray="4 4"/><path d="M80 34c26 2 40 22 44 58m-7-8 7 9 6-10" '
                 f'fill="none" stroke="{ink}" stroke-width="1.5"/>'
-                f'<text x="45" y="14" text-anchor="middle">6.7 N</text>'
-                f'<text x="127" y="128" text-anchor="middle">0.6 N</text>'
+                f'<text x="45" y="14" text-anchor="middle">6.6 N</text>'
+                f'<text x="127" y="128" text-anchor="middle">0.9 N</text>'
                 f'<text x="4" y="128">noise</text></svg>')
 
     def _drop(self) -> None:

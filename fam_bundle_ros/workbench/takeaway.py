@@ -64,8 +64,6 @@ def report_text(session: Session) -> str:
     rows = [('case', case.title), ('origin of the data', case.origin)] if case else []
     if session.data.sha256:
         rows.append(('data, sha256', session.data.sha256))
-    rows.append(('samples that errors are taken over',
-                 f'{int(session.counted.sum())} of {len(session.counted)} (reversals and lone '
-                 'spikes do not count)'))
+    rows.append(('samples that errors are taken over', f'all {len(session.data)}'))
     return render(Page(f'{case.title if case else now.model.name}: a better model',
                        session.headline(), headline, sections, provenance((), rows)))

@@ -24,7 +24,7 @@ def test_compare_tells_how_large_the_error_is_and_where(fam_bundle, tmp_path):
 
 
 def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
-    """`diagnose` on loops of a muscle with hidden dry friction names it, in DESIGN.md's JSON."""
+    """`diagnose` on loops of a muscle with hidden dry friction names it, in JSON too."""
     case = repository / 'test/data/practice/p03'
     result = fam_bundle('diagnose', f'{case}.csv', '--model', f'{case}.model.yaml',
                         '--out', 'page.html', '--json', 'result.json')

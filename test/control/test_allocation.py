@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from fam_bundle_ros.control import allocate, Allocator, Instant
+from fam_bundle_ros.control import allocate, Allocator, Curves, Instant
 from fam_bundle_ros.control.belief import Belief
-from fam_bundle_ros.control.curves import curve_table, tabulate, unit_force
+from fam_bundle_ros.control.curves import curve_table, find_branches, tabulate, unit_force
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Geometry, MotorUnit
 
@@ -108,6 +108,19 @@ def test_the_inverse_is_exact_between_the_points_of_the_table(paper_bundle, sche
     assert paper_bundle.force(0.16, found.pressure) == pytest.approx(demand, abs=0.01)
 
 
+def test_a_kink_between_two_points_of_the_table_is_found():
+    """Within a sixtieth of a cell: a muscle that leaves its free strain has one."""
+    table = curve_table([0], [[1e3 * k for k in range(31)]], True)
+
+    def force(unit, strain, rate, pressure, *_):
+        return max(0.02 * (pressure[0] - 10.3e3), 0.0)
+    model = Belief(force, 0, 0, 0, 0, 0, 0, [0.0], None)
+    tabulate(table, model)
+    find_branches(table, [0])
+    found = Curves(table, model).fill(2.0, (0,))
+    assert found.pressure[0] == pytest.approx(10.4e3, abs=1e3 / 60)
+
+
 def test_the_table_is_the_same_unit_by_unit_and_on_arrays():
     """Two ways to fill it: equal forces, and a flat bottom ends where the force rises."""
     grid = [[1e3 * k for k in range(101)], [2e3 * k for k in range(101)]]
@@ -134,6 +147,29 @@ def test_a_model_without_push_back_has_no_force_below_zero():
     tabulate(table, model)
     assert table.force == [[0.0, 0.0]]
     assert unit_force(table, model, 0, 5e4) == 0.0
+
+
+def test_without_a_memory_to_go_by_the_inverse_is_that_at_equilibrium(paper_bundle):
+    """Rubber that softens is asked for its worn force, not for that of its first sample."""
+    bundle = paper_bundle.with_effect('softening')
+    found = allocate(bundle, 40.0, 0.1, 1)
+    assert bundle.force(0.1, found.pressure) == pytest.approx(40.0, abs=0.01)
+
+
+def test_neglect_knows_no_law_that_pushes_back(paper_bundle):
+    """The laws say themselves which of them do; all others stay."""
+    left = Allocator(paper_bundle, neglect=True).inverted.effects
+    assert [effect.name for effect in left] == ['mesh', 'bladder_elasticity']
+
+
+def test_the_table_is_read_as_numpy_interpolates(paper_bundle):
+    """Between points, at them and beyond the ends; the slope is that of the cell."""
+    curves = curves_of(paper_bundle, 0.16)
+    grid, force = curves.grid[:, 1], curves.force[:, 1]
+    for pressure in (-1.0, 0.0, 5e3, grid[7], 200e3, grid[-1], 1e6):
+        assert curves.at(1, pressure) == pytest.approx(np.interp(pressure, grid, force))
+    assert curves.slope(1, 0.5 * (grid[7] + grid[8])) == pytest.approx(
+        (force[8] - force[7]) / (grid[8] - grid[7]))
 
 
 def test_what_is_missing_is_said(paper_bundle):

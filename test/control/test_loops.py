@@ -126,9 +126,9 @@ CASES = [(2, {'policy': policy, 'scheme': scheme}) for policy, scheme in itertoo
 @needs_numba
 @pytest.mark.parametrize(('units', 'settings'), CASES, ids=str)
 def test_plain_and_compiled_control_agree(bundles, units, settings):
-    """Every tick of a run, with memory in the model, gives the same command to 1e-9."""
+    """Every tick of a run, with memory and time in the model, gives the same command to 1e-9."""
     bundle = bundles[units].with_effect('coulomb_friction', force=2.0).with_effect(
-        'viscoelastic_relaxation')
+        'viscoelastic_relaxation').with_effect('temperature', rise=100.0, time_constant=10.0)
     plain, compiled = (run(RecruitmentController(bundle, ControllerConfig(**settings)), bundle,
                            way) for way in (False, True))
     for (one, why), (other, same) in zip(plain, compiled):

@@ -17,7 +17,7 @@ from fam_bundle_ros.control import (
     Reference,
     SwitchingConfig,
 )
-from fam_bundle_ros.control.heading import follow_heading, heading_now, heading_of
+from fam_bundle_ros.control.heading import follow_heading, heading_now, heading_of, rest_at
 from fam_bundle_ros.control.recruitment import RecruitmentMachine
 from fam_bundle_ros.control.switching import Demand
 from fam_bundle_ros.errors import InputError
@@ -190,12 +190,175 @@ def test_a_ramp_shows_its_rate_whatever_the_sample_times(steps, slope, bandwidth
     assert acceleration == pytest.approx(0.0, abs=0.1)
 
 
+def test_nothing_is_learnt_while_a_unit_is_crossed(paper_bundle):
+    """The bias stands still until the pressures are those of the model again."""
+    bench = Bench(paper_bundle, 0.16)
+    bench.bundle = paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.2)
+    bench.hold(20.0, 1.0)
+    memory, moved = bench.controller.memory, {True: [], False: []}
+    for force in np.linspace(20.0, 70.0, 600):
+        before = memory.outer.bias
+        crossing = memory.crossings.count > 0 or memory.since_crossing <= 0.05
+        bench.update(float(force), 50.0 / 3.0)
+        moved[crossing].append(memory.outer.bias - before)
+    assert len(moved[True]) > 5
+    assert not np.any(moved[True])
+    assert np.any(moved[False])
+
+
+def test_the_model_is_asked_for_the_rate_that_a_strain_reference_says(paper_bundle):
+    """And with a force reference for the rate that is measured, without its noise."""
+    bench = Bench(paper_bundle, 0.1)
+    for kind, value, rate, asked in (('strain', 0.1, 0.07, 0.07), ('force', 40.0, 5.0, 0.0)):
+        for _ in range(20):
+            bench.update(value, rate, kind)
+        assert bench.controller.memory.table.moment.strain_rate == asked
+
+
+def test_units_with_different_limits_share_one_grid(bundles):
+    """Common pressures in ``batch``: the table has them for every unit, cut at its limit."""
+    allocator = Allocator(bundles[3], max_pressure=(100e3, 200e3, 300e3))
+    assert allocator.grid[0] == [min(p, 100e3) for p in allocator.grid[2]]
+    assert max(allocator.grid[1]) == 200e3
+
+
 def test_a_step_beyond_the_present_state_is_met_as_fast_as_the_valves_go(paper_bundle):
     """Where nobody can make up for the push-back, the next unit is not brought in gently."""
     bench = Bench(paper_bundle, 0.16, outer=OPEN)
     bench.hold(30.0, 1.0)
     met = [command.saturated == '' for command in bench.hold(90.0, 0.2)]
     assert met.index(True) * DT <= 0.02
+
+
+def test_the_filters_delay_is_made_up_for():
+    """Of a cubic the rate, acceleration and jerk of now come out, not those of before."""
+    heading, dt = heading_of(1), 1e-3
+    for k in range(1, 1001):
+        follow_heading(heading, 0, 100.0 * (k * dt) ** 3, dt, 80.0)
+    rate, acceleration, jerk = heading_now(heading, 0, 80.0)
+    assert (rate, acceleration) == pytest.approx((300.0, 600.0), rel=0.01)
+    # The jerk itself still settles: it is only used to correct the other two.
+    assert jerk == pytest.approx(600.0, rel=0.06)
+
+
+def test_a_signal_that_is_put_to_rest_has_no_slope():
+    """Whatever it did before, the same value again is no change."""
+    heading = heading_of(1)
+    for k in range(50):
+        follow_heading(heading, 0, float(k), DT, 80.0)
+    rest_at(heading, 0, 7.0)
+    follow_heading(heading, 0, 7.0, DT, 80.0)
+    assert heading_now(heading, 0, 80.0) == (0.0, 0.0, 0.0)
+
+
+def test_full_is_full_and_empty_is_empty(paper_bundle):
+    """The quiet band stops short of neither end."""
+    bench = Bench(paper_bundle, 0.1, outer=OPEN, scheme='all_on', still=5e3)
+    top = bench.curves.top[-1]
+    assert bench.hold(top - 0.5, 0.1)[-1].pressure[0] < paper_bundle.max_pressure[0]
+    assert bench.hold(top + 5.0, 0.1)[-1].pressure == pytest.approx(paper_bundle.max_pressure,
+                                                                    abs=0.0)
+    bench = Bench(paper_bundle, 0.16, outer=OPEN, still=5e3)
+    assert bench.hold(70.0, 1.0)[-1].pressure[1] > 0.0
+    assert bench.hold(10.0, 3.0)[-1].pressure[1] == 0.0
+
+
+def test_pressures_change_only_by_more_than_the_quiet_band(paper_bundle):
+    """A demand that asks for 300 Pa more moves nothing, one for 600 Pa does."""
+    bench = Bench(paper_bundle, 0.1, outer=OPEN, still=400.0)
+    before = bench.hold(40.0, 0.5)[-1].pressure[0]
+    slope = bench.curves.slope(0, before)
+    # The play leaves the pressure below what was asked for by its width.
+    assert bench.update(40.0 - 300.0 * slope).pressure[0] == before
+    assert bench.update(40.0 + 600.0 * slope).pressure[0] > before + 100.0
+
+
+def test_the_models_memory_goes_on_with_every_tick(paper_bundle):
+    """After a swing it is what the bundle itself remembers of the measured strains."""
+    bundle = paper_bundle.with_effect('presliding_hysteresis', force=4.0)
+    controller, state = RecruitmentController(bundle), bundle.start_state()
+    pressure = np.array([200e3, 0.0])
+    for strain in 0.1 + 0.02 * np.sin(np.linspace(0.0, 4.0, 100)):
+        controller.update(DT, Measurement(30.0, strain, 0.0, pressure), Reference('force', 30.0))
+        rate = controller.memory.table.moment.strain_rate
+        _, state = bundle.step(state, DT, strain, pressure, rate)
+    assert np.ravel(controller.model.memory) == pytest.approx(np.ravel(state['memory']))
+    assert np.any(state['memory'])
+
+
+def test_noise_of_the_strain_recruits_nothing(paper_bundle):
+    """What RS1 can give wavers with a noisy strain; a demand close to it stays in RS1."""
+    bench, random = Bench(paper_bundle, 0.16, outer=OPEN), np.random.default_rng(1)
+    level = bench.curves.crossing[1] - 1.0
+    bench.hold(level, 1.0)
+    for strain in random.normal(0.16, 2e-4, 1000):
+        bench.strain = float(strain)
+        assert bench.update(level).state == 1
+
+
+def test_all_on_stays_all_on(paper_bundle):
+    """No demand, however small or long, releases a unit of the single equivalent motor unit."""
+    bench = Bench(paper_bundle, 0.1, scheme='all_on')
+    assert {command.state for command in bench.hold(1.0, 3.0)} == {2}
+
+
+def test_enabling_counts_no_unit_on_its_falling_branch(paper_bundle):
+    """A pressure below the bottom of the branch is a unit that is off."""
+    controller = Bench(paper_bundle, 0.16).controller
+    for second, state in ((0.0, 1), (40e3, 1), (150e3, 2)):
+        controller.enable(Measurement(30.0, 0.16, 0.0, np.array([200e3, second])))
+        assert controller.state == state
+
+
+@pytest.mark.parametrize(('end', 'rate', 'said'), [(38.0, 0.0, ''), (60.0, 500.0, 'rising by')])
+def test_a_step_is_no_rate_and_a_fast_ramp_is_no_step(paper_bundle, end, rate, said):
+    """A step inside RS1 recruits nothing ahead; a ramp of 2.5 N per tick is seen coming."""
+    bench = Bench(paper_bundle, 0.16, outer=OPEN)
+    bench.hold(20.0, 1.0)
+    demands = np.arange(20.0, end, rate * DT) if rate else [end] * 100
+    told = [bench.update(float(f), rate).explanation for f in demands]
+    assert said in ''.join(told)
+    assert any(told) == bool(said)
+
+
+def test_a_limit_that_comes_down_to_the_demand_counts_as_a_demand_that_rises(paper_bundle):
+    """At a constant demand, contraction takes away what RS1 can give: MU2 comes in time."""
+    bench, told = Bench(paper_bundle, 0.12, outer=OPEN), []
+    bench.hold(45.0, 1.0)
+    for strain in np.linspace(0.12, 0.18, 400):
+        bench.strain = float(strain)
+        told.append(bench.update(45.0).explanation)
+    assert 'recruit MU2: demand 45.0 N rising by' in ''.join(told)
+
+
+@pytest.mark.parametrize(('demand', 'said'), [(-40.0, 'low'), (300.0, 'high'), (75.0, 'gap')])
+def test_out_of_reach_is_told_from_not_in_reach_yet(paper_bundle, demand, said):
+    """Below all, beyond all, or only beyond the present state."""
+    bench = Bench(paper_bundle, 0.16, outer=OPEN)
+    bench.hold(30.0, 1.0)
+    assert bench.update(demand).saturated == said
+
+
+def test_a_gap_in_the_readings_counts_from_its_own_beginning(paper_bundle):
+    """Short losses do not add up."""
+    bench = Bench(paper_bundle, 0.16)
+    held = bench.hold(40.0, 1.0)[-1].pressure
+    lost = Measurement(np.nan, 0.16, 0.0, held)
+    for _ in range(10):
+        for _ in range(20):
+            command = bench.controller.update(DT, lost, Reference('force', 40.0))
+        assert command.state == 1
+        bench.update(40.0)
+
+
+def test_neglect_nets_the_bias_against_forces_that_are_not_below_zero(paper_bundle):
+    """A vented bundle that pushes back is believed to give nothing."""
+    bench = Bench(paper_bundle, 0.2, policy='neglect')
+    bench.controller.update(DT, Measurement(-2.0, 0.2, 0.0, np.zeros(2)), Reference('force', 0.0))
+    for _ in range(2000):
+        bench.controller.update(DT, Measurement(-2.0, 0.2, 0.0, np.zeros(2)),
+                                Reference('force', 0.0))
+    assert bench.controller.outer.bias == pytest.approx(-2.0, abs=0.01)
 
 
 def test_neglect_dips_where_reversal_aware_does_not(paper_bundle):

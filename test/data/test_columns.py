@@ -50,8 +50,9 @@ def test_names_and_units_are_recognised(header, quantity, unit, factor):
 
 @pytest.mark.parametrize('header', [
     'Solldruck [bar]', 'pressure setpoint [kPa]', 'supply pressure [bar]', 'p_ref [kPa]',
-    'Luftdruck [hPa]', 'model force [N]', 'residual [N]', 'force error [N]', 'torque [Nm]',
-    'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]', 'target length [mm]'])
+    'Luftdruck [hPa]', 'ambient pressure [kPa]', 'model force [N]', 'residual [N]',
+    'force error [N]', 'torque [Nm]', 'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]',
+    'target length [mm]'])
 def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
     """Setpoints, supplies, models and other sensors are left alone."""
     assert recognise(header).quantity == ''

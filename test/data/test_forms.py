@@ -4,6 +4,7 @@
 
 import csv
 from datetime import datetime, timedelta
+import hashlib
 import json
 
 import numpy as np
@@ -106,6 +107,14 @@ TEXTS = {
     'preamble': lambda log: text(
         ['Test report', 'Operator: K. Meier, Lab 3', 'Date: 2026-05-03', 'Sample rate,20,Hz',
          '', HEAD], cells(log)),
+    'preamble of numbers': lambda log: text(
+        ['1.0,2.0,3.0,4.0', '0.1,0.1,0.1,0.1', HEAD], cells(log)),
+    'long preamble with a row like data': lambda log: text(
+        ['0,0,0,0', *(f'setting {k}: on' for k in range(150)), HEAD], cells(log)),
+    'notes with numbers in them': lambda log: text(
+        [HEAD + ',note'], [[*row, 'ok 1 2 3 4 5 6 7'] for row in cells(log)]),
+    'a header for each run': lambda log: text(
+        [HEAD], [*cells(log)[:120], HEAD.split(','), *cells(log)[120:]]),
     'comment lines': lambda log: text(
         ['# rig 3', f'# {HEAD}'], [*cells(log)[:100], ['# pause'], *cells(log)[100:]]),
     'blanks': lambda log: text(
@@ -331,11 +340,30 @@ def by_h5py(log, path):
         stream.write(b'MATLAB 7.3 MAT-file, Platform: GLNXA64'.ljust(116))
 
 
+def by_h5py_with_units(log, path):
+    """Write HDF5 whose datasets carry their unit; the pressure alone could be bar or psi."""
+    import h5py
+    with h5py.File(path, 'w') as file:
+        for name, values, unit in (('time', log['time'], 's'), ('force', log['force'], 'N'),
+                                   ('length', 1e3 * REST * (1 - log['strain']), 'mm'),
+                                   ('pressure', log['pressure'] / 6894.757, 'psi')):
+            file[name] = values
+            file[name].attrs['units'] = unit
+
+
+def by_h5py_records(log, path):
+    """Write HDF5 of one table of records."""
+    import h5py
+    with h5py.File(path, 'w') as file:
+        file['log'] = np.rec.fromarrays(frame(log).to_numpy().T, names='t_s,L_mm,p_bar,F_N')
+
+
 def by_pyarrow(log, path):
     """Write parquet with units in the fields' metadata."""
     import pyarrow
     import pyarrow.parquet
-    data = frame(log)
+    data = frame(log).rename(columns={'pressure [bar]': 'pressure [psi]'})
+    data['pressure [psi]'] = log['pressure'] / 6894.757
     fields = [pyarrow.field(name.partition(' ')[0], pyarrow.float64(),
                             metadata={'unit': name.partition('[')[2].rstrip(']')})
               for name in data]
@@ -378,6 +406,8 @@ LIBRARIES = {
         log, path)),
     'scipy.io.savemat of a matrix': ('a.mat', by_savemat_matrix),
     'h5py': ('a.mat', by_h5py),
+    'h5py with units': ('a.h5', by_h5py_with_units),
+    'h5py records': ('a.h5', by_h5py_records),
     'pandas.to_parquet': ('a.parquet', lambda log, path: frame(log).to_parquet(path)),
     'pyarrow with units': ('a.parquet', by_pyarrow),
     'pandas.to_feather': ('a.feather', lambda log, path: frame(log).to_feather(path)),
@@ -398,6 +428,7 @@ def same(data, log):
     assert np.allclose(np.diff(data.time), 0.05, atol=1e-6)
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('form', TEXTS)
 def test_a_log_written_as_labs_write_text_reads_the_same(form, log, tmp_path):
     """Separators, commas, preambles, units, encodings, clocks: the same numbers."""
@@ -410,6 +441,7 @@ def test_a_log_written_as_labs_write_text_reads_the_same(form, log, tmp_path):
     same(data, log)
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('library', LIBRARIES)
 def test_a_log_written_by_a_formats_own_library_reads_the_same(library, log, tmp_path):
     """What pandas, openpyxl, npTDMS, scipy, h5py, pyarrow, NumPy and rosbags write is read."""
@@ -460,6 +492,29 @@ def test_what_is_no_log_fails_in_one_line(kind, tmp_path, capfd):
     assert capfd.readouterr() == ('', '')
 
 
+@pytest.mark.parametrize('kind', ['random', 'zeros', 'every byte', 'picture'])
+def test_binary_files_are_called_so(kind, tmp_path):
+    """They are no text, whatever their ending says."""
+    (tmp_path / 'a.csv').write_bytes(HOSTILE[kind])
+    with pytest.raises(InputError, match='not a text file'):
+        read_measurement(tmp_path / 'a.csv')
+
+
+def test_a_text_that_turns_binary_far_down_fails(log, tmp_path):
+    """A log whose disk was full ends in zeros: not a text file, and not half a log."""
+    rows = text([HEAD], cells(log) * 2).encode()
+    (tmp_path / 'a.csv').write_bytes(rows + bytes(4096))
+    with pytest.raises(InputError, match='not a text file'):
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
+
+
+def test_a_measurement_knows_the_digest_of_its_file(log, tmp_path):
+    """What a report says was read can be checked."""
+    (tmp_path / 'a.csv').write_text(text([HEAD], cells(log)))
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    assert data.sha256 == hashlib.sha256((tmp_path / 'a.csv').read_bytes()).hexdigest()
+
+
 def test_json_that_nests_without_end_fails(tmp_path):
     """Brackets for ever are no table."""
     path = tmp_path / 'deep.json'
@@ -484,7 +539,8 @@ def test_sheets_are_chosen_by_name_or_by_what_they_hold(log, tmp_path):
     pytest.importorskip('openpyxl')
     path = tmp_path / 'runs.xlsx'
     with pandas.ExcelWriter(path) as writer:
-        pandas.DataFrame({'notes': ['x', 'y']}).to_excel(writer, sheet_name='Info')
+        pandas.DataFrame({'gain': range(30), 'channel': range(30)}).to_excel(
+            writer, sheet_name='Info')
         frame(log).to_excel(writer, sheet_name='Run 1')
         frame(log)[::2].to_excel(writer, sheet_name='Run 2')
     data = read_measurement(path, rest_length=REST)
@@ -493,6 +549,35 @@ def test_sheets_are_chosen_by_name_or_by_what_they_hold(log, tmp_path):
     assert len(read_measurement(path, rest_length=REST, sheet='Run 2')) == ROWS // 2
     with pytest.raises(InputError, match='Info, Run 1, Run 2'):
         read_measurement(path, sheet='Run 3')
+
+
+def test_rows_and_columns_of_a_sheet_are_those_that_excel_shows(log, tmp_path):
+    """A margin is no column, and an error names the row beside which Excel writes it."""
+    import openpyxl
+    by_openpyxl(log, tmp_path / 'a.xlsx')
+    data = read_measurement(tmp_path / 'a.xlsx', rest_length=REST)
+    assert [taken.header for taken in data.taken] == ['Zeit', 'L\u00e4nge', 'Druck', 'Kraft']
+    book = openpyxl.load_workbook(tmp_path / 'a.xlsx')
+    book['Messung']['E50'] = 'high'
+    book.save(tmp_path / 'b.xlsx')
+    with pytest.raises(InputError, match="row 50: Kraft is 'high'"):
+        read_measurement(tmp_path / 'b.xlsx', rest_length=REST)
+
+
+def test_groups_of_a_tdms_file_are_trials(log, tmp_path):
+    """Runs that a program wrote as groups are told apart by their names."""
+    pytest.importorskip('nptdms')
+    by_nptdms_runs(log, tmp_path / 'a.tdms')
+    data = read_measurement(tmp_path / 'a.tdms', rest_length=REST)
+    assert data.trial_names == ('Run 1', 'Run 2')
+    assert np.array_equal(np.bincount(data.trial), [200, 160])
+
+
+def test_an_index_of_times_is_the_time_of_a_frame(log):
+    """A pandas frame by its DatetimeIndex reads like one with a column."""
+    data = frame(log).drop(columns='time [s]')
+    data.index = pandas.Timestamp(BEGIN) + pandas.to_timedelta(log['time'], unit='s')
+    same(read_measurement(data, rest_length=REST), log)
 
 
 def test_a_slower_channel_is_brought_to_the_time_of_the_fastest(log, tmp_path):

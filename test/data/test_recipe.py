@@ -56,6 +56,8 @@ def test_options_count_more_than_the_recipe(log, tmp_path):
     save_recipe(recipe, tmp_path / 'lab.yaml')
     data = read_measurement(log, recipe=tmp_path / 'lab.yaml', rest_length='300 mm')
     assert data.strain.max() == pytest.approx(0.2 * 250 / 300, rel=1e-3)
+    more = read_measurement(log, recipe=recipe, columns={'pressure': 'p [bar]'}, max_pressure=1e8)
+    assert np.array_equal(more.force, data.force)
     small = read_measurement(log, recipe=recipe, columns={'force': '-Kanal 3 [mN]'})
     assert small.force.max() == pytest.approx(1e-3 * data.force.max())
 

@@ -20,7 +20,8 @@ from fam_bundle_ros.model.vocabulary import bound
 COMPLEX = types.SimpleNamespace(
     maximum=np.maximum, minimum=np.minimum, where=np.where, sqrt=np.sqrt, exp=np.exp, log=np.log,
     expm1=np.expm1, tanh=np.tanh, sin=np.sin, cos=np.cos, pi=np.pi,
-    abs=lambda a: np.where(np.real(a) < 0.0, -a, a), sign=lambda a: np.sign(np.real(a)))
+    abs=lambda a: np.where(np.real(a) < 0.0, -a, a),
+    inf=np.inf, sign=lambda a: np.sign(np.real(a)))
 
 
 def complex_step(function, values, name, output=0):
@@ -69,7 +70,7 @@ def _roots(x, y):
 
 
 def _kinked(x, y):
-    lower = np.maximum(x, 0.2 * y)
+    lower = np.minimum(np.maximum(x, 0.2 * y), np.inf)
     return np.abs(lower) * np.minimum(lower, y) + np.sign(x) * y
 
 
@@ -145,7 +146,8 @@ def test_every_law_has_its_exact_partial_derivatives(function, seed):
         for name in moving:
             exact = complex_step(function, values, name, output)
             # terms that cancel leave their rounding
-            assert found.get((output, name), 0.0) == pytest.approx(exact, rel=1e-9, abs=1e-10)
+            rounding = 1e-8 / max(abs(values[name]), 1.0)
+            assert found.get((output, name), 0.0) == pytest.approx(exact, rel=1e-9, abs=rounding)
 
 
 @pytest.mark.parametrize('formula', FORMULAS)
@@ -154,7 +156,8 @@ def test_every_law_has_its_exact_partial_derivatives(function, seed):
 def test_value_is_the_law_s_own_to_the_last_bit(formula, x, y):
     """Reading and writing a formula changes no rounding."""
     x, y = np.float64(x), np.float64(y)
-    assert partials(formula, ('x',)).function(x, y)[0] == formula(x, y)
+    for by in (('x',), ()):
+        assert partials(formula, by).function(x, y)[0] == formula(x, y)
 
 
 @pytest.mark.parametrize('formula', FORMULAS)

@@ -21,7 +21,7 @@ effects:
   - my_drag: {expression: "-k * strain_rate * pressure", place: loss,
               parameters: {k: 0.02 N*s/kPa}}
 """).effects[0]
-TABLE_FREE = [name for name in catalogue.names() if name != 'measured_surface']
+TABLE_FREE = [name for name, law in catalogue.available().items() if law.load is None]
 
 
 def example(name):

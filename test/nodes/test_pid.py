@@ -38,7 +38,7 @@ def test_there_is_one_set_of_defaults():
     pytest.importorskip('control')
     gains, config = PidGains(), PidConfig()
     known = {**{f'gains.{name}': value for name, value in vars(gains).items()},
-             'quiet_error': config.quiet_error, 'flow_lag': config.flow_lag,
+             'quiet_error': config.quiet_error, 'transport_delay': config.transport_delay,
              'supply.pressure': config.supply, 'volume': config.volume,
              'valve.conductance': config.valve.conductance,
              'valve.dead_band': config.valve.dead_band}

@@ -9,22 +9,28 @@ import pytest
 
 PACKAGE = 'fam_bundle_ros'
 # Each layer and the layers that it may import; itself and the plain modules go without saying.
+DRAWS = {'palette', 'plotting'}
 ALLOWED = {
     'model': set(),
+    'data': set(),
+    'palette': {'model'},
+    'plotting': {'palette'},
     'plant': {'model'},
     'control': {'model'},
-    'data': set(),
-    'discovery': {'model', 'data'},
-    'simulation': {'model', 'plant', 'control'},
+    'closed_loop': {'model', 'plant', 'control'},
+    'simulation': {'model', 'plant', 'control', 'closed_loop'},
+    'discovery': {'model', 'data', *DRAWS},
     'nodes': {'model', 'plant', 'control', 'simulation'},
-    'report': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'benchmarks'},
-    'benchmarks': {'model', 'data', 'plant', 'control', 'discovery', 'simulation'},
-    'workbench': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'report'},
+    'benchmarks': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', *DRAWS},
+    'report': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'benchmarks',
+               *DRAWS},
+    'workbench': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'report',
+                  *DRAWS},
     'cli': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'nodes', 'report',
-            'benchmarks', 'workbench'},
+            'benchmarks', 'workbench', *DRAWS},
 }
 # Modules that know nothing of physics and serve every layer.
-PLAIN = {'bagwriter', 'errors', 'kernels', 'palette', 'plotting', 'resources', 'units'}
+PLAIN = {'bagwriter', 'errors', 'kernels', 'resources', 'units'}
 # Only nodes/ and the commands that start nodes may speak ROS.
 ROS = {'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'std_msgs', 'geometry_msgs',
        'sensor_msgs', 'trajectory_msgs', 'diagnostic_msgs', 'std_srvs', 'rosgraph_msgs',

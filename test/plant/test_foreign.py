@@ -59,17 +59,18 @@ def test_foreign_plant_lifts_a_mass_to_where_it_balances():
 
 def test_memory_is_read_and_written_by_motor_unit():
     """Each unit counts its own samples from the start on; other units' are left alone."""
-    def force(unit, start, memory, after):
+    def force(unit, strain_rate, start, memory, after):
         after[0] = 1.0 + unit if start else memory[0] + 1.0 + unit
         after[1] = 7.0
-        return after[0]
+        return after[0] - 50.0 * strain_rate
 
+    # The force is asked several times a step for its rate: only the last one counts.
     plant = ForeignPlant(force, bellows_volume, LENGTH, [3e5, 3e5], memory=2)
-    rig = Rig(plant, RigConfig(step=1e-3))
+    rig = Rig(plant, RigConfig(load=MassSpring(mass=0.1), step=1e-3))
     rig.step([0.0, 0.0], 5e-3)
-    assert rig.parts.model.memory == [[6.0, 7.0], [12.0, 7.0]]
+    assert rig.model.memory == [[6.0, 7.0], [12.0, 7.0]]
     rig.reset()
-    assert rig.parts.model.memory == [[1.0, 7.0], [2.0, 7.0]]
+    assert rig.model.memory == [[1.0, 7.0], [2.0, 7.0]]
 
 
 def test_leak_and_droop_of_a_foreign_plant_act():
@@ -129,10 +130,11 @@ def _sample(model, strain, pressure):
 
 def test_function_that_cannot_be_compiled_says_so():
     """Python that numba does not know runs plain; the compiled model is refused."""
-    measured = {'k': 40.0}
+    class Spring:
+        k = 40.0
 
     def force(strain):
-        return measured['k'] * math.cos(strain)
+        return Spring.k * math.cos(strain)
 
     plant = ForeignPlant(force, bellows_volume, LENGTH, [3e5])
     assert Rig(plant, RigConfig(load=Dynamometer(0.1))).truth.force == pytest.approx(

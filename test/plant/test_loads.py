@@ -111,6 +111,8 @@ def test_load_stays_within_its_end_stops(load):
     assert (up.strain, up.strain_rate) == (load.stops[1], 0.0)
     down = move(load, up, lambda e: -2000.0, 1.0)
     assert (down.strain, down.strain_rate) == (load.stops[0], 0.0)
+    for stop, force in zip(load.stops, (-2000.0, 2000.0)):
+        assert kick(load.record, LoadState(stop), 1e-3, force, LENGTH)[0] == 0.0
 
 
 def test_inertia_is_what_a_sudden_force_accelerates():
@@ -119,6 +121,8 @@ def test_inertia_is_what_a_sudden_force_accelerates():
         force = load.holding_force(0.1, LENGTH) + 1.0
         rate, _ = kick(load.record, LoadState(0.1), 1e-6, force, LENGTH)
         assert rate / 1e-6 == pytest.approx(1.0 / load.inertia(0.1, LENGTH), rel=1e-3)
+    both = SeriesSpringMass(mass=3.0, fitting_mass=0.5)
+    assert both.inertia(0.1, LENGTH) == pytest.approx(3.5 * LENGTH)
 
 
 def test_dynamometer_goes_to_its_target_at_the_speed_asked_for():
@@ -191,6 +195,26 @@ def test_tendon_does_not_push():
     motion = move(load, LoadState(0.0, place=0.02), lambda e: -20.0, 0.05)
     assert motion.strain < -0.01
     assert (motion.place, motion.place_rate) == (0.02, 0.0)
+
+
+def test_mass_on_its_floor_carries_what_the_spring_does_not():
+    """Pulled by less than its weight, the mass stays put and the spring takes the pull."""
+    load = SeriesSpringMass(mass=5.0, stiffness_series=4e3, floor=0.002)
+    motion = move(load, load.start(LENGTH), lambda e: 30.0, 2.0, 1e-3)
+    assert (motion.place, motion.place_rate) == (0.002, 0.0)
+    assert 4e3 * (motion.strain * LENGTH - 0.002) == pytest.approx(30.0, rel=1e-6)
+    rate, place_rate = kick(load.record, motion, 1e-3, 30.0, LENGTH)
+    assert place_rate == 0.0
+    assert rate == pytest.approx(0.0, abs=1e-6)
+
+
+def test_damper_in_a_tendon_does_not_push():
+    """A fitting that comes back fast leaves the mass behind the spring alone."""
+    load = SeriesSpringMass(gravity=0.0, damping=0.0, spring_damping=100.0, stops=WIDE)
+    motion = LoadState(0.1, -1.0 / LENGTH, place=0.1 * LENGTH - 1e-4)
+    rate, place_rate = kick(load.record, motion, 1e-4, 0.0, LENGTH)
+    assert place_rate == 0.0
+    assert rate == -1.0 / LENGTH
 
 
 @pytest.mark.parametrize(('make', 'word'), [

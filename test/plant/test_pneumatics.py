@@ -38,12 +38,19 @@ def test_flow_runs_back_when_the_pressures_are_swapped():
     assert mass_flow(C, B, 2e5, 5e5) == -mass_flow(C, B, 5e5, 2e5)
 
 
+def test_warm_air_flows_less():
+    """The mass flow goes with one over the square root of the upstream temperature."""
+    assert mass_flow(C, B, 6e5, 5e5, temperature=4.0 * 293.15) == pytest.approx(
+        0.5 * mass_flow(C, B, 6e5, 5e5))
+
+
 def test_valve_is_closed_within_its_dead_band():
     """No flow below the dead band, full flow at full command, and the map can be inverted."""
     valve = ValveConfig(dead_band=0.05)
     assert valve.flow(valve.opening(0.049), 2e5, 6e5) == 0.0
     assert valve.flow(valve.opening(1.0), 1.5e5, 6e5) == pytest.approx(C * 6e5 * 1.185)
     assert valve.opening(valve.command(-0.37)) == pytest.approx(-0.37)
+    assert (valve.opening(1.2), valve.opening(-1.2)) == (1.0, -1.0)
 
 
 @pytest.mark.parametrize('damping', [0.4, 0.7, 0.95])

@@ -208,6 +208,32 @@ def test_hidden_effect_is_one_line_in_the_model_file(bundle, repository):
     assert rig.truth.force == pytest.approx(plain.truth.force - 10.0, abs=0.1)
 
 
+def test_gauges_err_as_the_model_file_says(bundle):
+    """Gain and offset of every gauge effect are in the readings, and not in the truth."""
+    model = bundle
+    for name, values in {'force_sensor_gain': {'gain': 0.1}, 'force_sensor_bias': {'bias': 2.0},
+                         'pressure_sensor_gain': {'gain': -0.05},
+                         'pressure_sensor_bias': {'bias': 3e3},
+                         'strain_sensor_offset': {'offset': 0.01}}.items():
+        model = model.with_effect(name, **values)
+    rig = make(model)
+    drive(rig, [250e3, 50e3], 0.3)
+    truth, shown = rig.truth, rig.readings
+    force, strain, pressure = model.readings(truth.force, truth.strain, truth.pressure)
+    assert (shown.force, shown.strain) == pytest.approx((force, strain), rel=1e-12)
+    assert shown.pressure == pytest.approx(pressure, rel=1e-12)
+    assert shown.supply == truth.supply
+    assert truth.force == pytest.approx(float(bundle.force(0.1, truth.pressure)), rel=1e-9)
+
+
+def test_rig_solves_only_for_what_its_plant_depends_on(bundle):
+    """Rate and swelling are solved for where a force knows the rate, a volume the pressure."""
+    record = make(bundle).record
+    assert not record.rate_matters
+    assert not record.swells
+    assert make(bundle.with_effect('viscous_damping')).record.rate_matters
+
+
 def test_leak_in_the_model_file_empties_a_closed_chamber(bundle):
     """The leak effect acts on every chamber with its time constant."""
     rig = make(bundle.with_effect('leak', time_constant=2.0))
@@ -260,6 +286,7 @@ def test_overpressure_trips_the_rig(bundle):
     assert rig.e_stopped.startswith('mu2 at 4')
     assert highest < 500e3
     assert rig.truth.pressure[1] < 5e3
+    assert rig.truth.supply < 5e3
 
 
 def test_reset_of_the_stop_is_refused_above_the_trip_pressure(bundle):
@@ -280,9 +307,21 @@ def test_stuck_valve_ignores_its_command(bundle):
     rig.step([-1.0, -1.0], 0.02)
     assert rig.truth.pressure[0] > before[0]
     assert rig.truth.pressure[1] < before[1]
+    assert rig.faults.stuck_valve == pytest.approx({0: 0.1}, abs=1e-3)
     rig.faults.clear()
     rig.step([-1.0, -1.0], 0.2)
     assert np.all(rig.truth.pressure < 1e3)
+
+
+def test_leak_fault_comes_on_top_of_the_model_s_leak(bundle):
+    """Two leaks of 2 s empty a chamber as one of 1 s does."""
+    rig = make(bundle.with_effect('leak', time_constant=2.0))
+    drive(rig, [250e3, 100e3], 0.5)
+    rig.faults.leak[0] = 2.0
+    rig.step([0.0, 0.0], 0.05)
+    before = rig.truth.pressure
+    rig.step([0.0, 0.0], 0.5)
+    assert rig.truth.pressure == pytest.approx(before * np.exp([-0.5, -0.25]), rel=1e-6)
 
 
 def test_leak_fault_empties_one_chamber(bundle):

@@ -16,6 +16,7 @@ import urllib.request
 
 import pytest
 
+from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.workbench.cases import load_example
 from fam_bundle_ros.workbench.session import Refit, Session
 
@@ -52,6 +53,13 @@ def session():
     made = Session()
     made.open(load_example('hidden_friction'))
     return made
+
+
+@pytest.fixture(scope='session')
+def friction_found():
+    """Return what discovery says about the hidden-friction example."""
+    case = load_example('hidden_friction')
+    return diagnose(case.model, case.data)
 
 
 @pytest.fixture

@@ -65,7 +65,7 @@ def test_garbage_fails_with_one_sentence(name, content):
 
 
 @pytest.mark.parametrize('key', ['measured_surface', r'"measured\x5fsurface"',
-                                 '!!str measured_surface'])
+                                 '!!str measured_surface', 'discrepancy_surface'])
 def test_a_model_that_reads_tables_fails(key):
     """An uploaded model may not name a file of the server, however the name is spelled."""
     text = MODEL.decode() + f'- {key}: {{table: /etc/passwd}}\n'

@@ -10,6 +10,7 @@ import pytest
 from fam_bundle_ros.discovery import compare, read_measurement
 from fam_bundle_ros.model import loads_model
 from fam_bundle_ros.workbench import takeaway
+from fam_bundle_ros.workbench.session import short
 
 
 def test_the_model_file_gives_the_same_prediction(with_friction):
@@ -35,7 +36,9 @@ def test_the_csv_can_be_opened_again(with_friction, tmp_path):
 def test_the_report_is_one_file_that_asks_nothing_of_the_network(with_friction):
     """Numbers, ladder and origin are in it; no script, style or picture is fetched."""
     page = takeaway.report_text(with_friction)
-    assert '6.7 N' in page
+    for step in with_friction.steps:
+        assert f'{short(step.error_N)} N' in page
+    assert f'all {len(with_friction.data)}' in page
     assert 'simulated with this project' in page
     markup = re.sub(r'<script.*?</script>', '', page, flags=re.S)
     assert not re.search(r'(src|href)="http', markup)

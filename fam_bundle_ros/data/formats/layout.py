@@ -108,6 +108,12 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     if not len(good):
         return -1, 0
     first = int(good[0])
+    for at in range(first + 1, min(first + _ABOVE, len(grid))):
+        # a row of numbers above the names is a preamble
+        later_data = good[good > at]
+        if not numbers[at] and len(later_data) and sum(
+                recognise(cell).quantity != '' for cell in grid[at]) >= 2:
+            first = int(later_data[0])
     most = int(width[first:][data[first:]].max())
     above = width[:first].max(initial=0)
     return first, usual_width if usual_width < most and usual_width <= above < most else most

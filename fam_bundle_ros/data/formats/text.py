@@ -125,11 +125,10 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     if all(part.dtype.kind in 'biuf' for part in parts):
         return np.concatenate([part.to_numpy(float) for part in parts]), unit
     text = np.concatenate([part.to_numpy(object) for part in parts])
-    ends = {found[1] if (found := layout.with_unit(cell, decimal)) else '?' for cell in text
-            if isinstance(cell, str)}
-    if len(ends) == 1 and '?' not in ends:  # each cell carries its unit: '12.5 mm'
-        unit = ends.pop()
-        text = np.array([cell.strip()[:-len(unit)].strip() if isinstance(cell, str) else cell
+    first = layout.with_unit(next((cell for cell in text if isinstance(cell, str)), ''), decimal)
+    if first and all(cell.rstrip().endswith(first[1]) for cell in text if isinstance(cell, str)):
+        unit = first[1]  # each cell carries it: '12.5 mm'
+        text = np.array([cell.rstrip()[:-len(unit)].strip() if isinstance(cell, str) else cell
                          for cell in text], object)
     if decimal == ',':  # cells that pandas left as text keep their comma
         text = np.array([cell.replace(',', '.') if isinstance(cell, str)
@@ -208,6 +207,8 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     quoted = any('"' in line for _, line in plain)
     best: tuple[float, int, int, Dialect | None] = (0.0, 0, 0, None)
     for separator in _SEPARATORS:
+        if separator == _BLANK and best[0] >= 3.0:
+            break  # blanks part the words of a note too
         grid = [split(line, separator) for _, line in plain]
         for decimal in '.,':
             if decimal == separator and not quoted:
@@ -217,9 +218,8 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                 continue
             rows = grid[first:]
             readings = sum(layout.is_reading(cell, decimal) for row in rows for cell in row)
-            others = sum(not layout.is_blank(cell) for row in rows for cell in row) - readings
-            # words count against a reading of the file; points before commas, plain before blanks
-            score = (readings - 2.0 * others) / max(len(rows), 1) + 0.5 * _decimals(rows, decimal)
+            # of equals the one whose sign before decimals is met
+            score = readings / len(rows) + 0.5 * _decimals(rows, decimal)
             if score > best[0]:
                 found = layout.Layout([], {}, first, width)
                 best = (score, plain[first][0], first, Dialect(separator, decimal, found))

@@ -12,6 +12,7 @@ their order never matters and no law can overwrite what another one contributed.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cache
 import inspect
 import math
 from pathlib import Path
@@ -115,6 +116,7 @@ class Part:
         return arguments(self.function)
 
 
+@cache
 def arguments(function: Callable) -> tuple[str, ...]:
     """Return the names of a plain function's arguments."""
     return tuple(inspect.signature(function).parameters)

@@ -1,0 +1,245 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Margins and step responses of the force and strain loops, over the error of the model.
+
+Around an operating point the bundle answers as the model does times 1 + e. The observer compares
+force with what the model gives at the measured pressures, so that only e of its loop is left; the
+gain on the force error sees all of it. python-control (the extra ``control``) gives the margins.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+import math
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
+from fam_bundle_ros.control.outer_loop import outer_settings
+from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
+from fam_bundle_ros.control.tuning import python_control
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.pneumatics import pressure_rate
+
+#: Settled: within 5 % of the step.
+_BAND = 0.05
+#: A step response is simulated over so many lags of the loop, in steps of a hundredth of it.
+_LAGS, _FINE = 60, 100
+
+
+@dataclass(frozen=True)
+class LoopPoint:
+    """
+    A loop at one error of the model.
+
+    Attributes
+    ----------
+    gain_error : float
+        Change of the bundle's force over that of the model, minus 1.
+    gain_margin_db, phase_margin_deg, crossover_hz : float
+        Infinite margins and no crossover (nan) where the loop never reaches a gain of 1.
+    delay_margin : float, s
+        Dead time that may come on top.
+    overshoot : float
+        Of a step of the reference, relative.
+    settling : float, s
+        Until it stays within 5 %.
+    """
+
+    gain_error: float
+    gain_margin_db: float
+    phase_margin_deg: float
+    crossover_hz: float
+    delay_margin: float
+    overshoot: float
+    settling: float
+
+
+@dataclass(frozen=True)
+class PressureStep:
+    """Overshoot (relative) and settling (s) of a pressure step, at a volume and an error of it."""
+
+    volume: float
+    gain_error: float
+    overshoot: float
+    settling: float
+
+
+@dataclass(frozen=True)
+class LoopResult:
+    """
+    What a loop's settings leave as margins; see `tune_force` and `tune_strain`.
+
+    Attributes
+    ----------
+    settings : dict
+        Worked out, by the name of the parameter.
+    lag : float, s
+        Of the loop: dead time, pressures and sample.
+    points : tuple of LoopPoint
+    """
+
+    settings: dict[str, float]
+    lag: float
+    points: tuple[LoopPoint, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one dict per point, for tables and JSON."""
+        return [asdict(point) for point in self.points]
+
+
+def tune_force(config: OuterConfig = OuterConfig(), sample_period: float = 4e-3,
+               lag: float = 0.0) -> LoopResult:
+    """
+    Return margins and steps of the force loop, where the observer is fully awake.
+
+    Parameters
+    ----------
+    config : OuterConfig
+        Its ``delay``, ``gain_error`` and gains.
+    sample_period : float, s
+        Of the recruitment controller.
+    lag : float, s
+        Of the force behind the pressures, as learnt or known.
+    """
+    ct = python_control()
+    _check(sample_period, lag)
+    whole = config.delay + config.lead_time + sample_period + lag
+    observer = whole if config.bias_time is None else config.bias_time
+    gain = config.force_gain
+    gain = default_force_gain(config.gain_error) if gain is None else gain
+    dead = ct.tf(*ct.pade(whole, 4))
+    quick, error = ct.tf([1.0], [observer, 1.0]), ct.tf([1.0], [whole, 1.0])
+
+    def point(e):
+        loop = dead * (e * quick + gain * (1.0 + e) * error)
+        return _point(ct, loop, e, _force_step(whole, observer, gain, e))
+    span = config.gain_error
+    return LoopResult({'bias_time': observer, 'force_gain': gain}, whole,
+                      tuple(point(e) for e in (-span, -0.5 * span, 0.0, 0.5 * span, span)))
+
+
+def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConfig(),
+                sample_period: float = 4e-3, strains: Sequence[float] = (0.05, 0.1, 0.15)
+                ) -> LoopResult:
+    """
+    Return margins and steps of the strain loop on a load.
+
+    The load is a mass on the muscles' own stiffness and its own; the loop is cut at the strain.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    load : LoadModel
+        Its ``inertia`` (more than 0), ``stiffness`` and ``damping``.
+    config : OuterConfig
+    sample_period : float, s
+    strains : sequence of float
+        Where the stiffness of the muscles is taken, at half of their largest pressures.
+    """
+    ct = python_control()
+    _check(sample_period, 0.0)
+    settings = outer_settings(config, load, bundle)
+    if not load.inertia > 0.0:
+        raise InputError('the inertia of the load is 0; expected more than 0 N s^2 for the '
+                         'strain loop')
+    whole = config.delay + config.lead_time + sample_period
+    dead = ct.tf(*ct.pade(whole, 4))
+    control = ct.tf([settings.strain_damping, settings.strain_gain, settings.strain_integral],
+                    [1e-3, 1.0, 0.0])
+    half, points = 0.5 * bundle.max_pressure, []
+    for strain in strains:
+        muscle = max(float(bundle.force(strain - 0.01, half) - bundle.force(strain + 0.01, half))
+                     / 0.02, 0.0)
+        for e in (-config.gain_error, 0.0, config.gain_error):
+            plant = ct.tf([1.0 + e], [load.inertia, load.damping, load.stiffness + muscle])
+            loop = control * dead * plant
+            closed = ct.feedback(loop, 1)
+            times = np.linspace(0.0, 2.0, 4000)
+            points.append(_point(ct, loop, e, ct.step_response(closed, times)))
+    return LoopResult({name: getattr(settings, name) for name in (
+        'strain_gain', 'strain_integral', 'strain_damping')}, whole, tuple(points))
+
+
+def pressure_steps(gains: PidGains, config: PidConfig, sample_period: float,
+                   transport_delay: float, volumes: Sequence[float] = (11e-6, 16e-6, 24e-6),
+                   gain_errors: Sequence[float] = (-0.2, 0.0, 0.2), low: float = 100e3,
+                   high: float = 200e3) -> list[PressureStep]:
+    """
+    Return overshoot and settling of the pressure loop on a chamber behind its delay.
+
+    Parameters
+    ----------
+    gains, config : PidGains, PidConfig
+    sample_period, transport_delay : float, s
+    volumes : sequence of float, m^3
+        Told to the loop; the true rate is 1 + e times what it reckons with.
+    gain_errors : sequence of float
+    low, high : float, Pa (gauge)
+        Where the step begins and ends.
+    """
+    return [_pressure_step(gains, config, sample_period, transport_delay, volume, error, low, high)
+            for volume in volumes for error in gain_errors]
+
+
+def _pressure_step(gains, config, period, delay, volume, error, low, high):
+    pid, fine = PressurePid(gains, config), 20
+    late = [0.0] * (round(delay / period * fine) + 1)
+    pressure, spool, speed, natural = low, 0.0, 0.0, 2.0 * math.pi * 125.0
+    values, dt = [], period / fine
+    for _ in range(round(1.0 / period)):
+        command = pid.update(high, pressure, period, config.supply, volume)
+        for _ in range(fine):
+            late.append(command)
+            speed += dt * (natural ** 2 * (late.pop(0) - spool) - 1.4 * natural * speed)
+            spool += dt * speed
+            absolute = pressure + config.ambient
+            flow = config.valve.flow(config.valve.opening(spool), absolute,
+                                     config.supply + config.ambient, config.ambient)
+            pressure += dt * (1.0 + error) * pressure_rate(absolute, volume, 0.0, flow)
+            values.append(pressure)
+    values = (np.array(values) - low) / (high - low)
+    outside = np.flatnonzero(np.abs(values - 1.0) > _BAND)
+    return PressureStep(volume, error, max(float(values.max()) - 1.0, 0.0),
+                        float((outside[-1] + 1) * dt) if len(outside) else 0.0)
+
+
+def _check(sample_period, lag):
+    if not (sample_period > 0.0 and lag >= 0.0):
+        raise InputError('tune needs a sample period above 0 and a lag of 0 or more; got '
+                         f'{sample_period} and {lag}')
+
+
+def _force_step(whole, observer, gain, e):
+    """
+    Return times and force of a reference that steps by 1.
+
+    demand = r - observer(F - P) + gain (r - F), both filtered and late, where P is the model's
+    force at the measured pressures and F = (1 + e) P.
+    """
+    dt = whole / _FINE
+    count = _LAGS * _FINE
+    late = np.zeros(count + _FINE)
+    bias = error = 0.0
+    for k in range(count):
+        believed = late[k]
+        bias += dt / observer * (e * believed - bias)
+        error += dt / whole * (1.0 * (k >= _FINE) - (1.0 + e) * believed - error)
+        late[k + _FINE] = 1.0 - bias + gain * error
+    return np.arange(count) * dt, (1.0 + e) * late[:count]
+
+
+def _point(ct, loop, e, response):
+    gain_margin, phase_margin, _, crossover = ct.margin(loop)
+    times, values = response
+    outside = np.flatnonzero(np.abs(values - 1.0) > _BAND)
+    settling = float(times[outside[-1]]) if len(outside) else 0.0
+    reached = math.isfinite(crossover) and crossover > 0.0
+    return LoopPoint(
+        e, 20.0 * math.log10(gain_margin) if 0.0 < gain_margin < math.inf else math.inf,
+        float(phase_margin), float(crossover) / (2.0 * math.pi) if reached else math.nan,
+        math.radians(float(phase_margin)) / float(crossover) if reached else math.inf,
+        max(float(values.max()) - 1.0, 0.0),
+        settling if settling < 0.98 * float(times[-1]) else math.inf)

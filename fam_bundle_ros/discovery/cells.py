@@ -1,0 +1,233 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A measurement reduced once: averages over cells of strain, pressure, direction and visit.
+
+Physics with memory runs on the rows and is averaged by the same operator, so that averaging
+loses resolution and adds no error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.noise import noise_floor
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.outliers import spikes
+from fam_bundle_ros.discovery.predict import matched, motion
+from fam_bundle_ros.model import Bundle, Motion
+from fam_bundle_ros.model.laws.discrepancy import ROUNDING
+
+#: Bins across strain and pressure that are tried, finest first.
+_BINS = (60, 40, 30, 24, 20, 16, 12, 10)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """
+    Averages of a measurement, and the operator that made them.
+
+    Attributes
+    ----------
+    data : Measurement
+        The rows that physics runs on: the measurement, or averages of its neighbours.
+    motion : Motion
+        What the muscles did in these rows, as a model takes it.
+    label : ndarray of int, shape (T,)
+        Cell of each row, -1 for rows that are in none.
+    count : ndarray, shape (n,)
+        Rows of each cell.
+    force, strain, direction, trial : ndarray, shape (n,)
+    turn : ndarray, shape (n,)
+        Direction as a law feels it: the rounded sign of the strain rate.
+    pressure : ndarray, shape (n, m), Pa
+    time : ndarray, shape (n,), s, or None
+    noise : float, N
+        White noise of a row.
+    """
+
+    data: Measurement
+    motion: Motion
+    label: np.ndarray
+    count: np.ndarray
+    force: np.ndarray
+    strain: np.ndarray
+    pressure: np.ndarray
+    direction: np.ndarray
+    turn: np.ndarray
+    trial: np.ndarray
+    time: np.ndarray | None
+    noise: float
+    strain_range: float
+    pressure_range: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.count)
+
+    @property
+    def force_sd(self) -> float:
+        """Standard deviation of the cells' force, N."""
+        return max(float(np.std(self.force)), 1e-9)
+
+    @property
+    def largest_force(self) -> float:
+        """Largest absolute force of a cell, N."""
+        return float(np.abs(self.force).max())
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether there are cells of both directions."""
+        return bool((self.direction > 0).any() and (self.direction < 0).any())
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Return averages over cells, (n,) or (n, k), of values of rows, (T,) or (T, k)."""
+        return average_over(self.label, self.count, values)
+
+
+def average_over(label: np.ndarray, count: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return averages of rows over cells; rows of label -1 do not count."""
+    kept = label >= 0
+    rows = label[kept]
+    if values.ndim == 1:
+        return np.bincount(rows, values[kept], len(count)) / count
+    return np.stack([np.bincount(rows, column[kept], len(count)) / count
+                     for column in values.T], -1)
+
+
+def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) -> Cells:
+    """
+    Return a measurement as cells.
+
+    Parameters
+    ----------
+    model : Bundle
+        Its residual shows the noise and rows that stand alone; those are in no cell, nor is the
+        row with which a trial of a log begins (see `entered`).
+    measurement : Measurement
+    most : int
+        Most cells; where visits are more, an even choice of them is kept.
+
+    Raises
+    ------
+    InputError
+        Where data and model have other motor units.
+    """
+    data = thinned(matched(model, measurement), settings.ROWS)
+    record = motion(data)
+    residual = data.force - model.predict(record)
+    floor = noise_floor(data, residual)
+    known = [value for value in (floor.differences, floor.repeats) if value]
+    noise = max(min(known, default=0.0), settings.LEAST_NOISE * float(np.abs(data.force).max()))
+    strain_range = max(float(np.ptp(data.strain)), 1e-6)
+    pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
+    label = _labels(data, strain_range, pressure_range, most)
+    label = np.where(spikes(data, residual, noise) | entered(data), -1, label)
+    label = _renumbered(label)
+    if label.max() + 1 > most:
+        kept = np.unique(np.linspace(0, label.max(), most).astype(int))
+        label = _renumbered(np.where(np.isin(label, kept), label, -1))
+    count = np.bincount(label[label >= 0]).astype(float)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return average_over(label, count, values)
+
+    return Cells(data, record, label, count, mean(data.force), mean(data.strain),
+                 mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
+                 mean(np.tanh(data.strain_rate / ROUNDING)),
+                 np.round(mean(data.trial.astype(float))),
+                 None if data.time is None else mean(data.time), noise, strain_range,
+                 pressure_range)
+
+
+def entered(data: Measurement) -> np.ndarray:
+    """
+    Return which rows are the first of a trial of a log, (T,) bool.
+
+    How the muscle came there is in no row: neither the direction of motion nor the memory of a
+    loss is known. Where trials are cut at turning points friction is off there by its size, in
+    every trial at the same strain, and that looks like an effect of the strain.
+    """
+    if data.is_static:
+        return np.zeros(len(data), bool)
+    return data.start & ~np.append(data.start[1:], True)  # a trial of one row stays
+
+
+def _renumbered(label: np.ndarray) -> np.ndarray:
+    """Return labels without gaps; -1 stays."""
+    _, new = np.unique(label, return_inverse=True)
+    return new.ravel() - (1 if (label < 0).any() else 0)
+
+
+def _labels(data: Measurement, strain_range: float, pressure_range: np.ndarray,
+            most: int) -> np.ndarray:
+    """Return a cell of strain, pressure, direction and visit for each row, (T,) int."""
+    if len(data) <= most:
+        return np.arange(len(data))
+    label = np.zeros(len(data), int)
+    for bins in _BINS:
+        parts = [np.round(data.strain / strain_range * bins).astype(int), data.direction]
+        parts += [np.round(column / size * bins).astype(int)
+                  for column, size in zip(data.pressure.T, pressure_range)]
+        _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
+        label = cell.ravel()
+        if not data.is_static:
+            change = np.ones(len(label), bool)
+            change[1:] = (np.diff(label) != 0) | (np.diff(data.trial) != 0)
+            label = np.cumsum(change) - 1
+        if label.max() < most:
+            break
+    return label
+
+
+# --- fewer rows --------------------------------------------------------------------------------
+
+def thinned(data: Measurement, most: int) -> Measurement:
+    """Return a log with neighbours averaged to about ``most`` rows, as far as its motion bears."""
+    if data.is_static or len(data) <= most:
+        return data
+    block = min(int(np.ceil(len(data) / most)), _widest_block(data))
+    return averaged(_stretches(data, most * block), block)
+
+
+def averaged(data: Measurement, block: int) -> Measurement:
+    """Return the log with so many neighbours averaged into one row, trial by trial."""
+    position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
+    first = position % block == 0
+    label = np.cumsum(first) - 1
+    count = np.bincount(label).astype(float)
+    return replace(
+        data.select(first), strain=average_over(label, count, data.strain),
+        force=average_over(label, count, data.force),
+        strain_rate=average_over(label, count, data.strain_rate),
+        pressure=average_over(label, count, data.pressure),
+        time=None if data.time is None else average_over(label, count, data.time))
+
+
+def _widest_block(data: Measurement, least: int = 8) -> int:
+    """Return how many neighbours may be averaged before the motion within them is lost."""
+    width, reach = least, 0.05 * float(np.ptp(data.strain))
+    while width < 4096:
+        steps = np.abs(data.strain[2 * width:] - data.strain[:-2 * width])
+        steps = steps[data.trial[2 * width:] == data.trial[:-2 * width]]
+        if not len(steps) or np.percentile(steps, 90) > reach:
+            break
+        width *= 2
+    return width
+
+
+def _stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
+    """Return unbroken stretches from all over a log, each a trial, so many rows in all."""
+    if len(data) <= 1.25 * most:
+        return data
+    length = most // count
+    begins = np.linspace(0, len(data) - length, count).astype(int)
+    rows = np.concatenate([np.arange(begin, begin + length) for begin in begins])
+    piece = np.repeat(np.arange(count), length)
+    picked = data.select(rows)
+    _, trial = np.unique(np.stack([piece, picked.trial], -1), axis=0, return_inverse=True)
+    trial = np.cumsum(np.diff(trial.ravel(), prepend=trial.ravel()[0]) != 0)
+    return replace(picked, trial=trial, trial_names=tuple(
+        f'stretch {k + 1}' for k in range(int(trial.max()) + 1)))

@@ -1,0 +1,173 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+r"""
+The covariance of what a model cannot foretell: noise and a smooth discrepancy.
+
+    K = s^2 / count + s_w^2 I + a_e^2 M + a_o^2 d d' M + a_t^2 exp(-|dt| / tau) within a trial
+
+M is a Matern 5/2 over (strain, pressure), summed over motor units as their forces are, d the
+direction of motion: the discrepancy has a part that is even in the direction and one that is odd
+(Kennedy and O'Hagan 2001). K does not depend on the physics, so its factors are kept.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.cells import Cells
+
+#: Bytes of Cholesky factors that are kept.
+_KEEP = 2e8
+
+
+class Hyper(NamedTuple):
+    """Places on the grids of `settings`; 0 of an amplitude switches its part off."""
+
+    even: int = 0
+    strain: int = 0
+    pressure: int = 0
+    odd: int = 0
+    white: int = 0
+    slow: int = 0
+    tau: int = 1
+
+    @property
+    def is_white(self) -> bool:
+        """Whether there is no discrepancy."""
+        return not (self.even or self.odd or self.slow)
+
+
+#: Length of each grid, in the order of `Hyper`.
+GRID = Hyper(*(len(grid) for grid in (
+    settings.AMPLITUDES, settings.STRAIN_LENGTHS, settings.PRESSURE_LENGTHS, settings.AMPLITUDES,
+    settings.AMPLITUDES, settings.AMPLITUDES, settings.TIME_LENGTHS)))
+
+
+class Covariance:
+    """
+    Covariances of the cells' residuals over the grid of hyperparameters.
+
+    Parameters
+    ----------
+    cells : Cells
+    unexplained : float
+        Mean of the prior on the amplitudes, as a share of the force's standard deviation.
+    """
+
+    def __init__(self, cells: Cells, unexplained: float):
+        self.cells = cells
+        self.unexplained = unexplained
+        self._variance = (settings.AMPLITUDES * cells.force_sd) ** 2
+        self._noise = cells.noise ** 2 / cells.count
+        self._both = np.outer(cells.direction, cells.direction)
+        self._slow: np.ndarray | None = None
+        if cells.time is not None:
+            gap = np.abs(cells.time[:, None] - cells.time)
+            self._slow = np.where(cells.trial[:, None] == cells.trial, gap, np.inf)
+        self._decay: dict[int, np.ndarray] = {}
+        self._matern: dict[tuple[int, int], np.ndarray] = {}
+        self._factors: OrderedDict[Hyper, tuple[np.ndarray, float]] = OrderedDict()
+        self._most = max(int(_KEEP / (8 * len(cells) ** 2)), 8)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the hyperparameters that the data can tell."""
+        return ('even', 'white', 'strain', 'pressure',
+                *(('odd',) if self.cells.both_ways else ()),
+                *(('slow', 'tau') if self._slow is not None else ()))
+
+    def log_prior(self, h: Hyper) -> float:
+        """Return the log prior of the amplitudes, up to a constant."""
+        total = sum(settings.AMPLITUDES[k] for k in (h.even, h.odd, h.white, h.slow))
+        return -float(total) / self.unexplained
+
+    def white_sd(self, h: Hyper) -> float:
+        """Return the size of the white misfit, N."""
+        return float(np.sqrt(self._variance[h.white]))
+
+    def whiten(self, h: Hyper, values: np.ndarray) -> np.ndarray:
+        """Return L^-1 values, K = L L', for values (n,) or (n, k)."""
+        if h.is_white:
+            sd = np.sqrt(self._noise + self._variance[h.white])
+            return values / (sd if values.ndim == 1 else sd[:, None])
+        return solve_triangular(self._factor(h)[0], values, lower=True, check_finite=False)
+
+    def log_determinant(self, h: Hyper) -> float:
+        """Return log det L."""
+        if h.is_white:
+            return float(0.5 * np.log(self._noise + self._variance[h.white]).sum())
+        return self._factor(h)[1]
+
+    def matrix(self, h: Hyper) -> np.ndarray:
+        """Return K, (n, n), N^2."""
+        k = self.structured(h)
+        k[np.diag_indices(len(k))] += self._noise + self._variance[h.white]
+        return k
+
+    def structured(self, h: Hyper, directed: bool = True) -> np.ndarray:
+        """
+        Return the part of K that is no noise, (n, n), N^2.
+
+        With ``directed`` False the odd part is that of cells of one direction.
+        """
+        k = np.zeros((len(self.cells), len(self.cells)))
+        if h.even or h.odd:
+            matern = self._kernel(h)
+            if h.odd:
+                k += self._variance[h.odd] * (self._both if directed else 1.0)
+            k += self._variance[h.even]
+            k *= matern
+        if h.slow and self._slow is not None:
+            if h.tau not in self._decay:
+                self._decay[h.tau] = np.exp(-self._slow / settings.TIME_LENGTHS[h.tau])
+            k += self._variance[h.slow] * self._decay[h.tau]
+        return k
+
+    def across(self, h: Hyper, strain: np.ndarray, pressure: np.ndarray,
+               unit: int | None = None) -> np.ndarray:
+        """
+        Return the Matern part between points and cells, (k, n), without its amplitude.
+
+        Parameters
+        ----------
+        strain : ndarray, shape (k,)
+        pressure : ndarray, shape (k, m), Pa
+        unit : int, optional
+            The share of this motor unit alone.
+        """
+        c = self.cells
+        units = range(c.pressure.shape[1]) if unit is None else (unit,)
+        across_strain = ((strain[:, None] - c.strain) / c.strain_range) ** 2
+        total = np.zeros((len(strain), len(c)))
+        for i in units:
+            gap = (pressure[:, i][:, None] - c.pressure[:, i]) / c.pressure_range[i]
+            total += matern_5_2(across_strain / settings.STRAIN_LENGTHS[h.strain] ** 2
+                                + gap ** 2 / settings.PRESSURE_LENGTHS[h.pressure] ** 2)
+        return total / c.pressure.shape[1]
+
+    def _kernel(self, h: Hyper) -> np.ndarray:
+        key = (h.strain, h.pressure)
+        if key not in self._matern:
+            self._matern[key] = self.across(h, self.cells.strain, self.cells.pressure)
+        return self._matern[key]
+
+    def _factor(self, h: Hyper) -> tuple[np.ndarray, float]:
+        if h in self._factors:
+            self._factors.move_to_end(h)
+            return self._factors[h]
+        lower = cholesky(self.matrix(h), lower=True, overwrite_a=True, check_finite=False)
+        while len(self._factors) >= self._most:
+            self._factors.popitem(last=False)
+        self._factors[h] = (lower, float(np.log(np.diag(lower)).sum()))
+        return self._factors[h]
+
+
+def matern_5_2(squared: np.ndarray) -> np.ndarray:
+    """Return the Matern covariance of smoothness 5/2 at squared scaled distances."""
+    x = np.sqrt(5.0 * squared)
+    return (1.0 + x + x * x / 3.0) * np.exp(-x)

@@ -1,0 +1,134 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the data say of each parameter: value, interval over all likely sets, what is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.posterior import Posterior
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.units import si_factor
+
+_GEOMETRY_UNITS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
+#: Standard deviations of a 95 % interval.
+_95 = 1.96
+#: A parameter whose prior the data narrow by less than this share is not moved by them.
+_DEAD = 0.97
+#: Correlation from which two parameters are said to trade off.
+_TRADED = 0.98
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """
+    A fitted parameter in the unit that people use for it.
+
+    Attributes
+    ----------
+    key : str
+        ``effect.parameter`` or ``geometry.radius``.
+    value : float
+    unit : str
+    interval : tuple of float
+        95 %, within the bounds; over all likely sets, so that a tie widens it.
+    flag : str
+        Empty, or why the interval is not to be trusted: ``dead`` (the data do not move it),
+        ``at bound``, ``traded off with ...``.
+    tolerances : float or None
+        How many tolerances (widths of its prior) a parameter of the model has moved.
+    si : float
+        The value in SI units.
+    """
+
+    key: str
+    value: float
+    unit: str
+    interval: tuple[float, float]
+    flag: str
+    tolerances: float | None
+    si: float
+    si_interval: tuple[float, float]
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        text = f'{self.key} {self.value:.4g} {self.unit} ({low:.4g} to {high:.4g})'
+        if self.tolerances is not None:
+            text += f', moved {self.tolerances:+.1f} tolerances'
+        return text + (f' [{self.flag}]' if self.flag else '')
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return value, unit, interval and flag."""
+        chosen = asdict(self)
+        chosen['interval'] = list(self.interval)
+        chosen['si_interval'] = list(self.si_interval)
+        return chosen
+
+
+def unit_of(model: Bundle, key: str) -> tuple[str, float]:
+    """Return the unit that a parameter is shown in and its SI size."""
+    owner, _, name = key.partition('.')
+    if owner == 'geometry':
+        unit = _GEOMETRY_UNITS[name]
+        return unit, si_factor(unit, unit)
+    parameter = model.effect(owner).parameter(name)
+    return ('' if parameter.unit == '1' else parameter.unit), parameter.scale
+
+
+def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
+    """
+    Return every fitted parameter with its interval and what is wrong with it, if anything.
+
+    Parameters
+    ----------
+    fit : Fit
+        Without a discrepancy: the values that a model is written with.
+    posterior : Posterior, optional
+        Widens the intervals by what other likely sets say.
+    """
+    own = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    bound = fit.at_bound
+    found = []
+    for j, (prior, u) in enumerate(zip(fit.priors, fit.u)):
+        unit, size = unit_of(fit.model, prior.key)
+        spread = max(own[j], (posterior.spread(prior.key, u) if posterior else None) or 0.0)
+        ends = (prior.theta(u - _95 * spread), prior.theta(u + _95 * spread))
+        flag = ''
+        if own[j] > _DEAD:
+            flag = 'dead: the data do not move it'
+        elif bound[j]:
+            flag = 'at bound'
+        else:
+            others = fit.covariance[j] / np.maximum(own * own[j], 1e-300)
+            others[j] = 0.0
+            worst = int(np.argmax(np.abs(others)))
+            if abs(others[worst]) > _TRADED:
+                flag = f'traded off with {fit.priors[worst].key}'
+        value = prior.theta(u)
+        found.append(Estimate(prior.key, value / size, unit, (ends[0] / size, ends[1] / size),
+                              flag, float(u) if prior.own else None, value, ends))
+    return found
+
+
+def confounding(fit: Fit) -> tuple[list[str], np.ndarray]:
+    """Return parameter keys and the (p, p) matrix of correlations between their estimates."""
+    spread = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
+    return [prior.key for prior in fit.priors], fit.covariance / np.outer(spread, spread)
+
+
+def with_intervals(model: Bundle, found: list[Estimate], error: float) -> Bundle:
+    """Return a model that carries the intervals of its effects' parameters and its error."""
+    known: dict[str, dict[str, tuple[float, float]]] = {}
+    for estimate in found:
+        owner, _, name = estimate.key.partition('.')
+        known.setdefault(owner, {})[name] = estimate.si_interval
+    effects = []
+    for effect in model.effects:
+        copy = effect.replace()
+        copy.intervals = {**effect.intervals, **known.get(effect.name, {})}
+        effects.append(copy)
+    return Bundle(model.name, model.motor_units, effects, error, model.notes)

@@ -1,0 +1,337 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One set of effects fitted to cells: most probable parameters, then how probable the set is.
+
+The fit is least squares with whitened residuals and the priors as further rows; the evidence is
+Laplace's, for the model linearised there, with parameters at a bound counted as fixed. The
+hyperparameters of the discrepancy follow by coordinate ascent on their grid, a little at a time,
+from a white misfit down: otherwise the discrepancy takes what physics could explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
+from fam_bundle_ros.discovery.priors import Prior
+from fam_bundle_ros.model import Bundle
+
+#: White misfits of the annealing, then where the discrepancy starts, as places on the grid.
+COOLING = (12, 10, 8)
+_FIRST = Hyper(even=7, odd=6, white=6, slow=6)
+#: Longest step of a fit, in widths of the priors.
+_LONGEST = 2.0
+#: A fit of the search stops when a step gains less (in chi2); evidence is told to about this.
+_ROUGH = 0.2
+#: From an amplitude of zero, which the next place on the grid hardly differs from.
+_LEAP = 4
+
+#: Coordinates u (p,), residual (n,) and slopes (n, p) there.
+Point = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """
+    A set of effects fitted to cells.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Effects of the model, sorted.
+    model : Bundle
+        With the values that were fitted.
+    priors : tuple of Prior
+    u : ndarray, shape (p,)
+        Coordinates of the priors.
+    hyper : Hyper
+    residual : ndarray, shape (n,), N
+    slopes : ndarray, shape (n, p), N
+        Of the prediction in u.
+    evidence, white_evidence : float
+        Log evidence with the discrepancy, and the best one with a white misfit instead.
+    log_prior : float
+        Of the set.
+    covariance : ndarray, shape (p, p)
+        Of u, by Laplace's approximation.
+    """
+
+    names: tuple[str, ...]
+    model: Bundle
+    priors: tuple[Prior, ...]
+    u: np.ndarray
+    hyper: Hyper
+    residual: np.ndarray
+    slopes: np.ndarray
+    evidence: float
+    white_evidence: float = -np.inf
+    log_prior: float = 0.0
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+
+    @property
+    def posterior(self) -> float:
+        """Log posterior of the set, up to a constant."""
+        return self.evidence + self.log_prior
+
+    @property
+    def white_posterior(self) -> float:
+        """The same without a discrepancy."""
+        return self.white_evidence + self.log_prior
+
+    @cached_property
+    def start(self) -> dict[str, float]:
+        """Return u by key."""
+        return {prior.key: float(u) for prior, u in zip(self.priors, self.u)}
+
+    @property
+    def at_bound(self) -> np.ndarray:
+        """Return which parameters are at a bound, (p,) bool."""
+        return pinned(self.priors, self.u)
+
+
+def pinned(priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
+    """Return which coordinates are at a limit, (p,) bool."""
+    return np.array([not prior.limits[0] + 1e-9 < value < prior.limits[1] - 1e-9
+                     for prior, value in zip(priors, u)], bool)
+
+
+@dataclass
+class Fitter:
+    """
+    Fits models to cells under one covariance.
+
+    Attributes
+    ----------
+    cells : Cells
+    covariance : Covariance
+    evaluations : int
+        Jacobians so far.
+    """
+
+    cells: Cells
+    covariance: Covariance
+    evaluations: int = field(default=0)
+
+    def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
+        """Return measured minus predicted force of the cells, (n,), N."""
+        force = self.cells.mean(_moved(model, priors, u).predict(self.cells.motion))
+        return self.cells.force - np.where(np.isfinite(force), force, 1e6)
+
+    def linearised(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
+                   kept: Mapping[str, np.ndarray] | None = None,
+                   ) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Return residual (n,) and slopes of the prediction in u (n, p), N.
+
+        Parameters
+        ----------
+        kept : mapping of str to ndarray (n,), optional
+            Slopes that are known well enough, by key.
+        """
+        self.evaluations += 1
+        known = kept or {}
+        moved = _moved(model, priors, u)
+        asked = [j for j, prior in enumerate(priors) if prior.key not in known]
+        slope = np.array([priors[j].slope(u[j]) for j in asked])
+        force, columns = moved.jacobian(self.cells.motion, [priors[j].key for j in asked])
+        mean = self.cells.mean(np.concatenate([force[:, None], columns * slope], axis=1))
+        residual = self.cells.force - np.where(np.isfinite(mean[:, 0]), mean[:, 0], 1e6)
+        slopes = np.empty((len(residual), len(priors)))
+        slopes[:, asked] = np.where(np.isfinite(mean[:, 1:]), mean[:, 1:], 0.0)
+        for j, prior in enumerate(priors):
+            if prior.key in known:
+                slopes[:, j] = known[prior.key]
+        return residual, slopes
+
+    def log_evidence(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
+                     priors: Sequence[Prior]) -> float:
+        """Return the log evidence of the model linearised at u."""
+        free = ~pinned(priors, u)
+        columns, own = slopes[:, free], u[free]
+        white = self.covariance.whiten(h, np.concatenate(
+            [(residual + columns @ own)[:, None], columns], axis=1))
+        a, b = white[:, 0], white[:, 1:]
+        lower = np.linalg.cholesky(np.eye(b.shape[1]) + b.T @ b)
+        g = np.linalg.solve(lower, b.T @ a)
+        value = (-0.5 * (a @ a - g @ g) - np.log(np.diag(lower)).sum()
+                 - self.covariance.log_determinant(h) - 0.5 * len(a) * np.log(2.0 * np.pi))
+        value += np.log(2.0) * sum(p.kind == 'half' for p, f in zip(priors, free) if f)
+        return float(value + self.covariance.log_prior(h) - 0.5 * np.sum(u[~free] ** 2))
+
+    def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
+                      whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
+                      tolerance: float = 0.05, at: Point | None = None) -> Point:
+        """
+        Return the most probable u under a covariance, with residual and slopes there.
+
+        Least squares after Levenberg and Marquardt with bounds and exact slopes; it stops where
+        the quadratic it goes by promises less than ``tolerance``. The library's solver takes
+        several times as long for so few parameters, and this one is called some thousand times.
+
+        Parameters
+        ----------
+        whiten : callable
+            Makes what the residuals (n,) or slopes (n, p) are under white noise of 1.
+        at : Point, optional
+            Residual and slopes at u where they are known.
+        """
+        low, high = np.array([prior.limits for prior in priors]).T
+        residual, slopes = at[1:] if at is not None else self.linearised(model, priors, u)
+        damping = 1e-3
+        for _ in range(iterations):
+            white = whiten(np.concatenate([residual[:, None], slopes], axis=1))
+            a, b = white[:, 0], white[:, 1:]
+            cost = float(a @ a + u @ u)
+            gradient, hessian = b.T @ a - u, b.T @ b + np.eye(len(u))
+            free = ~(((u <= low) & (gradient < 0)) | ((u >= high) & (gradient > 0)))
+            moved = False
+            for _ in range(7):
+                part = hessian[np.ix_(free, free)]
+                step = np.zeros(len(u))
+                step[free] = np.linalg.solve(part + damping * np.diag(np.diag(part)),
+                                             gradient[free])
+                tried = np.clip(u + np.clip(step, -_LONGEST, _LONGEST), low, high)
+                step = tried - u
+                if 2.0 * gradient @ step - step @ hessian @ step < tolerance:
+                    break
+                there, bent = self.linearised(model, priors, tried)
+                if float(np.sum(whiten(there) ** 2) + tried @ tried) < cost:
+                    u, residual, slopes, moved = tried, there, bent, True
+                    damping = max(damping / 6.0, 1e-8)
+                    break
+                damping *= 8.0
+            if not moved:
+                break
+        return u, residual, slopes
+
+    def whitener(self, h: Hyper) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the function that whitens under these hyperparameters."""
+        return lambda values: self.covariance.whiten(h, values)
+
+    def best_hyper(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
+                   priors: Sequence[Prior], reach: int = 99) -> tuple[Hyper, float, float]:
+        """
+        Return the hyperparameters of the highest evidence near h, it, and that of h.
+
+        Coordinate ascent on the grid; ``reach`` is how many places each may move.
+        """
+        known: dict[Hyper, float] = {}
+
+        def value(q: Hyper) -> float:
+            if q not in known:
+                known[q] = self.log_evidence(q, residual, slopes, u, priors)
+            return known[q]
+
+        first = h
+        value(h)
+        for _ in range(6):
+            before = h
+            for axis in self.covariance.axes:
+                if axis in ('strain', 'pressure') and not (h.even or h.odd):
+                    continue
+                if axis == 'tau' and not h.slow:
+                    continue
+                for step in (-1, 1, *((_LEAP,) if not getattr(h, axis) else ())):
+                    while True:
+                        place = getattr(h, axis) + step
+                        if not 0 <= place < getattr(GRID, axis) or (
+                                abs(place - getattr(first, axis)) > reach):
+                            break
+                        q = h._replace(**{axis: place})
+                        if value(q) <= value(h) + 1e-3:
+                            break
+                        h = q
+            if h == before:
+                break
+        return h, known[h], known[first]
+
+    def first_hyper(self) -> Hyper:
+        """Return where the discrepancy starts after the annealing: small."""
+        axes = self.covariance.axes
+        return _FIRST._replace(**{axis: 0 for axis in ('odd', 'slow') if axis not in axes})
+
+    def fit(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
+            start: Mapping[str, float] | None = None, hyper: Hyper | None = None,
+            log_prior: float = 0.0) -> Fit:
+        """
+        Return a set of effects fitted from its priors, or from ``start`` (u by key).
+
+        Parameters
+        ----------
+        hyper : Hyper, optional
+            Of a set that is near: tried besides the small discrepancy after the annealing.
+        """
+        given = start or {}
+        u = np.array([np.clip(given.get(p.key, p.start), *p.limits) for p in priors])
+        first = (u, *self.linearised(model, priors, u))
+        white, point = -np.inf, first
+        for place in COOLING:
+            h = Hyper(white=place)
+            point = self.most_probable(model, priors, point[0], self.whitener(h), 12, _ROUGH,
+                                       point)
+            white = max(white, self.log_evidence(h, point[1], point[2], point[0], priors))
+        tries = [self._climb(model, priors, point, self.first_hyper(), 2)]
+        if hyper is not None:
+            tries.append(self._climb(model, priors, first, hyper, 99))
+        evidence, point, h = max(tries, key=lambda found: found[0])
+        return self._made(names, model, priors, point[0], h, point[1], point[2], evidence, white,
+                          log_prior)
+
+    def without_discrepancy(self, fit: Fit) -> Fit:
+        """
+        Return a set fitted with a white misfit of the best size.
+
+        A discrepancy beside the physics biases its parameters (Brynjarsdottir and O'Hagan 2014).
+        """
+        best: Fit | None = None
+        point: Point = (fit.u, fit.residual, fit.slopes)
+        for place in range(COOLING[0], 1, -2):
+            h = Hyper(white=place)
+            point = self.most_probable(fit.model, fit.priors, point[0], self.whitener(h), 25,
+                                       at=point)
+            u, residual, slopes = point
+            value = self.log_evidence(h, residual, slopes, u, fit.priors)
+            if best is not None and value <= best.evidence:
+                break
+            best = self._made(fit.names, fit.model, fit.priors, u, h, residual, slopes, value,
+                              value, fit.log_prior)
+        assert best is not None
+        return best
+
+    def _made(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
+              u: np.ndarray, h: Hyper, residual: np.ndarray, slopes: np.ndarray, evidence: float,
+              white: float, log_prior: float) -> Fit:
+        bent = self.covariance.whiten(h, slopes)
+        spread = np.linalg.inv(np.eye(len(u)) + bent.T @ bent)
+        return Fit(names, _moved(model, priors, u), tuple(priors), u, h, residual, slopes,
+                   evidence, white, log_prior, spread)
+
+    def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
+               ) -> tuple[float, Point, Hyper]:
+        """Return the best of rounds of parameters, then hyperparameters."""
+        best: tuple[float, Point, Hyper] | None = None
+        for k in range(8):
+            point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
+                                       _ROUGH, point)
+            u, residual, slopes = point
+            better, high, now = self.best_hyper(h, residual, slopes, u, priors, reach)
+            if best is None or now > best[0]:
+                best = (now, point, h)
+            if high > best[0]:
+                best = (high, point, better)
+            if high - now < 0.3:
+                break
+            h = better
+        assert best is not None
+        return best
+
+
+def _moved(model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> Bundle:
+    return model.with_parameters({prior.key: prior.theta(value)
+                                  for prior, value in zip(priors, u)})

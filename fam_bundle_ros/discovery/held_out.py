@@ -1,0 +1,164 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Errors on folds that a fit has not seen: physics alone, with the discrepancy, and rivals.
+
+Folds are whole trials, isobars and inner strain levels, whichever the data offer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from fam_bundle_ros.data.folds import Folds, KINDS
+from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.rivals import RIVALS
+
+#: Steps of a fit that begins at that on all cells.
+_STEPS = 3
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """
+    Errors on cells that the fits have not seen, N rms, all folds together.
+
+    Attributes
+    ----------
+    physics : float
+        Effects alone.
+    discrepancy : float
+        Effects with the discrepancy's mean.
+    rivals : dict of str to float
+        ``mean``, ``plane``, ``empirical``.
+    kinds : tuple of str
+        Kinds of folds that were left out; empty where the data offer none (then the errors are
+        those of the fit).
+    """
+
+    physics: float
+    discrepancy: float
+    rivals: dict[str, float]
+    kinds: tuple[str, ...]
+
+    @property
+    def best(self) -> float:
+        """The lower error of physics with and without the discrepancy."""
+        return min(self.physics, self.discrepancy)
+
+    def of_rows(self, beyond: float) -> HeldOut:
+        """Return the errors of rows, which are off from their cells by so much (N rms)."""
+        return HeldOut(float(np.hypot(self.physics, beyond)),
+                       float(np.hypot(self.discrepancy, beyond)),
+                       {name: float(np.hypot(value, beyond))
+                        for name, value in self.rivals.items()}, self.kinds)
+
+
+def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
+    """Return each kind of folds and the fold of each cell, (n,) int, -1 for never."""
+    rows = np.full(len(cells), -1)
+    used = np.flatnonzero(cells.label >= 0)
+    rows[cells.label[used[::-1]]] = used[::-1]
+    found = [(kind, Folds(kind).labels(cells.data)[rows]) for kind in KINDS]
+    # one inner strain level is a fold; one trial or isobar would leave nothing to train on
+    return [(kind, label) for kind, label in found if label.max() >= (kind != 'strain')]
+
+
+def _folds(cells: Cells) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    for _, label in splits(cells):
+        for fold in range(label.max() + 1):
+            test = label == fold
+            if test.any() and (~test).sum() > 10:
+                yield ~test, test
+
+
+def beyond_cells(cells: Cells, fit: Fit, error: float) -> float:
+    """
+    Return what rows are off beyond what their cells are, N rms: mostly their noise.
+
+    Parameters
+    ----------
+    fit : Fit
+    error : float, N
+        Of the fitted model on all rows of the measurement.
+    """
+    square = float(np.average(fit.residual ** 2, weights=cells.count))
+    return float(np.sqrt(max(error ** 2 - square, 0.0)))
+
+
+def held_out_physics(fitter: Fitter, fit: Fit) -> float:
+    """Return the held-out error of a fit without discrepancy, N rms."""
+    cells = fitter.cells
+    total, count = 0.0, 0.0
+    for train, test in _folds(cells):
+        missed = _without(fitter, fit, train)[test]
+        total += float(np.sum(cells.count[test] * missed ** 2))
+        count += float(cells.count[test].sum())
+    if not count:
+        return float(np.sqrt(np.average(fit.residual ** 2, weights=cells.count)))
+    return float(np.sqrt(total / count))
+
+
+def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
+    """
+    Return the errors of physics, physics with discrepancy, and rivals on the same folds.
+
+    Parameters
+    ----------
+    fitter : Fitter
+    physics : Fit
+        Fitted without a discrepancy.
+    joint : Fit
+        The same effects fitted with one.
+    """
+    cells = fitter.cells
+    total = dict.fromkeys(('physics', 'discrepancy', *RIVALS), 0.0)
+    count = 0.0
+    folds = list(_folds(cells)) or [(np.ones(len(cells), bool),) * 2]
+    for train, test in folds:
+        weight = cells.count[test]
+        missed = {'physics': _without(fitter, physics, train)[test],
+                  'discrepancy': _with(fitter, joint, train)[test]}
+        for name, rival in RIVALS.items():
+            predict = rival(cells.strain[train], cells.pressure[train], cells.force[train],
+                            cells.count[train])
+            missed[name] = cells.force[test] - predict(cells.strain[test], cells.pressure[test])
+        for name, error in missed.items():
+            total[name] += float(np.sum(weight * error ** 2))
+        count += float(weight.sum())
+    errors = {name: float(np.sqrt(value / count)) for name, value in total.items()}
+    return HeldOut(errors.pop('physics'), errors.pop('discrepancy'), errors,
+                   tuple(kind for kind, _ in splits(cells)))
+
+
+def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
+    """Return the residual of all cells after a refit on some, without discrepancy."""
+    whiten = fitter.covariance.whiten
+    sd = 1.0 / whiten(fit.hyper, np.ones(len(train)))[train]
+
+    def part(values: np.ndarray) -> np.ndarray:
+        return values[train] / (sd if values.ndim == 1 else sd[:, None])
+
+    return fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[1]
+
+
+def _with(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
+    """Return the same with the mean of the discrepancy taken off."""
+    covariance = fitter.covariance
+    lower = cholesky(covariance.matrix(fit.hyper)[np.ix_(train, train)], lower=True,
+                     check_finite=False)
+
+    def part(values: np.ndarray) -> np.ndarray:
+        return solve_triangular(lower, values[train], lower=True, check_finite=False)
+
+    residual = fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[1]
+    weights = solve_triangular(lower, part(residual), lower=True, trans=1, check_finite=False)
+    direction = fitter.cells.direction[train]
+    even = covariance.structured(fit.hyper._replace(slow=0, odd=0))[:, train] @ weights
+    odd = covariance.structured(fit.hyper._replace(slow=0, odd=fit.hyper.odd, even=0), False)
+    return residual - even - fitter.cells.turn * (odd[:, train] @ (direction * weights))

@@ -1,0 +1,101 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What physics leaves, as a map with uncertainty and as a table that a model file can name.
+
+The mean of the Gaussian process over strain and pressure, even and odd in the direction of
+motion, for each motor unit; valid where something was measured.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.model import Bundle
+
+#: Points of the table across strain and pressure: a length of 0.06 of the range is met.
+_STRAINS, _PRESSURES = 41, 25
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """
+    The discrepancy of a fit over a grid.
+
+    Attributes
+    ----------
+    strain : ndarray, shape (s,)
+    pressure : ndarray, shape (n, p), Pa
+        For each motor unit.
+    even, odd, sd : ndarray, shape (n, s, p), N
+        Per motor unit; ``odd`` holds while shortening, ``sd`` is that of the even part.
+    model : Bundle
+        The physics beside it: fitted together with the discrepancy.
+    """
+
+    strain: np.ndarray
+    pressure: np.ndarray
+    even: np.ndarray
+    odd: np.ndarray
+    sd: np.ndarray
+    model: Bundle
+
+    @classmethod
+    def of(cls, covariance: Covariance, fit: Fit) -> Leftover:
+        """Return the discrepancy that a fit needs."""
+        cells, h = covariance.cells, fit.hyper
+        rows = cells.data
+        strain = np.linspace(rows.strain.min(), rows.strain.max(), _STRAINS)
+        units = cells.pressure.shape[1]
+        pressure = np.stack([np.linspace(column.min(), max(column.max(), column.min() + 1e3),
+                                         _PRESSURES) for column in rows.pressure.T])
+        shape = (units, _STRAINS, _PRESSURES)
+        even, odd, sd = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        if h.even or h.odd:
+            lower = np.linalg.cholesky(covariance.matrix(h))
+            weights = np.linalg.solve(lower.T, np.linalg.solve(lower, fit.residual))
+            scale = (settings.AMPLITUDES * cells.force_sd) ** 2
+            for i in range(units):
+                e, p = (grid.ravel() for grid in np.meshgrid(strain, pressure[i], indexing='ij'))
+                points = np.zeros((len(e), units))
+                points[:, i] = p
+                across = covariance.across(h, e, points, i)
+                even[i] = (scale[h.even] * across @ weights).reshape(shape[1:])
+                odd[i] = (scale[h.odd] * across @ (cells.direction * weights)).reshape(shape[1:])
+                known = solve_triangular(lower, scale[h.even] * across.T, lower=True)
+                left = scale[h.even] / units - np.sum(known ** 2, axis=0)
+                sd[i] = np.sqrt(np.maximum(left, 0.0)).reshape(shape[1:])
+        return cls(strain, pressure, even, odd, sd, fit.model)
+
+    def write(self, path: Path) -> None:
+        """
+        Write the table that the law `discrepancy_surface` reads: per muscle, as the muscle feels.
+
+        Gauges are taken off: strain and pressure as the model's sensors correct them, forces over
+        the load cell's gain.
+        """
+        model = self.model
+        s = model.sensor_error
+        shared = np.unique(np.concatenate(self.pressure)) if model.n > 1 else self.pressure[0]
+        felt_strain = (self.strain - s.strain_bias) / (1.0 + s.strain_gain)
+        felt_pressure = (shared - s.pressure_bias) / (1.0 + s.pressure_gain)
+        with open(path, 'w', newline='', encoding='utf-8') as file:
+            writer = csv.writer(file)
+            writer.writerow(['motor_unit', 'strain', 'pressure [kPa]', 'force [N]', 'sd [N]',
+                             'odd [N]'])
+            for i, unit in enumerate(model.motor_units):
+                share = unit.muscles * (1.0 + s.force_gain)
+                for j, e in enumerate(felt_strain):
+                    values = [np.interp(shared, self.pressure[i], grid[i, j]) / share
+                              for grid in (self.even, self.sd, self.odd)]
+                    writer.writerows([i + 1, f'{e:.6g}', f'{p / 1e3:.6g}', *(
+                        f'{value[k]:.5g}' for value in values)]
+                        for k, p in enumerate(felt_pressure))

@@ -1,0 +1,236 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which sets of effects a model may be given: effects added, replaced by another shape, removed.
+
+What an effect is stands in the catalogue: its family, and whose other shape it is. A head is the
+name that all shapes of one physical effect share; a set holds at most one shape of each head.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
+from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
+
+Names = tuple[str, ...]
+
+
+@lru_cache(maxsize=1)
+def _identities() -> dict[str, tuple[str, str]]:
+    """Return head and family by name; the catalogue looks through entry points each time."""
+    return {name: (kind.variant_of or name, kind.family)
+            for name, kind in catalogue.available().items()}
+
+
+def head(name: str) -> str:
+    """Return the name that a physical effect goes by: that of its first shape."""
+    return _identities().get(name, (name, 'user'))[0]
+
+
+def family(name: str) -> str:
+    """Return the family of an effect: look-alikes by the same physics."""
+    return _identities().get(name, (name, 'user'))[1]
+
+
+def makers(kind: str) -> tuple[str, ...]:
+    """Return the families whose laws leave such a shape in an error when a model lacks them."""
+    return tuple(sorted({law.family for law in catalogue.available().values()
+                         if kind in law.leaves}))
+
+
+def shapes_of(name: str) -> list[Effect]:
+    """Return the other shapes that a head stands for; none for the name of a single shape."""
+    return [kind() for other, kind in catalogue.available().items()
+            if other != name and head(other) == name]
+
+
+@dataclass(frozen=True)
+class Options:
+    """
+    The sets that may be tried.
+
+    Attributes
+    ----------
+    model : Bundle
+    cells : Cells
+    choices : Choices
+    effects : dict of str to Effect
+        The model's own and those that may come in, by name.
+    """
+
+    model: Bundle
+    cells: Cells
+    choices: Choices
+    effects: dict[str, Effect]
+
+    @classmethod
+    def of(cls, model: Bundle, cells: Cells, choices: Choices) -> Options:
+        """Return the options that a catalogue offers: effects that these data could show."""
+        effects = {effect.name: effect for effect in model.effects}
+        for name, kind in catalogue.available().items():
+            if name in effects or not kind.candidate or kind.load is not None:
+                continue
+            if kind.place is Place.PNEUMATICS or (kind.needs_time and cells.data.is_static):
+                continue
+            effect = kind()
+            if not _without_numbers(effect) and not _is_silent(model, effect, cells):
+                effects[name] = effect
+        return cls(model, cells, choices, effects)
+
+    @cached_property
+    def own(self) -> Names:
+        """Effects of the model as it was given."""
+        return tuple(sorted(effect.name for effect in self.model.effects))
+
+    @cached_property
+    def fixed(self) -> frozenset[str]:
+        """Return own effects that stay: the air supply, and forces without a parameter."""
+        return frozenset(e.name for e in self.model.effects
+                         if e.place is Place.PNEUMATICS or _without_numbers(e))
+
+    @cached_property
+    def _shapes(self) -> dict[str, list[str]]:
+        """Names of each head."""
+        found: dict[str, list[str]] = {}
+        for name in self.effects:
+            found.setdefault(head(name), []).append(name)
+        return found
+
+    @cached_property
+    def _priors(self) -> dict[str, list[Prior]]:
+        own = own_priors(self.model)
+        found = {'geometry': [p for p in own if p.key.startswith('geometry.')]}
+        for name, effect in self.effects.items():
+            found[name] = [p for p in own if p.key.startswith(f'{name}.')] if name in self.own \
+                else self._added_priors(effect)
+        return found
+
+    def _added_priors(self, effect: Effect) -> list[Prior]:
+        with_it = self.model.with_effect(effect)
+
+        def change(key: str, step: float) -> float:
+            value = effect.values[key.partition('.')[2]]
+            before = with_it.predict(self.cells.motion)
+            after = with_it.with_parameters({key: value + step}).predict(self.cells.motion)
+            moved = self.cells.mean(after - before)
+            return float(np.sqrt(np.mean(moved ** 2))) if np.isfinite(moved).all() else 0.0
+
+        return effect_priors(effect, self.model.n, change=change,
+                             size=settings.SIGNED_SIZE * self.cells.force_sd)
+
+    def bundle(self, names: Iterable[str]) -> Bundle:
+        """Return the model with a set of effects, own ones in their order."""
+        wanted = set(names)
+        bundle = self.model
+        for effect in self.model.effects:
+            if effect.name not in wanted:
+                bundle = bundle.without_effect(effect.name)
+        for name in sorted(wanted - set(self.own)):
+            bundle = bundle.with_effect(self.effects[name])
+        return bundle
+
+    def priors(self, names: Iterable[str]) -> list[Prior]:
+        """Return the priors of the geometry and of a set's effects."""
+        found = list(self._priors['geometry'])
+        for name in sorted(names):
+            found += self._priors[name]
+        return found
+
+    def log_prior(self, names: Iterable[str]) -> float:
+        """Return the log prior of a set: odds for each change, shared among the shapes."""
+        share = self.choices.inclusion
+        odds = np.log(share / (1.0 - share))
+        wanted = set(names)
+        total = 0.0
+        heads = {head(name) for name in wanted}
+        for name in wanted - set(self.own):
+            shapes = [shape for shape in self._shapes[head(name)] if shape not in self.own]
+            total += odds - np.log(len(shapes))
+        total += odds * sum(head(name) not in heads for name in set(self.own) - wanted)
+        return float(total)
+
+    def changes(self, names: Iterable[str]) -> int:
+        """Return how many effects of a set are added, replaced or removed."""
+        wanted = set(names)
+        return len({head(name) for name in wanted ^ set(self.own)})
+
+    def added(self, names: Iterable[str]) -> list[str]:
+        """Return effects of a set whose head the model did not have."""
+        had = {head(name) for name in self.own}
+        return [name for name in names if head(name) not in had]
+
+    def replaced(self, names: Iterable[str]) -> dict[str, str]:
+        """Return own effects that a set has in another shape: old to new."""
+        wanted = set(names)
+        return {old: new for old in self.own if old not in wanted
+                for new in wanted if head(new) == head(old)}
+
+    def removed(self, names: Iterable[str]) -> list[str]:
+        """Return own effects that a set does without."""
+        heads = {head(name) for name in names}
+        return [name for name in self.own if head(name) not in heads]
+
+    def further(self, names: Names) -> list[Names]:
+        """Return the sets with one change more."""
+        had, own_heads = {head(name) for name in names}, {head(name) for name in self.own}
+        found = [with_name(names, name) for name in self.effects
+                 if head(name) not in had and head(name) not in own_heads]
+        for name in set(names) & set(self.own) - self.fixed:
+            rest = without(names, name)
+            found += [with_name(rest, shape) for shape in self._shapes[head(name)]
+                      if shape != name]
+            found.append(rest)
+        return found
+
+    def back(self, names: Names) -> list[Names]:
+        """Return the sets with one change less."""
+        found = [without(names, name) for name in self.added(names)]
+        found += [with_name(without(names, new), old)
+                  for old, new in self.replaced(names).items()]
+        found += [with_name(names, name) for name in self.removed(names)]
+        return found
+
+    def reshaped(self, names: Names) -> list[Names]:
+        """Return the sets with another shape of one effect that has been changed."""
+        changed = [*self.added(names), *self.replaced(names).values()]
+        return [with_name(without(names, name), shape) for name in changed
+                for shape in self._shapes[head(name)] if shape not in (name, *self.own)]
+
+
+def with_name(names: Names, name: str) -> Names:
+    """Return a set with one name more."""
+    return tuple(sorted({*names, name}))
+
+
+def without(names: Names, name: str) -> Names:
+    """Return a set without a name."""
+    return tuple(other for other in names if other != name)
+
+
+def _without_numbers(effect: Effect) -> bool:
+    """Return whether an effect is a force without parameters, which nothing can fit."""
+    return effect.place is Place.FORCE and not effect.parameters
+
+
+def _is_silent(model: Bundle, effect: Effect, cells: Cells) -> bool:
+    """Return whether an effect with sizes away from zero changes nothing in these data."""
+    if effect.parameters and not effect.active(model.n):
+        return True
+    away = {}
+    for parameter in effect.active(model.n):
+        low, high = effect.limits(parameter.name)
+        value = effect.values[parameter.name]
+        away[parameter.name] = value if value else min(0.1 * (high - low), high)
+    change = (model.with_effect(effect.replace(**away)).predict(cells.motion)
+              - model.predict(cells.motion))
+    return bool(np.abs(change).max() < 1e-9 * max(cells.largest_force, 1.0)) and (
+        effect.place is not Place.LIMIT)

@@ -1,0 +1,166 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What all visited sets say together: probability of each effect, ties, what is named.
+
+Probabilities are Bayesian averages over the sets that were fitted (Hoeting et al. 1999). An
+effect is named when the best set loses by doing without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.options import head, Names, Options, with_name, without
+from fam_bundle_ros.discovery.search import Search
+
+
+@dataclass(frozen=True)
+class Change:
+    """
+    One difference between a set and the model as given.
+
+    ``old`` is empty for an effect that is added, ``new`` for one that is removed.
+    """
+
+    old: str
+    new: str
+
+    @property
+    def name(self) -> str:
+        """Name of what comes in, or of what goes."""
+        return self.new or self.old
+
+    @property
+    def label(self) -> str:
+        """The change as a ranking shows it: the head of what is added, the shape that replaces."""
+        return self.new if self.old and self.new else head(self.name)
+
+    def undone(self, names: Names) -> Names:
+        """Return a set without this change."""
+        names = without(names, self.new) if self.new else names
+        return with_name(names, self.old) if self.old else names
+
+
+def changes(options: Options, names: Names) -> list[Change]:
+    """Return the differences between a set and the model as given."""
+    return [*(Change('', name) for name in options.added(names)),
+            *(Change(old, new) for old, new in options.replaced(names).items()),
+            *(Change(name, '') for name in options.removed(names))]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """
+    All fitted sets with their probabilities.
+
+    Attributes
+    ----------
+    options : Options
+    fits : tuple of Fit
+        Most probable first.
+    """
+
+    options: Options
+    fits: tuple[Fit, ...]
+
+    @classmethod
+    def of(cls, search: Search) -> Posterior:
+        """Return the posterior of a search."""
+        return cls(search.options, tuple(sorted(search.fits.values(),
+                                                key=lambda fit: -fit.posterior)))
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """Probability of each set, as sorted."""
+        log = np.array([fit.posterior for fit in self.fits])
+        weight = np.exp(log - log.max())
+        return weight / weight.sum()
+
+    @cached_property
+    def _changes(self) -> list[list[Change]]:
+        return [changes(self.options, fit.names) for fit in self.fits]
+
+    def labels(self) -> list[str]:
+        """Return the names of all changes that were tried."""
+        return list(dict.fromkeys(change.label for set_ in self._changes for change in set_))
+
+    def probability(self, is_one: Callable[[Change], bool]) -> float:
+        """Return the probability that a change of some kind is among those needed."""
+        return float(sum(weight for weight, set_ in zip(self.weights, self._changes)
+                         if any(is_one(change) for change in set_)))
+
+    def of_label(self, label: str) -> float:
+        """Return the probability of a change by its name."""
+        return self.probability(lambda change: change.label == label)
+
+    def best_with(self, label: str) -> tuple[Fit, Change] | None:
+        """Return the most probable set with a change of this name."""
+        for fit, set_ in zip(self.fits, self._changes):
+            for change in set_:
+                if change.label == label:
+                    return fit, change
+        return None
+
+    def ties(self, named: Iterable[Change], chosen: Fit, odds: float) -> list[tuple[str, ...]]:
+        """
+        Return groups of effects of which one is named and the others would do as well.
+
+        Others do as well where a set with one of them instead is within ``odds`` of the chosen.
+        """
+        groups = []
+        labels = {change.label for change in changes(self.options, chosen.names)}
+        for change in named:
+            others = []
+            for fit, set_ in zip(self.fits, self._changes):
+                if fit.posterior < chosen.posterior - np.log(odds):
+                    break
+                there = {other.label for other in set_}
+                if (len(there) == len(labels) and change.label not in there
+                        and labels - {change.label} <= there):
+                    others += sorted(there - labels)
+            if others:
+                groups.append((change.label, *dict.fromkeys(others)))
+        return groups
+
+    def spread(self, key: str, value: float) -> float | None:
+        """
+        Return the standard deviation of u about a value over all sets that have a parameter.
+
+        None where no set has it.
+        """
+        total = weight_sum = 0.0
+        for fit, weight in zip(self.fits, self.weights):
+            keys = [prior.key for prior in fit.priors]
+            if key not in keys or weight < 1e-4:
+                continue
+            place = keys.index(key)
+            own = fit.covariance[place, place]
+            total += weight * (own + (fit.u[place] - value) ** 2)
+            weight_sum += weight
+        return float(np.sqrt(total / weight_sum)) if weight_sum else None
+
+
+def named(search: Search) -> tuple[Fit, list[Change], dict[str, float]]:
+    """
+    Return the chosen set, its changes in the order of what they are worth, and that worth.
+
+    Changes that lose too little are undone, the least first.
+    """
+    options, fit = search.options, search.best
+    while True:
+        loss = {change: fit.posterior - search.fit(change.undone(fit.names), fit.start,
+                                                   fit.hyper).posterior
+                for change in changes(options, fit.names)}
+        gain = fit.posterior - search.null.posterior
+        least = min(loss, key=lambda change: loss[change], default=None)
+        if least is None or loss[least] >= max(settings.LEAST_LOSS, settings.LEAST_SHARE * gain):
+            order = sorted(loss, key=lambda change: -loss[change])
+            return fit, order, {change.label: loss[change] for change in order}
+        fit = search.fits[least.undone(fit.names)]

@@ -1,0 +1,138 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What is known of each parameter before the data, as a standard normal coordinate u.
+
+theta = value exp(width u) for positive constants, value + width u for signed ones; a size that
+is zero by default is half-normal. u = 0 is the model file's or the catalogue's value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.model import Bundle, Effect
+from fam_bundle_ros.model.geometry import BRAID_ANGLE_TOLERANCE, RADIUS_TOLERANCE
+
+#: Beyond so many widths a prior is as good as a bound.
+_FAR = 6.0
+
+
+@dataclass(frozen=True)
+class Prior:
+    """
+    The prior of one parameter.
+
+    Attributes
+    ----------
+    key : str
+        ``effect.parameter`` or ``geometry.radius``.
+    lower, upper : float
+        Bounds, SI.
+    value, width : float
+        Centre (SI) and standard deviation (SI, or of the logarithm).
+    kind : str
+        ``log``, ``normal`` or ``half``.
+    own : bool
+        Whether the model has the parameter already.
+    """
+
+    key: str
+    lower: float
+    upper: float
+    value: float
+    width: float
+    kind: str
+    own: bool = False
+
+    @cached_property
+    def limits(self) -> tuple[float, float]:
+        """Bounds of u."""
+        if self.kind == 'log':
+            low = np.log(max(self.lower, 1e-9 * self.value) / self.value) / self.width
+            high = np.log(self.upper / self.value) / self.width
+            return max(-_FAR, float(low)), min(_FAR, float(high))
+        low, high = (self.lower - self.value) / self.width, (self.upper - self.value) / self.width
+        return 0.0 if self.kind == 'half' else float(low), float(high)
+
+    @property
+    def start(self) -> float:
+        """Return where fits begin: a size of zero would have no slope."""
+        return min(0.3, self.limits[1]) if self.kind == 'half' else 0.0
+
+    def theta(self, u: float) -> float:
+        """Return the SI value at u, within the bounds."""
+        value = self.value * np.exp(self.width * u) if self.kind == 'log' \
+            else self.value + self.width * u
+        return float(min(max(value, self.lower), self.upper))
+
+    def slope(self, u: float) -> float:
+        """Return d theta / d u."""
+        return self.width * self.theta(u) if self.kind == 'log' else self.width
+
+    def u(self, theta: float) -> float:
+        """Return the coordinate of an SI value, within its limits."""
+        low, high = self.limits
+        if self.kind == 'log':
+            value = np.log(max(theta, 1e-300) / self.value) / self.width
+        else:
+            value = (theta - self.value) / self.width
+        return float(min(max(value, low), high))
+
+
+def own_priors(model: Bundle) -> list[Prior]:
+    """Return the priors of what a model has: radius, braid angle, its effects' parameters."""
+    first = model.motor_units[0].geometry
+    thinnest = 1.02 * max(u.geometry.wall_thickness / u.geometry.radius
+                          for u in model.motor_units)
+    radius, angle = float(first.radius), float(first.braid_angle)
+    spread = [float(u.geometry.braid_angle) - angle for u in model.motor_units]
+    found = [Prior('geometry.radius', thinnest * radius, 4.0 * radius, radius,
+                   RADIUS_TOLERANCE * radius, 'normal', True),
+             Prior('geometry.braid_angle', np.radians(8.0) - min(spread),
+                   np.radians(54.0) - max(spread), angle, BRAID_ANGLE_TOLERANCE, 'normal', True)]
+    for effect in model.effects:
+        found += effect_priors(effect, model.n, own=True)
+    return found
+
+
+def effect_priors(effect: Effect, units: int, own: bool = False,
+                  change: Callable[[str, float], float] | None = None, size: float = np.inf,
+                  ) -> list[Prior]:
+    """
+    Return the priors of an effect's parameters.
+
+    Parameters
+    ----------
+    units : int
+        Motor units of the bundle: some effects have a parameter for each.
+    own : bool
+        True where the values are the model's own.
+    change : callable, optional
+        From a key and a step (SI) to the rms change of the force, N; with ``size`` (N) it limits
+        the width of signed parameters, whose bounds say little about their size.
+    """
+    found = []
+    for parameter in effect.active(units):
+        low, high = effect.limits(parameter.name)
+        value = effect.values[parameter.name]
+        if not parameter.fitted or high <= low:
+            continue
+        key = f'{effect.name}.{parameter.name}'
+        if value > 0 and low >= 0:
+            width = settings.OWN_WIDTH if own else settings.ADDED_WIDTH
+            found.append(Prior(key, low, high, value, width, 'log', own))
+            continue
+        width = settings.SIGNED_WIDTH * (high - low)
+        if change is not None:
+            step = 0.02 * (high - low)
+            rate = change(key, step if value + step <= high else -step) / step
+            width = min(width, size / rate) if rate > 0 else width
+        kind = 'half' if low >= 0 and value == 0 else 'normal'
+        found.append(Prior(key, low, high, value, width, kind, own))
+    return found

@@ -1,0 +1,78 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a model must be better than: the mean force, a plane, a six-parameter empirical form.
+
+Each is a function of the training cells that returns a function of strain and pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import least_squares, minimize_scalar
+
+Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
+#: Range of the exponent that is searched, 1 per strain.
+_EXPONENTS = np.linspace(-60.0, 20.0, 33)
+
+
+def mean(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weight: np.ndarray,
+         ) -> Prediction:
+    """Return the mean force everywhere."""
+    level = float(np.average(force, weights=weight))
+    return lambda e, p: np.full(len(e), level)
+
+
+def plane(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weight: np.ndarray,
+          ) -> Prediction:
+    """Return the plane in strain and pressures that fits best."""
+    def columns(e: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.ones((len(e), 1)), e[:, None], p], axis=1)
+    return _linear(columns, strain, pressure, force, weight)
+
+
+def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weight: np.ndarray,
+              ) -> Prediction:
+    """
+    Return F = (a P + b) exp(c e) + d e P + f P + g, never below the lowest force measured.
+
+    The six-parameter form of Sarosi et al. (2015, J. Theor. Appl. Mech. 53); with several motor
+    units each has its own a, d and f. Linear but for c and the floor.
+    """
+    floor, scale = float(force.min()), max(float(np.abs(pressure).max()), 1.0)
+
+    def columns(c: float, e: np.ndarray, p: np.ndarray) -> np.ndarray:
+        bent, p, e1 = np.exp(c * e)[:, None], p / scale, e[:, None]
+        return np.concatenate([bent * p, bent, e1 * p, p, np.ones((len(e), 1))], axis=1)
+
+    root = np.sqrt(weight)
+
+    def solved(c: float) -> tuple[float, np.ndarray]:
+        a = columns(c, strain, pressure)
+        x = np.linalg.lstsq(a * root[:, None], force * root, rcond=1e-10)[0]
+        return float(np.sum(weight * (np.maximum(a @ x, floor) - force) ** 2)), x
+
+    near = min(_EXPONENTS, key=lambda c: solved(c)[0])
+    width = _EXPONENTS[1] - _EXPONENTS[0]
+    c = minimize_scalar(lambda c: solved(c)[0], bounds=(near - width, near + width),
+                        method='bounded').x
+    start = np.append(solved(c)[1], c)
+
+    def missed(x: np.ndarray) -> np.ndarray:
+        return root * (np.maximum(columns(x[-1], strain, pressure) @ x[:-1], floor) - force)
+
+    x = least_squares(missed, start, x_scale=np.abs(start) + 1e-3, max_nfev=50).x
+    return lambda e, p: np.maximum(columns(x[-1], e, p) @ x[:-1], floor)
+
+
+def _linear(columns: Callable[[np.ndarray, np.ndarray], np.ndarray], strain: np.ndarray,
+            pressure: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Prediction:
+    root = np.sqrt(weight)[:, None]
+    x = np.linalg.lstsq(columns(strain, pressure) * root, force * root[:, 0], rcond=None)[0]
+    return lambda e, p: columns(e, p) @ x
+
+
+#: Name of each rival.
+RIVALS = {'mean': mean, 'plane': plane, 'empirical': empirical}

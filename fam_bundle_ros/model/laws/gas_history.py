@@ -1,0 +1,31 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the pressure was before: creep after a change, and a play between filling and venting."""
+
+from fam_bundle_ros.model.laws.base import law, Parameter
+from fam_bundle_ros.model.vocabulary import lag, play
+
+
+@law('pressure', family='pressure_creep', leaves=('pressure_rate', 'decay'),
+     memory=('lagged', 'last'), off={'share': 0.0}, look=('teal', 'dot'),
+     summary='part of a change of the pressure is felt late: creep at a fixed length',
+     source='derived: one Kelvin-Voigt element in the braid',
+     signature='after each change of the pressure the force creeps on, at a fixed length',
+     share=Parameter(0.05, '1', 0.0, 0.5, 'part of the pressure that is felt late'),
+     time_constant=Parameter(5.0, 's', 0.2, 300.0, 'time constant of the creep'))
+def pressure_creep(pressure, start, dt, lagged, last, share, time_constant):
+    """The muscle feels P - s (P - p), tau dp/dt = P - p."""
+    slow = lag(lagged, last, pressure, time_constant, start, dt)
+    return share * (slow - pressure), slow, pressure
+
+
+@law('pressure', family='pressure_hysteresis', leaves=('friction', 'decay'),
+     memory=('centre',), off={'half_width': 0.0}, look=('teal', 'dashdot'),
+     summary='dry friction that follows the pressure: filling and venting differ',
+     source='Hunt 2017 (hysteresis of Festo muscles in the pressure); play operator',
+     signature='at a fixed length the force is lower while filling than while venting',
+     half_width=Parameter(5.0, 'kPa', 0.0, 60.0, 'pressure by which either way is off'))
+def pressure_hysteresis(pressure, start, centre, half_width):
+    """The muscle feels the centre of a play of the pressure, p in [P - w, P + w]."""
+    felt = play(centre, pressure, half_width, start)
+    return felt - pressure, felt

@@ -1,0 +1,81 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Online adaptation over ROS: services to reset and save it, a topic and a report in words."""
+
+from collections.abc import Callable
+from typing import Any
+
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from fam_bundle_ros.control import RecruitmentController
+from fam_bundle_ros.control.adaptation import forget_adaptation
+from fam_bundle_ros.control.learnt import adapted_bundle, learnt_words, wrong_model
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.modelfile import save_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.diagnostics import Report, WARN
+from fam_bundle_ros.nodes.models import shipped_or_own
+
+#: s: between two messages.
+_PERIOD = 1.0
+
+
+class Adaptation:
+    """
+    What the recruitment controller learns, shown and kept.
+
+    Parameters
+    ----------
+    node : BundleNode
+    controller : callable
+        Returns the controller of now.
+    """
+
+    def __init__(self, node: Any, controller: Callable[[], RecruitmentController]):
+        self._node, self._controller = node, controller
+        self._publisher = node.publisher(interface.ADAPTATION, String, interface.LATCHED)
+        self._said = ''
+        node.create_service(Trigger, interface.ADAPTATION_RESET, self._on_reset)
+        node.create_service(Trigger, interface.ADAPTATION_SAVE, self._on_save)
+        node.every(_PERIOD, self._publish)
+
+    def words(self) -> str:
+        """Return what was learnt, in words."""
+        controller = self._controller()
+        names = [unit.name.upper() for unit in controller.bundle.motor_units]
+        return '; '.join(learnt_words(controller.settings.adaptation,
+                                      controller.memory.adaptation, names))
+
+    def report(self, report: Report) -> None:
+        """Add to the node's diagnostics."""
+        controller = self._controller()
+        report.value('adaptation', self.words())
+        doubt = wrong_model(controller.settings.adaptation, controller.memory.adaptation)
+        if doubt:
+            report.add(WARN, doubt)
+
+    def _publish(self) -> None:
+        words = self.words()
+        if words != self._said:
+            self._said = words
+            self._publisher.publish(String(data=words))
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        controller = self._controller()
+        before = self.words()
+        forget_adaptation(controller.settings.adaptation, controller.memory.adaptation)
+        response.success, response.message = True, f'forgotten: {before}'
+        return response
+
+    def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        controller = self._controller()
+        path = shipped_or_own(self._node.p['model'], 'models')
+        path = path.with_name(f'{path.stem}_adapted.yaml')
+        try:
+            save_model(adapted_bundle(controller.bundle, controller.memory.adaptation), path)
+        except InputError as error:
+            response.success, response.message = False, str(error)
+        else:
+            response.success, response.message = True, f'{path}: {self.words()}'
+        return response

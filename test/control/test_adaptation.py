@@ -1,0 +1,159 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Online adaptation: what it learns, what it leaves alone, and what it says."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control import (
+    AdaptationConfig,
+    ControllerConfig,
+    Measurement,
+    RecruitmentController,
+    Reference,
+)
+from fam_bundle_ros.control.adaptation import (
+    adaptation_settings,
+    adaptation_state,
+    adaptation_step,
+    bound_of,
+    forget_adaptation,
+)
+from fam_bundle_ros.control.learnt import adapted_bundle, learnt_words, wrong_model
+from fam_bundle_ros.errors import InputError
+
+DT = 4e-3
+
+
+class Learner:
+    """Adaptation apart from the controller, told model forces and what is measured."""
+
+    def __init__(self, bundle, **config):
+        self.settings = adaptation_settings(AdaptationConfig(**config), bundle)
+        self.state = adaptation_state(bundle.n)
+        forget_adaptation(self.settings, self.state)
+
+    def run(self, forces, measured):
+        for force, seen in zip(forces, measured):
+            self.state.force[:] = [float(each) for each in force]
+            adaptation_step(self.settings, self.state, float(seen), DT)
+        return np.array(self.state.error)
+
+
+def exercise(seconds, speed=1.0):
+    """Return forces of two units that move apart: the second pushes back at times."""
+    t = speed * np.arange(round(seconds / DT)) * DT
+    return np.stack([25.0 + 20.0 * np.sin(2.0 * t), 8.0 + 16.0 * np.sin(1.3 * t)], axis=1)
+
+
+def test_gains_of_each_unit_and_of_the_push_back_are_found(paper_bundle):
+    """Units that pull 8 % less and 6 % more, and push back a third more, are told apart."""
+    forces, noise = exercise(120.0), np.random.default_rng(2)
+    true = 0.92 * forces[:, 0] + np.where(forces[:, 1] > 0.0, 1.06, 1.33) * forces[:, 1] + 1.0
+    found = Learner(paper_bundle).run(forces, true + 0.5 * noise.standard_normal(len(true)))
+    assert found[:2] == pytest.approx([-0.08, 0.06], abs=0.02)
+    assert found[2] == pytest.approx(0.33, abs=0.06)
+    assert found[3] == pytest.approx(1.0, abs=0.5)
+
+
+def test_a_force_that_comes_late_is_a_lag(paper_bundle):
+    """Air behind a tube of 15 ms is learnt as such, and no gain is blamed."""
+    forces = exercise(120.0, speed=4.0)
+    late = np.zeros(len(forces))
+    total, state = forces.sum(axis=1), forces[0].sum()
+    for k in range(len(late)):
+        state += (1.0 - np.exp(-DT / 0.015)) * (total[k] - state)
+        late[k] = state
+    found = Learner(paper_bundle).run(forces, late)
+    assert found[-1] == pytest.approx(0.015, abs=4e-3)
+    assert abs(found[:2]).max() < 0.02
+
+
+def test_an_hour_of_noise_without_excitation_moves_nothing(paper_bundle):
+    """Constant pressures and half a newton of noise: less than 1 % in an hour."""
+    learner, noise = Learner(paper_bundle), np.random.default_rng(3)
+    learner.state.force[:] = [30.0, -4.0]
+    worst = 0.0
+    for seen in 26.0 + 0.5 * noise.standard_normal(180000):
+        adaptation_step(learner.settings, learner.state, float(seen), 5.0 * DT)
+        worst = max(worst, *map(abs, learner.state.error[:3]))
+    assert worst < 0.01
+
+
+def test_the_covariance_neither_winds_up_nor_dies(paper_bundle):
+    """After long rest a unit that was not used is as open to learning as at first."""
+    learner = Learner(paper_bundle)
+    learner.run(np.tile([30.0, 0.0], (50000, 1)), np.full(50000, 30.0))
+    assert learner.state.covariance[1][1] == pytest.approx(learner.settings.spread[1] ** 2)
+    assert np.all(np.linalg.eigvalsh(np.array(learner.state.covariance)) > 0.0)
+
+
+def test_estimates_stay_within_bounds_and_say_so(paper_bundle):
+    """A bundle that pulls nothing like its model: bounded, and `diagnose` is named."""
+    forces = exercise(60.0)
+    learner = Learner(paper_bundle)
+    assert wrong_model(learner.settings, learner.state) == ''
+    found = learner.run(forces, 3.0 * forces.sum(axis=1))
+    assert abs(found[0]) <= bound_of(learner.settings, 0)
+    assert 'diagnose' in wrong_model(learner.settings, learner.state)
+
+
+def test_what_was_learnt_is_said_in_plain_words(paper_bundle):
+    """"MU1 pulls 7 % less than the model"."""
+    learner = Learner(paper_bundle)
+    words = (learner.settings, learner.state, ['MU1', 'MU2'])
+    assert learnt_words(*words) == ['the model fits']
+    learner.state.error[:] = [-0.07, 0.0, 0.3, 0.0, 0.012]
+    assert learnt_words(*words) == [
+        'MU1 pulls 7 % less than the model',
+        'compressed muscles push back 30 % more than the model',
+        'the force comes 12 ms after the pressures']
+    off = adaptation_settings(AdaptationConfig(enabled=False), paper_bundle)
+    assert learnt_words(off, *words[1:]) == ['adaptation is off']
+
+
+def test_the_adapted_model_pulls_and_pushes_as_learnt(paper_bundle):
+    """The model that is saved gives the forces that the controller reckons with."""
+    state = adaptation_state(2)
+    state.error[:] = [-0.07, 0.05, 0.3, 0.0, 0.0]
+    adapted = adapted_bundle(paper_bundle, state)
+    before, now = (b.unit_forces(0.1, [250e3, 250e3]) for b in (paper_bundle, adapted))
+    assert now / before == pytest.approx([0.93, 1.05], abs=0.015)
+    before, now = (b.unit_forces(0.2, [60e3, 60e3]) for b in (paper_bundle, adapted))
+    assert np.all(before < 0.0)
+    assert now / before == pytest.approx([1.3, 1.3], abs=0.1)
+
+
+def test_adaptation_is_used_in_the_inverse_and_may_be_off(paper_bundle):
+    """Weak muscles get more pressure for the same force; off, feed-forward stays as it was."""
+    given = {}
+    for enabled in (True, False):
+        controller = RecruitmentController(paper_bundle, ControllerConfig(
+            adaptation=AdaptationConfig(enabled=enabled)))
+        controller.memory.adaptation.error[0] = -0.1
+        for _ in range(3):
+            command = controller.update(DT, Measurement(30.0, 0.1, 0.0, np.array([170e3, 0.0])),
+                                        Reference('force', 30.0))
+        given[enabled] = controller.memory.table.pull[0]
+        assert command.pressure[0] > 0.0
+    assert given[True] == pytest.approx(0.9, abs=0.02)
+    assert given[False] == 1.0
+
+
+def test_the_intervals_of_a_model_file_bound_what_is_learnt(paper_bundle):
+    """A fitted model is believed more than one with numbers from a book."""
+    book = adaptation_settings(AdaptationConfig(), paper_bundle).spread
+    effect = paper_bundle.effect('resistive_buckling')
+    value = effect.values['pressure_share']
+    fitted = effect.replace()
+    fitted.intervals = {'pressure_share': (0.95 * value, 1.05 * value)}
+    known = adaptation_settings(AdaptationConfig(), paper_bundle.with_effect(fitted)).spread
+    assert known[2] < 0.3 * book[2]
+    assert known[2] >= 0.05
+
+
+def test_bad_settings_fails():
+    """An error or memory of 0 leaves nothing to weigh."""
+    for name in ('memory', 'pull_error', 'rest_error'):
+        with pytest.raises(InputError, match=name):
+            AdaptationConfig(**{name: 0.0})

@@ -1,0 +1,51 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Margins and steps of the loops, over the error of the model."""
+
+import pytest
+
+from fam_bundle_ros.control import OuterConfig, PidConfig, tune
+from fam_bundle_ros.control.loop_tuning import pressure_steps, tune_force
+
+pytest.importorskip('control')
+
+
+@pytest.mark.parametrize('delay', [5e-3, 10e-3, 15e-3])
+def test_a_pressure_step_overshoots_by_5_percent_at_most_when_the_delay_is_told(delay):
+    """At every volume; and it settles within three lags of the loop and the valve's own time."""
+    gains = tune(sample_period=2e-3, transport_delay=delay).gains
+    for step in pressure_steps(gains, PidConfig(transport_delay=delay), 2e-3, delay,
+                               gain_errors=(0.0,)):
+        assert step.overshoot <= 0.05
+        assert step.settling < 0.05
+
+
+def test_a_delay_that_is_not_told_overshoots():
+    """What the prediction is for: the same gains, 15 ms of delay and none told."""
+    gains = tune(sample_period=2e-3, transport_delay=15e-3).gains
+    told, untold = (max(step.overshoot for step in pressure_steps(
+        gains, PidConfig(transport_delay=known), 2e-3, 15e-3, gain_errors=(0.0,)))
+        for known in (15e-3, 0.0))
+    assert untold > 2.0 * told
+
+
+@pytest.mark.parametrize('delay', [5e-3, 10e-3, 15e-3])
+def test_the_force_loop_keeps_a_gain_margin_of_2_where_the_model_is_half_off(delay):
+    """The closed form for the default force gain agrees with python-control."""
+    result = tune_force(OuterConfig(delay=delay, gain_error=0.5))
+    assert min(point.gain_margin_db for point in result.points) == pytest.approx(6.02, abs=0.05)
+    assert result.points[-1].gain_error == 0.5
+
+
+def test_a_model_without_error_gives_a_step_without_overshoot():
+    """Then the observer has nothing to say, and the gain on the error only shortens the lag."""
+    points = {point.gain_error: point for point in tune_force().points}
+    assert points[0.0].overshoot < 1e-6
+    assert points[0.0].settling < points[0.5].settling
+
+
+def test_what_is_learnt_to_be_late_makes_the_observer_patient():
+    """The time of the observer is the lag of the loop."""
+    quick, late = tune_force(), tune_force(lag=0.03)
+    assert late.settings['bias_time'] == pytest.approx(quick.settings['bias_time'] + 0.03)
+    assert late.points[-1].gain_margin_db == pytest.approx(6.02, abs=0.05)

@@ -1,0 +1,275 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Cells, priors, covariance and evidence against what they are by definition."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.stats import multivariate_normal
+
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery.cells import entered, reduce
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
+from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.options import head, Options
+from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
+from fam_bundle_ros.discovery.settings import AMPLITUDES, Choices
+from fam_bundle_ros.model import Bundle, catalogue, MotorUnit
+
+FULL = Hyper(even=9, strain=1, pressure=1, odd=8, white=6, slow=7, tau=1)
+
+
+
+
+@pytest.fixture
+def problem(sweeps, paper_muscle):
+    """Return cells of sweeps with friction, a covariance over them, and a fitter."""
+    cells = reduce(paper_muscle, sweeps(paper_muscle.with_effect('coulomb_friction')), most=120)
+    covariance = Covariance(cells, 0.01)
+    return cells, covariance, Fitter(cells, covariance)
+
+
+# --- cells -------------------------------------------------------------------------------------
+
+def test_every_row_is_in_one_cell_and_cells_are_means_of_their_rows(problem):
+    """Counts sum to the rows, and each cell's force is the mean of its rows."""
+    cells, _, _ = problem
+    kept = cells.label >= 0
+    assert cells.count.sum() == kept.sum()
+    k = int(np.argmax(cells.count))
+    rows = cells.label == k
+    assert cells.force[k] == pytest.approx(cells.data.force[rows].mean())
+    assert len(np.unique(cells.data.trial[rows])) == 1
+    assert len(np.unique(cells.data.direction[rows])) == 1
+
+
+def test_a_small_map_is_taken_row_by_row(paper_muscle):
+    """With fewer rows than cells nothing is averaged, and nothing is left out."""
+    strain = np.tile(np.linspace(0, 0.2, 8), 6)
+    pressure = np.repeat(np.linspace(0, 400e3, 6), 8)
+    force = paper_muscle.force(strain, pressure[:, None])
+    cells = reduce(paper_muscle, build('map', strain, pressure, force))
+    assert len(cells) == 48
+    np.testing.assert_allclose(cells.force, force)
+    assert cells.time is None
+    assert not cells.both_ways
+
+
+def test_the_row_with_which_a_trial_begins_is_in_no_cell(sweeps, paper_muscle):
+    """How the muscle came there is in no row; a trial of one row has nothing else and stays."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction'))
+    assert (reduce(paper_muscle, data).label[data.start] == -1).all()
+    one = entered(data.select(np.r_[True, np.zeros(len(data) - 1, bool)]))
+    assert one.tolist() == [False]
+    assert entered(data).sum() == len(data.trial_names)
+
+
+def test_averaging_takes_vectors_and_columns_alike(problem):
+    """A matrix of columns is averaged column by column."""
+    cells, _, _ = problem
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((len(cells.data), 3))
+    together = cells.mean(columns)
+    for k in range(3):
+        np.testing.assert_allclose(together[:, k], cells.mean(columns[:, k]))
+
+
+# --- priors ------------------------------------------------------------------------------------
+
+@given(u=st.floats(-3, 3), kind=st.sampled_from(['log', 'normal']))
+def test_coordinates_and_values_belong_together(u, kind):
+    """From u to theta and back is the identity, and slope is the derivative."""
+    prior = Prior('a.b', 1e-6 if kind == 'log' else -1e3, 1e3, 2.0, 0.7, kind)
+    assert prior.u(prior.theta(u)) == pytest.approx(u, abs=1e-9)
+    step = 1e-6
+    assert prior.slope(u) == pytest.approx(
+        (prior.theta(u + step) - prior.theta(u - step)) / (2 * step), rel=1e-5)
+
+
+def test_values_stay_within_their_bounds():
+    """Far coordinates give the bound, never more."""
+    prior = Prior('a.b', 0.5, 3.0, 1.0, 1.2, 'log')
+    assert prior.theta(50.0) == 3.0
+    assert prior.theta(-50.0) == 0.5
+    assert prior.limits == pytest.approx((np.log(0.5) / 1.2, np.log(3.0) / 1.2))
+
+
+def test_geometry_is_held_by_its_tolerances(paper_muscle):
+    """One width is 4 % of the radius and 1.5 deg of the braid angle."""
+    radius, angle = own_priors(paper_muscle)[:2]
+    assert radius.theta(1.0) / radius.theta(0.0) == pytest.approx(1.04)
+    assert np.degrees(angle.theta(1.0) - angle.theta(0.0)) == pytest.approx(1.5)
+
+
+def test_a_signed_parameter_may_change_the_force_by_a_part_of_its_spread():
+    """Bounds of a polynomial say little about its size; the change of the force does."""
+    effect = catalogue.get('bladder_polynomial')()
+    free = {p.key: p for p in effect_priors(effect, 1)}
+    held = {p.key: p for p in effect_priors(effect, 1, change=lambda key, step: abs(step) * 0.01,
+                                            size=10.0)}
+    assert held['bladder_polynomial.k2'].width == pytest.approx(1000.0)
+    assert held['bladder_polynomial.k2'].width < free['bladder_polynomial.k2'].width
+    assert held['bladder_polynomial.k1'].kind == 'log'
+
+
+# --- covariance --------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('h', [FULL, Hyper(white=8), FULL._replace(odd=0), Hyper(slow=9)])
+def test_whitening_makes_the_covariance_the_identity(problem, h):
+    """L^-1 K L^-T = I, and the determinant is that of K."""
+    cells, covariance, _ = problem
+    k = covariance.matrix(h)
+    half = covariance.whiten(h, covariance.whiten(h, k).T)
+    np.testing.assert_allclose(half, np.eye(len(cells)), atol=1e-6)
+    assert covariance.log_determinant(h) == pytest.approx(0.5 * np.linalg.slogdet(k)[1])
+
+
+def test_the_odd_part_has_opposite_signs_in_opposite_directions(problem):
+    """Cells of one place and two directions: the even part agrees, the odd part opposes."""
+    cells, covariance, _ = problem
+    even = covariance.structured(Hyper(even=9))
+    odd = covariance.structured(Hyper(odd=9))
+    np.testing.assert_allclose(odd, even * np.outer(cells.direction, cells.direction))
+
+
+def test_slow_misfit_ends_with_its_trial(problem):
+    """Cells of two trials share no drift."""
+    cells, covariance, _ = problem
+    slow = covariance.structured(Hyper(slow=9))
+    assert np.all(slow[cells.trial[:, None] != cells.trial] == 0.0)
+    assert np.diag(slow) == pytest.approx((AMPLITUDES[9] * cells.force_sd) ** 2)
+
+
+def test_matern_falls_from_one_and_stays_positive_definite():
+    """1 at no distance; a matrix of it has no negative eigenvalue."""
+    x = np.linspace(0, 3, 40)
+    k = matern_5_2((x[:, None] - x) ** 2)
+    assert k[0, 0] == 1.0
+    assert np.all(np.diff(k[0]) < 0)
+    assert np.linalg.eigvalsh(k).min() > -1e-10
+
+
+def test_the_discrepancy_adds_over_motor_units(paper_muscle):
+    """As forces do: what it is between cells is the mean over units of what each gives."""
+    unit = paper_muscle.motor_units[0]
+    bundle = Bundle('two', [MotorUnit(f'mu{k}', 1, unit.geometry) for k in (1, 2)],
+                    paper_muscle.effects)
+    rng = np.random.default_rng(0)
+    strain, pressure = rng.uniform(0, 0.2, 60), rng.uniform(0, 4e5, (60, 2))
+    data = build('two', strain, pressure, bundle.force(strain, pressure),
+                 motor_units=('mu1', 'mu2'))
+    covariance = Covariance(reduce(bundle, data), 0.01)
+    h = Hyper(even=9)
+    parts = [covariance.across(h, strain, pressure, k) for k in (0, 1)]
+    np.testing.assert_allclose(parts[0] + parts[1], covariance.across(h, strain, pressure))
+    assert np.allclose(np.diag(parts[0]), 0.5)
+
+
+# --- evidence ----------------------------------------------------------------------------------
+
+def test_evidence_of_a_linear_model_is_its_marginal_likelihood(problem):
+    """It is log N(y; 0, K + J J') of the model linearised at u, plus the amplitudes' prior."""
+    cells, covariance, fitter = problem
+    rng = np.random.default_rng(1)
+    slopes = rng.standard_normal((len(cells), 3))
+    u = np.array([0.5, -1.0, 0.2])
+    priors = [Prior(f'a.{k}', -1e3, 1e3, 0.0, 1.0, 'normal') for k in 'xyz']
+    y = rng.standard_normal(len(cells))
+    expected = multivariate_normal(cov=covariance.matrix(FULL) + slopes @ slopes.T).logpdf(y)
+    found = fitter.log_evidence(FULL, y - slopes @ u, slopes, u, priors)
+    assert found == pytest.approx(expected + covariance.log_prior(FULL), abs=1e-6)
+
+
+def test_a_parameter_at_its_bound_counts_as_fixed(problem):
+    """It widens nothing and pays for where it is."""
+    cells, covariance, fitter = problem
+    rng = np.random.default_rng(1)
+    slopes = rng.standard_normal((len(cells), 2))
+    priors = [Prior('a.x', -1e3, 1e3, 0.0, 1.0, 'normal'),
+              Prior('a.y', -1e3, 2.0, 0.0, 1.0, 'normal')]
+    u, r = np.array([0.3, 2.0]), rng.standard_normal(len(cells))
+    free = fitter.log_evidence(FULL, r, slopes[:, :1], u[:1], priors[:1])
+    assert fitter.log_evidence(FULL, r, slopes, u, priors) == pytest.approx(free - 2.0)
+
+
+def test_amplitudes_pay_by_what_is_normal(problem):
+    """exp(-sum of amplitudes / unexplained): half of what is normal costs twice as much."""
+    cells, _, _ = problem
+    wide, narrow = Covariance(cells, 0.02), Covariance(cells, 0.01)
+    assert narrow.log_prior(FULL) == pytest.approx(2 * wide.log_prior(FULL))
+    assert narrow.log_prior(Hyper()) == 0.0
+
+
+def test_the_fit_is_the_least_squares_solution_with_priors_as_rows(problem, paper_muscle):
+    """The same as scipy's least_squares on whitened residuals and u."""
+    cells, covariance, fitter = problem
+    model = paper_muscle.with_effect('coulomb_friction').with_effect('end_caps')
+    names = tuple(sorted(e.name for e in model.effects))
+    options = Options.of(paper_muscle, cells, Choices())
+    priors = options.priors(names)
+    h = Hyper(white=6)
+    start = np.array([p.start for p in priors])
+    u, residual, slopes = fitter.most_probable(model, priors, start, fitter.whitener(h), 40, 1e-9)
+    limits = np.array([p.limits for p in priors]).T
+
+    def rows(x):
+        return np.append(covariance.whiten(h, fitter.residual(model, priors, x)), x)
+
+    best = least_squares(rows, np.clip(start, *(limits + [[1e-9], [-1e-9]])), bounds=limits,
+                         xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    assert np.sum(rows(u) ** 2) == pytest.approx(2 * best.cost, rel=1e-4)
+    np.testing.assert_allclose(residual, fitter.residual(model, priors, u))
+
+
+def test_slopes_are_derivatives_of_the_prediction(problem, paper_muscle):
+    """By the coordinates of the priors, as differences have them."""
+    _, _, fitter = problem
+    priors = own_priors(paper_muscle)
+    u = np.array([0.4, -0.3, 0.5, -0.6])
+    residual, slopes = fitter.linearised(paper_muscle, priors, u)
+    for k in range(4):
+        step = np.zeros(4)
+        step[k] = 1e-4
+        change = (fitter.residual(paper_muscle, priors, u - step)
+                  - fitter.residual(paper_muscle, priors, u + step)) / 2e-4
+        np.testing.assert_allclose(slopes[:, k], change, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(residual, fitter.residual(paper_muscle, priors, u))
+
+
+# --- sets --------------------------------------------------------------------------------------
+
+def test_one_change_more_and_one_less_are_inverse(problem, paper_muscle):
+    """Every set with one change more leads back to where it came from."""
+    cells, _, _ = problem
+    options = Options.of(paper_muscle, cells, Choices())
+    further = options.further(options.own)
+    assert all(options.own in options.back(names) for names in further)
+    assert {options.changes(names) for names in further} == {1}
+    assert all(len({head(n) for n in names}) == len(names) for names in further)
+
+
+def test_the_models_own_effects_may_be_replaced_and_removed(problem, paper_muscle):
+    """Another bladder and no bladder are among the sets; the mesh, without numbers, stays."""
+    cells, _, _ = problem
+    options = Options.of(paper_muscle, cells, Choices())
+    further = options.further(options.own)
+    assert ('bladder_polynomial', 'mesh') in further
+    assert ('mesh',) in further
+    assert all('mesh' in names for names in further)
+    assert options.replaced(('bladder_polynomial', 'mesh')) == {
+        'bladder_elasticity': 'bladder_polynomial'}
+    assert options.removed(('mesh',)) == ['bladder_elasticity']
+
+
+def test_shapes_of_one_effect_share_its_prior(problem, paper_muscle):
+    """All shapes of a head together have the odds that are chosen."""
+    cells, _, _ = problem
+    options = Options.of(paper_muscle.without_effect('bladder_elasticity'), cells,
+                         Choices(inclusion=0.2))
+    shapes = [n for n in options.effects if head(n) == 'bladder_elasticity']
+    assert len(shapes) >= 2
+    odds = sum(np.exp(options.log_prior(('mesh', name))) for name in shapes)
+    assert odds == pytest.approx(0.25)
+    assert options.log_prior(options.own) == 0.0

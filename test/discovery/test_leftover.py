@@ -1,0 +1,160 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What physics leaves: rivals, folds, the discrepancy as a table that a model file names."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.discovery import rivals
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, splits
+from fam_bundle_ros.discovery.leftover import Leftover
+from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import catalogue, load_model, Motion, save_model
+
+TABLE = """strain,pressure [kPa],force [N],sd [N],odd [N]
+0.0,0,1,0.1,0.5
+0.0,400,3,0.1,0.5
+0.2,0,2,0.1,1.5
+0.2,400,6,0.1,1.5
+"""
+
+
+@pytest.fixture
+def surface(tmp_path):
+    """Return the law with a table of four points."""
+    (tmp_path / 'left.csv').write_text(TABLE)
+    return catalogue.get('discrepancy_surface')(table='left.csv', folder=tmp_path)
+
+
+def fitted(model, data):
+    """Return a fitter and the model's own effects fitted with and without a discrepancy."""
+    cells = reduce(model, data)
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    options = Options(model, cells, Choices(), {e.name: e for e in model.effects})
+    joint = fitter.fit(options.own, model, options.priors(options.own))
+    return fitter, joint, fitter.without_discrepancy(joint)
+
+
+# --- the law -----------------------------------------------------------------------------------
+
+def test_the_surface_is_added_to_the_force_between_its_points(surface, paper_muscle):
+    """The middle of four points is their mean; at rest there is no odd part."""
+    added = paper_muscle.with_effect(surface).force(0.1, [200e3]) - paper_muscle.force(
+        0.1, [200e3])
+    assert added == pytest.approx(3.0)
+
+
+@pytest.mark.filterwarnings('ignore:.*nearest edge')
+def test_outside_its_data_the_surface_has_no_slope(surface, paper_muscle):
+    """What holds at the edge holds beyond it."""
+    with_it = paper_muscle.with_effect(surface)
+    for strain, pressure, edge in ((0.25, 200e3, 4.0), (-0.02, 200e3, 2.0), (0.1, 600e3, 4.5)):
+        added = with_it.force(strain, [pressure]) - paper_muscle.force(strain, [pressure])
+        assert added == pytest.approx(edge)
+
+
+def test_the_odd_part_follows_the_direction_of_motion(surface, paper_muscle):
+    """Shortening adds it, lengthening takes it away."""
+    with_it = paper_muscle.with_effect(surface)
+    up, down = (with_it.force(0.1, [200e3], rate) for rate in (0.05, -0.05))
+    assert (up - down) / 2 == pytest.approx(1.0)
+    assert (up + down) / 2 == pytest.approx(with_it.force(0.1, [200e3]))
+
+
+def test_a_table_with_a_hole_is_refused(tmp_path):
+    """Every pair of strain and pressure once, said with the numbers found."""
+    (tmp_path / 'left.csv').write_text(TABLE[:TABLE.rindex('0.2,400')])
+    with pytest.raises(InputError, match='3 rows; expected every pair of 2 strains and 2'):
+        catalogue.get('discrepancy_surface')(table='left.csv', folder=tmp_path)
+
+
+# --- written by a diagnosis --------------------------------------------------------------------
+
+def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscle, tmp_path):
+    """A smooth error of 8 N that no law explains: physics with the table foretells it."""
+    data = sweeps(extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5 + 2.0 * way)
+    fitter, joint, physics = fitted(paper_muscle, data)
+    left = Leftover.of(fitter.covariance, joint)
+    left.write(tmp_path / 'left.csv')
+    model = joint.model.with_effect(catalogue.get('discrepancy_surface')(
+        table='left.csv', folder=tmp_path))
+    save_model(model, tmp_path / 'model.yaml')
+    again = load_model(tmp_path / 'model.yaml')
+    motion = Motion(data.strain, data.pressure, data.strain_rate, data.time, data.start)
+    error = np.sqrt(np.mean((data.force - again.predict(motion)) ** 2))
+    alone = np.sqrt(np.mean((data.force - physics.model.predict(motion)) ** 2))
+    assert error < 0.9
+    assert alone > 2.0
+    assert left.odd.mean() == pytest.approx(2.0, abs=0.4)
+
+
+def test_the_discrepancy_is_unsure_where_nothing_was_measured(sweeps, paper_muscle):
+    """Its standard deviation between two isobars far apart is above that on one."""
+    pressure = sweeps().pressure[:, 0]
+    measured = (pressure < 100e3) | (pressure > 300e3)
+    fitter, joint, _ = fitted(paper_muscle, sweeps(
+        extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5).select(measured))
+    left = Leftover.of(fitter.covariance, joint)
+    middle = left.sd[0][len(left.strain) // 2]
+    gap = np.abs(left.pressure[0] - 200e3) < 60e3
+    assert middle[gap].mean() > 1.5 * middle[left.pressure[0] < 60e3].mean()
+
+
+# --- held-out errors ---------------------------------------------------------------------------
+
+def test_the_right_model_foretells_unseen_folds_down_to_the_noise(sweeps, paper_muscle):
+    """Trials, isobars and strain levels left out: 0.6 N of noise, and rivals do worse."""
+    fitter, joint, physics = fitted(paper_muscle, sweeps())
+    held = held_out(fitter, physics, joint)
+    assert set(held.kinds) == {'trial', 'isobar', 'strain'}
+    assert held.of_rows(beyond_cells(fitter.cells, physics, 0.6)).physics == pytest.approx(
+        0.6, rel=0.1)
+    assert held.physics < held.rivals['empirical'] < held.rivals['plane'] < held.rivals['mean']
+
+
+def test_folds_are_whole_and_inner(sweeps, paper_muscle):
+    """Each cell is in one fold of each kind; the outermost strains are never left out."""
+    cells = reduce(paper_muscle, sweeps())
+    for kind, label in splits(cells):
+        assert len(label) == len(cells)
+        if kind == 'strain':
+            assert label[np.argmin(cells.strain)] == label[np.argmax(cells.strain)] == -1
+        if kind == 'trial':
+            assert all(len(np.unique(label[cells.trial == k])) == 1
+                       for k in np.unique(cells.trial))
+
+
+# --- rivals ------------------------------------------------------------------------------------
+
+def test_rivals_recover_what_they_can_be():
+    """A plane and a six-parameter form are found again from their own values."""
+    rng = np.random.default_rng(0)
+    e, p = rng.uniform(0, 0.25, 200), rng.uniform(0, 5e5, (200, 1))
+    weight = np.ones(200)
+    flat = 3.0 - 20.0 * e + 1e-4 * p[:, 0]
+    np.testing.assert_allclose(rivals.plane(e, p, flat, weight)(e, p), flat, atol=1e-9)
+    bent = (2e-4 * p[:, 0] + 5) * np.exp(-18 * e) - 6e-4 * e * p[:, 0] + 1e-4 * p[:, 0] - 2
+    np.testing.assert_allclose(rivals.empirical(e, p, bent, weight)(e, p), bent, atol=0.05)
+    assert rivals.mean(e, p, flat, weight)(e[:3], p[:3]) == pytest.approx(flat.mean())
+
+
+def test_the_empirical_form_ends_at_the_lowest_force():
+    """A slack tendon reads zero: the form does not go below it."""
+    e = np.tile(np.linspace(0, 0.3, 30), 5)
+    p = np.repeat(np.linspace(1e5, 5e5, 5), 30)[:, None]
+    force = np.maximum(1e-3 * p[:, 0] * (1 - 5 * e), 0.0)
+    assert rivals.empirical(e, p, force, np.ones(150))(e, p).min() >= 0.0
+
+
+def test_no_discrepancy_is_a_flat_table(sweeps, paper_muscle):
+    """Where nothing is left the table is zero."""
+    fitter, joint, physics = fitted(paper_muscle, sweeps())
+    left = Leftover.of(fitter.covariance, physics)
+    assert physics.hyper == Hyper(white=physics.hyper.white)
+    assert not left.even.any()
+    assert not left.odd.any()
