@@ -83,11 +83,9 @@ def muscle_plant(model: Bundle, wrong: Wrong) -> ForeignPlant:
     folded = np.where(force < 0.0, _FOLDED * force, force)
     shape = [[1.0 + (wrong.scale if i % 2 else -wrong.scale), wrong.friction * size, wrong.slide,
               _ENDS * size, float(wrong.snap)] for i, size in enumerate(sizes)]
-    return ForeignPlant(
-        muscle_force, muscle_volume, model.length, model.max_pressure.tolist(), model.names,
-        memory=4,
-        tables=np.concatenate([[n], force.ravel(), folded.ravel(), gas.ravel()]).tolist(),
-        shape=shape)
+    tables = np.concatenate([[n], force.ravel(), folded.ravel(), gas.ravel()]).tolist()
+    return ForeignPlant(muscle_force, muscle_volume, model.length, model.max_pressure.tolist(),
+                        model.names, memory=4, tables=tables, shape=shape)
 
 
 def own_tension(strain: np.ndarray, pressure: np.ndarray) -> np.ndarray:

@@ -104,10 +104,10 @@ def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
         outer=OuterConfig(
             feed_forward=values['feed_forward'], feedback=values['feedback'],
             **outer),
-        adaptation=AdaptationConfig(enabled=values['adaptation.enabled'],
-                                    memory=values['adaptation.memory']),
         baseline=BaselineConfig(**{name: values[f'baseline.{name}']
                                    for name, _, _ in _BASELINE_FIELDS}),
+        adaptation=AdaptationConfig(enabled=values['adaptation.enabled'],
+                                    memory=values['adaptation.memory']),
         load=LoadModel(**{name: values[f'load_model.{name}'] for name, _ in _LOAD_FIELDS}))
 
 

@@ -170,8 +170,7 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
     if air.dumping:
         through += secant(supply.dump_conductance, b, manifold, ambient)
     for i in range(len(commands)):
-        p = air.pressure[i]
-        smallest = min(air.volume[i], volume[i])
+        p, smallest = air.pressure[i], min(air.volume[i], volume[i])
         if apart:
             inside = secant(chamber.line_conductance, chamber.line_ratio, air.line[i], p,
                             LINE_LAMINAR_RATIO)

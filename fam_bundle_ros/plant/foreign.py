@@ -8,6 +8,7 @@ functions, else in plain Python.
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 import inspect
 from typing import Any
 
@@ -110,7 +111,7 @@ class ForeignPlant:
                    [row[:] for row in memory])
         if not compiled:
             return Model(*self._functions, *numbers)
-        return Model(*pointers(*self._functions), *(np.array(item, float) for item in numbers))
+        return Model(*_compiled(self._functions), *(np.array(item, float) for item in numbers))
 
     @classmethod
     def from_tables(cls, strain: Sequence[float], pressure: Sequence[float], force: Any,
@@ -148,6 +149,12 @@ class ForeignPlant:
         tables = np.concatenate([[n], *([len(grid)] for grid in grids), *grids,
                                  *(surface.ravel() for surface in surfaces)])
         return cls(_table_force, _table_volume, length, tables=tables.tolist(), **more)
+
+
+@cache
+def _compiled(functions: tuple[Callable, ...]) -> tuple[Any, Any, Any]:
+    """Return the pointers of a plant's functions, made once."""
+    return pointers(*functions)
 
 
 def _adapted(function, arguments, slope=False):

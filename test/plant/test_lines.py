@@ -107,10 +107,10 @@ def test_a_spool_with_backlash_turns_late_and_stays_open(bundle):
             for h in (0.0, 0.2)]
     for rig in rigs:
         rig.step([0.3, -0.5], 0.05)
-    assert [rig._state.air.spool[0] for rig in rigs] == pytest.approx([0.3, 0.2], abs=1e-6)
+    assert [rig.state.air.spool[0] for rig in rigs] == pytest.approx([0.3, 0.2], abs=1e-6)
     for rig in rigs:
         rig.step([0.0, -0.45], 0.05)
-    assert [rig._state.air.spool[0] for rig in rigs] == pytest.approx([0.0, 0.1], abs=1e-6)
+    assert [rig.state.air.spool[0] for rig in rigs] == pytest.approx([0.0, 0.1], abs=1e-6)
     assert rigs[1]._state.air.spool[1] == pytest.approx(-0.4, abs=1e-6)
 
 
@@ -124,7 +124,7 @@ def test_a_narrow_line_holds_all_the_air_that_came(bundle):
     """Air in line and muscle is what the valve let in, less what it let out."""
     _, rig = drive(bundle, chamber=narrow(line_volume=3e-6, line_conductance=2e-9),
                    supply=SupplyConfig(volume=1.0))
-    air, balance = rig._state.air, rig.air
+    air, balance = rig.state.air, rig.air
     volume = float(bundle.gas_volume(0.1)[0]) + 4e-6
     for unit in range(2):
         assert air.volume[unit] == pytest.approx(volume, rel=1e-12)
@@ -138,10 +138,10 @@ def test_the_gauge_of_a_narrow_line_runs_ahead_of_the_muscle(bundle):
     chamber = narrow(line_volume=3e-6, line_conductance=2e-9)
     rig = Rig(bundle, RigConfig(load=Dynamometer(strain=0.1), chamber=chamber,
                                 sensors=SensorConfig.ideal()))
-    ahead = rig.step([0.4, 0.0], 0.01).pressure[0] - rig._state.gauge[0]
+    ahead = rig.step([0.4, 0.0], 0.01).pressure[0] - rig.state.gauge[0]
     assert ahead > 20e3
     rig.step([0.0, 0.0], 0.5)
-    assert rig.readings.pressure[0] == pytest.approx(rig._state.gauge[0], rel=1e-6)
+    assert rig.readings.pressure[0] == pytest.approx(rig.state.gauge[0], rel=1e-6)
     assert rig.truth.force == pytest.approx(
         float(bundle.force(0.1, rig.readings.pressure)), rel=1e-6)
     (_, _, one, _, _), _ = drive(bundle, chamber=narrow())
