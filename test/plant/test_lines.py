@@ -111,7 +111,7 @@ def test_a_spool_with_backlash_turns_late_and_stays_open(bundle):
     for rig in rigs:
         rig.step([0.0, -0.45], 0.05)
     assert [rig.state.air.spool[0] for rig in rigs] == pytest.approx([0.0, 0.1], abs=1e-6)
-    assert rigs[1]._state.air.spool[1] == pytest.approx(-0.4, abs=1e-6)
+    assert rigs[1].state.air.spool[1] == pytest.approx(-0.4, abs=1e-6)
 
 
 def narrow(**more):
