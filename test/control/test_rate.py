@@ -109,7 +109,7 @@ def test_friction_in_the_model_still_helps_in_motion(paper_bundle):
     for model in (paper_bundle, plant):
         log = ClosedLoop(plant, model=model, controller=alone).run(swing)
         errors.append(np.sqrt(np.mean(log.error[log.time > 1.0] ** 2)))
-    assert errors[1] < 0.35 * errors[0]
+    assert errors[1] < 0.4 * errors[0]
 
 
 @pytest.mark.parametrize('speed', [0.002, 0.004, 0.01])
