@@ -78,6 +78,7 @@ class Search:
         self.again(self.best.names)
         self._around()
         self.again(self.best.names)
+        self._settle()
         return self
 
     @property
@@ -141,6 +142,19 @@ class Search:
                     self.fit(names, s.start, best.hyper)
             if self.best is best:
                 break
+
+    def _settle(self) -> None:
+        """Fit again, from sets as good as the best, those with a change less that are worse."""
+        odds = np.log(self.options.choices.odds)
+        settled = set()
+        for fit in sorted(self.fits.values(), key=lambda fit: -fit.posterior):
+            if fit.posterior < self.best.posterior - odds:
+                break
+            for names in self.options.back(fit.names):
+                known = self.fits.get(names)
+                if names not in settled and (known is None or known.posterior < fit.posterior):
+                    self.again(names, fit.start, fit.hyper)
+                    settled.add(names)
 
     def screen(self, node: Fit, names: Names) -> Screened:
         """Return the highest linearised posterior of a set next to a fitted one."""

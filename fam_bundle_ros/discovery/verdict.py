@@ -140,17 +140,17 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     before = what_is_left(fitter.covariance, null)
     after = what_is_left(fitter.covariance, chosen)
     needed = need_of_structure(fitter, null)
-    explained = 1.0 - (need_of_structure(fitter, chosen) / max(needed, 1e-9) if found else 1.0)
+    still = need_of_structure(fitter, chosen) if found else needed
+    explained = 1.0 - still / max(needed, 1e-9)
+    # as an effect must, structure has prior odds to overcome
+    structured = (still + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS
+                  and after.smooth > settings.VISIBLE * cells.noise)
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held) if found else ()
     warnings = _warnings(physics, held) if found else ()
     if offsets is not None:
         warnings = (*warnings, str(offsets))
     if not found:
-        # as an effect must, structure has prior odds to overcome
-        odds = inclusion / (1.0 - inclusion)
-        structured = (needed + np.log(odds) > settings.LEAST_LOSS
-                      and before.smooth > settings.VISIBLE * cells.noise)
         if offsets is not None or structured:
             verdict = 'unexplained'
         else:
@@ -161,7 +161,8 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     elif refusals:
         verdict = 'unexplained'
     else:
-        verdict = 'partial' if warnings or after.total > small(cells) else 'missing_effect'
+        rest = structured or after.total > small(cells)
+        verdict = 'partial' if warnings or rest else 'missing_effect'
     return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
                    warnings)
 
