@@ -180,7 +180,7 @@ def test_sweeps_each_with_its_own_tare_name_no_effect(sweeps, paper_muscle):
 # --- what no law explains ----------------------------------------------------------------------
 
 def test_what_no_effect_explains_is_described_and_can_be_added(sweeps, paper_muscle):
-    """A stop at strain 0.17: never called explained; its shape in words makes a model that fits."""
+    """A stop at strain 0.17: never explained; its shape in words makes a model that fits."""
     data = sweeps(extra=lambda e, p, way, t: -600 * np.maximum(e - 0.17, 0))
     result = diagnose(paper_muscle, data)
     assert result.verdict in ('unexplained', 'partial')
