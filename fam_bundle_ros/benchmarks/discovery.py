@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.benchmarks import discovery_cases as make
 from fam_bundle_ros.benchmarks.discovery_truth import OUTSIDERS
 from fam_bundle_ros.discovery.cells import reduce
@@ -309,8 +310,7 @@ def main(arguments: list[str] | None = None) -> int:
         for name, row in result['against'].items():
             print(f'  {name}: ' + ', '.join(f'{k} {v}' for k, v in row.items()))
     if options.json:
-        with open(options.json, 'w', encoding='utf-8') as stream:
-            json.dump(finite(result), stream, indent=1)
+        write_whole(options.json, json.dumps(finite(result), indent=1))
     return 0
 
 

@@ -68,7 +68,7 @@ def benchmark_faults(
         table(tables.PROCESS_HEAD, [tables.process_cells(row) for row in result['processes']],
               title='one process a node, in wall time', numeric=(3, 4, 5, 6))
     if out is not None:
-        from fam_bundle_ros.report.files import write_whole
+        from fam_bundle_ros.atomic import write_whole
         write_whole(out, tables.markdown(result))
         wrote(out)
     save_json(json_file, result)
