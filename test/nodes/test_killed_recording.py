@@ -29,7 +29,8 @@ def newest(folder):
 
 def test_sigkill_leaves_a_bag_up_to_the_last_second(graph, quiet, tmp_path):
     """`fam_bundle record` is killed: the bag opens, and ends less than a second before."""
-    graph.add(PlantSimulator(context=graph.context, overrides={**quiet, 'rate': 100.0}))
+    graph.add(PlantSimulator(context=graph.context, overrides={
+        **quiet, 'rate': 100.0, 'faults.drift': 'mu1/pressure=1e4'}))
     graph.spin()
     folder = tmp_path / 'bag'
     process = subprocess.Popen([sys.executable, '-m', 'fam_bundle_ros.cli', 'record',
