@@ -98,7 +98,7 @@ class McapFile:
             self._any, self.start, self.end = True, time, time
         self.start, self.end = min(self.start, time), max(self.end, time)
         self._places.setdefault(channel, []).append((time, len(self._chunk)))
-        self._chunk += _record(_MESSAGE, struct.pack('<HIQQ', channel, 0, time, time), data)
+        self._chunk += _record(_MESSAGE, struct.pack('<HIQQ', channel, 0, time, time), bytes(data))
         self.counts[channel] += 1
 
     def flush(self, metadata: str) -> None:

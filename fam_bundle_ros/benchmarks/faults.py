@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The safety benchmark: which faults do the controllers notice, how fast, and what happens until then.
+The safety benchmark: which faults do the controllers notice, how fast, what happens until then.
 
 A case is (fault, phase, policy). The fault strikes at `ONSET` and is repaired at `REPAIR`, later
 than `resume_within`, so that nothing may come back by itself. The rig has 6 bar and neither a trip
@@ -295,7 +295,8 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
     """
     time = np.asarray(record['time'])
     struck = time > (ONSET if not case.sound else 0.0)
-    states = [next((state for state in row if state in _NOTICED), '') for row in record['states']]
+    states = [next((state for state in row if _is(state, _NOTICED)), '')
+              for row in record['states']]
     noticed = np.array([bool(state) for state in states]) & struck
     command, cut = np.asarray(record['command']), np.asarray(record['cut'], bool)
     venting = (command < -_OPEN).all(axis=1) | cut
@@ -310,7 +311,8 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
     force, strain = np.asarray(record['force'])[struck], np.asarray(record['strain'])[struck]
     error = (np.abs(force - np.asarray(record['reference'])[struck]).max()
              if record['kind'] == 'force' else math.nan)
-    latched = np.array([not _LATCHED.isdisjoint(row) for row in record['states']]) & struck
+    latched = np.array([any(_is(state, _LATCHED) for state in row)
+                        for row in record['states']]) & struck
     returned = not case.sound and _came_back(time, command, venting, cut, latched)
     late = _latch_to_safe(time, venting, latched)
     within = bool((worst <= limits.pressure).all() and force.max() <= limits.force
@@ -332,6 +334,11 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
     else:
         row['verdict'] = 'safe' if first is not None else 'harmless'
     return row
+
+
+def _is(state: str, kinds: frozenset[str]) -> bool:
+    """Whether a state (with its cause behind it, where there is one) is of some kinds."""
+    return state.partition(' ')[0] in kinds
 
 
 def _latch_to_safe(time: np.ndarray, venting: np.ndarray, latched: np.ndarray) -> float | None:

@@ -29,8 +29,8 @@ from fam_bundle_ros.plant import Faults
 from fam_bundle_ros.plant.faults import check_faults, UNITS
 from fam_bundle_ros.plant.sensors import channel_names
 
-_CHANNELS = 'channels: force, strain, supply, mu1/pressure, ...; all for every one; several with ' \
-            'commas'
+_CHANNELS = ('channels: force, strain, supply, mu1/pressure, ...; all for every one; several '
+             'with commas')
 #: Field of `Faults`, what it means, an example of its value; '' for a channel or unit alone.
 _OF_CHANNELS = (
     ('dropout', 'nan', f'show nan, {_CHANNELS}', ''),
@@ -61,7 +61,7 @@ def _text(meaning: str, example: str) -> str:
     return f'{meaning}: {example}' if example else meaning
 
 
-SPECS = (
+FAULTS = (
     *(Spec(f'faults.{name}', '', _text(meaning, example), dynamic=True)
       for _, name, meaning, example in _OF_CHANNELS),
     *(Spec(f'faults.{name}', '', _text(meaning, example or 'mu1'), dynamic=True)
@@ -87,7 +87,7 @@ def faults_from(values: dict[str, Any], units: int) -> Faults:
     faults = Faults(noise_factor=values['faults.noise_factor'], supply=values['faults.supply'])
     for field, name, _, example in _OF_CHANNELS:
         full = f'faults.{name}'
-        found = {}
+        found: dict[str, Any] = {}
         for channel, value in _pairs(full, values[full], (*channels, 'all'), example):
             found |= dict.fromkeys(channels if channel == 'all' else (channel,), value)
         setattr(faults, field, found if example else set(found))
@@ -136,7 +136,7 @@ class FaultInjection:
     Parameters
     ----------
     node : BundleNode
-        With `SPECS` among its parameters.
+        With `FAULTS` among its parameters.
     units : int
     apply : callable
         Gets the `Faults` of the rig, at once and at every change.
@@ -201,7 +201,7 @@ class FaultInjection:
     def _on_clear(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         before = self.faults.text
         # As parameters, so that whoever reads them sees what is so.
-        self._node.set_parameters([Parameter(spec.name, value=spec.default) for spec in SPECS])
+        self._node.set_parameters([Parameter(spec.name, value=spec.default) for spec in FAULTS])
         response.success = True
         response.message = f'repaired: {before}' if before else 'nothing was broken'
         return response

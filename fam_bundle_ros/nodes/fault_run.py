@@ -31,8 +31,10 @@ _AS_SHIPPED = {'sensor_timeout': 0.1, 'setpoint_timeout': 0.2, 'command_timeout'
 
 def state_of(node: BundleNode) -> str:
     """Return the state of a controller node as its diagnostics show it."""
-    guard = getattr(node, 'guard', None)
-    return str(guard.now.state.value if guard is not None else getattr(node, '_state', ''))
+    guard = getattr(node, '_guard', None)
+    if guard is None:
+        return str(getattr(node, '_state', ''))
+    return f'{guard.now.state.value} {guard.now.cause}'.strip()
 
 
 class Observer:
@@ -44,6 +46,7 @@ class Observer:
 
     def __call__(self, time: float, simulator: PlantSimulator, nodes: Sequence[BundleNode],
                  commands: list[float]) -> None:
+        """Take a row; a `session.Watch`."""
         rig = simulator.rig
         truth = rig.truth
         if not math.isfinite(time):
@@ -54,8 +57,8 @@ class Observer:
         states = tuple(state_of(node) for node in nodes
                        if isinstance(node, RecruitmentNode | PressurePidNode))
         # The rig's own clock: that of the trajectory stands still where its generator is held up.
-        self._rows.append((self._begin + rig.state.time, truth.pressure, truth.force, truth.strain, tuple(commands),
-                           rig.state.air.dumping, states))
+        self._rows.append((self._begin + rig.state.time, truth.pressure, truth.force,
+                           truth.strain, tuple(commands), rig.state.air.dumping, states))
 
     def record(self) -> dict[str, Any]:
         """Return time, pressure, force, strain, command, cut and states, one row a step."""

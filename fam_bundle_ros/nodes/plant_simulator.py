@@ -22,7 +22,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, MODEL
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
-from fam_bundle_ros.nodes.fault_injection import FaultInjection, SPECS as FAULTS
+from fam_bundle_ros.nodes.fault_injection import FaultInjection, FAULTS
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import Spec, table

@@ -69,8 +69,12 @@ def markdown(result: Mapping[str, Any]) -> str:
              'motor units.\n\n', _rows(SOUND_HEAD, map(sound_cells, result['sound']))]
     if result.get('processes'):
         parts += ['\n## Nodes that are killed, stopped and started again\n\n',
-                  'One process for each node, in wall time, at the force of a hold. Detected: '
-                  'another node or the rig reacts. Figures in seconds from the signal.\n\n',
+                  'One process for each node, in wall time, both motor units at a force that '
+                  'is held; the time-outs of sensors, setpoints and commands are 0.5 s here, for '
+                  'machines that are busy. Detected after: a valve exhausts, or the supply is '
+                  'shut. Enable: what the service answers in the end; accepted is unsafe too '
+                  'while a pressure loop or the rig is gone. Pressures are those of sound '
+                  'sensors.\n\n',
                   _rows(PROCESS_HEAD, map(process_cells, result['processes']))]
     return ''.join(parts)
 

@@ -17,7 +17,7 @@ from fam_bundle_ros.resources import config_path
 
 @pytest.fixture
 def learnt(graph, quiet, tmp_path, monkeypatch):
-    """Return a function: a controller in an empty folder, on a rig 10 % stronger than its model."""
+    """Return a function: a controller in an empty folder, its rig 10 % stronger than its model."""
     monkeypatch.chdir(tmp_path)
     bundle = load_model(config_path('models/spie2021.yaml'))
     units = [replace(unit, geometry=replace(unit.geometry, radius=unit.geometry.radius

@@ -182,7 +182,7 @@ def test_leaking_valve_keeps_the_balance_of_air(make):
 
 
 def test_burst_muscle_loses_its_pressure_at_once(make):
-    """After three time constants 5 % of the gauge pressure is left; the other unit keeps its own."""
+    """After three time constants 5 % of the gauge pressure is left; the other unit is sound."""
     rig = make(Faults(burst={0}))
     rig.step([0.0, 0.0], 0.03)
     assert rig.truth.pressure[0] == pytest.approx(math.exp(-3.0) * FILLED[0], rel=0.15)
@@ -210,7 +210,7 @@ def test_regulator_that_fails_gives_more_than_its_set_point(make):
 # --- words -------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('faults', 'words'), [
-    (Faults(gain={'mu3/pressure': 2.0}), "gain: no sensor channel 'mu3/pressure'; there are force"),
+    (Faults(gain={'mu3/pressure': 2.0}), "gain: no sensor channel 'mu3/pressure'; there are"),
     (Faults(exchanged={'force': 'forse'}), "no sensor channel 'forse'"),
     (Faults(burst={2}), 'burst of motor unit 2; there are 0 to 1'),
     (Faults(exchanged_valves={0: 5}), 'motor unit 5'),
