@@ -9,6 +9,7 @@ import typer
 
 from fam_bundle_ros.cli.bench_commands import PANEL, pick
 from fam_bundle_ros.cli.common import JsonFile, progress_bar, save_json, table, wrote
+from fam_bundle_ros.errors import InputError
 
 
 def register(app: typer.Typer) -> None:
@@ -52,6 +53,8 @@ def benchmark_faults(
     cases = [*benchmark.cases_of(chosen, pick(phases, benchmark.PHASES, '--phases'),
                                  policy_names, seed),
              *benchmark.work_cases(work, policy_names[-1], seed)]
+    if not cases:
+        raise InputError('--faults none and --work 0: nothing to run')
     with progress_bar('benchmark-faults') as tick:
         rows = run_cases(cases, workers,
                          lambda done, every, what: tick(done / every, what))

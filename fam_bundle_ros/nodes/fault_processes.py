@@ -52,6 +52,8 @@ EVENTS = (('killed', True, None), ('killed, started again', True, 3.0),
           ('stopped for 3 s', False, 3.0))
 ALL_NODES = tuple(item[0] for item in NODES)
 ALL_EVENTS = tuple(item[0] for item in EVENTS)
+#: s that the force must have been there before anything happens; s that a service may take.
+_STEADY, _ANSWERED = 1.0, 2.0
 #: N; s that the run is watched after the last event; s for everybody to find each other.
 _FORCE, _WATCHED, _PATIENCE = 100.0, 3.0, 40.0
 #: s: a valve that exhausts for less is a regulating one.
@@ -218,7 +220,7 @@ def _run(name: str, event: str, kill: bool, again: float | None, namespace: str,
                         started[name].signal(signal.SIGCONT)
                     # A process takes some seconds to start and to be found.
                     spinner.spin(_WATCHED + (2.0 if kill else 0.0))
-                answer = _enable(spinner, witness, 2.0)
+                answer = _enable(spinner, witness, _ANSWERED)
         finally:
             for process in started.values():
                 process.end()
@@ -229,11 +231,11 @@ def _run(name: str, event: str, kill: bool, again: float | None, namespace: str,
 
 
 def _reach(spinner: Spinner, witness: _Witness, log: Path) -> None:
-    """Switch on, and wait until the force has been there for a second."""
+    """Switch on, and wait until the force has been there for a while."""
     end = time.monotonic() + _PATIENCE
     reached: float | None = None
     asked = 0.0
-    while reached is None or time.monotonic() - reached < 1.0:
+    while reached is None or time.monotonic() - reached < _STEADY:
         spinner.spin(0.05)
         now = time.monotonic()
         row = witness.rows[-1] if witness.rows else None
