@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs with faults through the nodes: the same faults as without ROS, and what is noted of them."""
+"""Runs with faults through the nodes: as without ROS, and what is noted of them."""
 
 import numpy as np
 import pytest
