@@ -104,7 +104,7 @@ def observe(state: Any, measured: float, believed: float, asked: float, time: fl
     dt : float, s
     """
     error = measured - believed
-    learn_noise(state, error, dt)
+    learn_noise(state, error, _USUAL, dt)
     noise = noise_of(state)
     noise *= noise
     gain, slow = low_pass(dt, time), low_pass(dt, PATIENT_TIME)
@@ -135,19 +135,23 @@ def beyond_noise(power: float, noise: float) -> float:
     return max(1.0 - _CLEAR * noise / power, 0.0) if power > 0.0 else 0.0
 
 
-def learn_noise(state: Any, error: float, dt: float) -> None:
-    """Follow the mean size of second differences: what moves steadily has none."""
-    change = abs(error - 2.0 * state.last + state.before)
-    state.before, state.last = state.last, error
+def learn_noise(state: Any, value: float, usual: float, dt: float) -> None:
+    """
+    Follow the mean size of a signal's second differences: what moves steadily has none.
+
+    A change of the size ``usual`` may be noise, whatever was seen before.
+    """
+    change = abs(value - 2.0 * state.last + state.before)
+    state.before, state.last = state.last, value
     state.seen += 1
     if state.seen == 3:
         state.change = change
     elif state.seen > 3:
         gain = max(low_pass(dt, _LEARN_TIME), 1.0 / (state.seen - 2))
         # One that is far out of the ordinary is a step, not noise.
-        state.change += gain * (min(change, 4.0 * state.change + _USUAL) - state.change)
+        state.change += gain * (min(change, 4.0 * state.change + usual) - state.change)
 
 
 def noise_of(state: Any) -> float:
-    """Return the standard deviation of white noise with these second differences, N."""
+    """Return the standard deviation of white noise with these second differences."""
     return state.change * math.sqrt(0.5 * math.pi / 6.0)

@@ -57,7 +57,7 @@ from fam_bundle_ros.control.outer_loop import (
     STRAIN,
     uncertainty,
 )
-from fam_bundle_ros.control.rate import forget_rate, quiet_rate, RateState
+from fam_bundle_ros.control.rate import forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.switching import (
@@ -215,7 +215,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
                          + total_of(measurement.pressure) + value + rate):
         hold(settings, state, dt, command)
         return
-    state.lost = 0.0
+    since, state.lost = dt + state.lost, 0.0
     if settings.scheme >= EQUAL_PRESSURE:
         baseline_step(settings.baseline, state.baseline, settings.scheme == EQUAL_PRESSURE,
                       state.table.order, settings.max_pressure, settings.still, measurement, kind,
@@ -223,7 +223,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         return
     table, outer, machine = state.table, state.outer, state.machine
     # The strain loop damps with the rate as measured; the model has no use for its noise.
-    strain_rate = quiet_rate(state.rate, measurement.strain_rate, dt)
+    strain_rate = quiet_rate(state.rate, measurement.strain, since)
     state.clock = state.clock + dt if state.begun else 0.0
     start = not state.begun
     state.begun = True
@@ -243,7 +243,9 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         strain_rate = outer.target.strain_rate
     if kind != STRAIN:
         # Where the strain will be when the pressures are there.
-        outer.target.strain += (settings.outer.delay + settings.outer.lead_time) * strain_rate
+        ahead = settings.outer.delay + settings.outer.lead_time
+        outer.target.strain += ahead * strain_rate
+        strain_rate = rate_ahead(state.rate, ahead)
     ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
     tabulate(table, model)
     find_branches(table, state.asleep)
