@@ -8,6 +8,7 @@ import multiprocessing
 import os
 from typing import Any
 
+from fam_bundle_ros.benchmarks import fault_verdicts as verdicts
 from fam_bundle_ros.benchmarks import faults
 from fam_bundle_ros.benchmarks.faults import Case
 from fam_bundle_ros.model import load_model
@@ -25,7 +26,7 @@ def run_case(case: Case) -> dict[str, Any]:
         # Workers share a domain.
         {**faults.told(case), 'publish_clock': False}, lock_step=case.lock_step,
         rate=faults.RATE, seed=case.seed, namespace=f'/faults_{os.getpid()}')
-    return faults.judge(case, record, faults.Limits.of(model, rig))
+    return verdicts.judge(case, record, verdicts.Limits.of(model, rig))
 
 
 def run_cases(cases: Sequence[Case], workers: int | None = None,
@@ -66,13 +67,13 @@ def run_cases(cases: Sequence[Case], workers: int | None = None,
 def result_of(cases: Sequence[Case], rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return conditions, a line for each fault (worst first) and all rows."""
     model = load_model(config_path(_MODEL))
-    limits = faults.Limits.of(model, faults.rig_of(cases[0]))
+    limits = verdicts.Limits.of(model, faults.rig_of(cases[0]))
     sound = {case.fault for case in cases if case.sound}
-    lines = faults.summarise(rows)
+    lines = verdicts.summarise(rows)
     return {
         'conditions': {
             'supply': faults.SUPPLY / 1e3, 'trip': float(limits.trip.max()) / 1e3,
-            'pressure': float(limits.pressure.max()) / 1e3, 'relief': faults.RELIEF / 1e3,
+            'pressure': float(limits.pressure.max()) / 1e3, 'relief': verdicts.RELIEF / 1e3,
             'rate': faults.RATE, 'lasts': faults.REPAIR - faults.ONSET,
             'phases': sorted({case.phase for case in cases} - {faults.WORK},
                              key=faults.PHASES.index),

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.benchmarks import faults
-from fam_bundle_ros.benchmarks.faults import Case, judge, Limits, ONSET
+from fam_bundle_ros.benchmarks.fault_verdicts import judge, Limits, summarise
+from fam_bundle_ros.benchmarks.faults import Case, ONSET
 from fam_bundle_ros.plant import Faults
 from fam_bundle_ros.plant.faults import fault_record
 from fam_bundle_ros.report.fault_tables import markdown
@@ -116,7 +117,7 @@ def test_worst_fault_comes_first_with_the_worst_of_its_runs():
     slow, quick = (run([(ONSET + t, LATCH | VENT)]) for t in (0.5, 0.1))
     cases = [('force nan', slow), ('force nan', quick), ('mu1 burst', high),
              ('mu1 leaks', run()), ('mu1 leaks', higher)]
-    lines = faults.summarise(judge(Case(name, 'ramp', 'neglect'), record, LIMITS)
+    lines = summarise(judge(Case(name, 'ramp', 'neglect'), record, LIMITS)
                              for name, record in cases)
     assert [line['fault'] for line in lines] == ['mu1 leaks', 'mu1 burst', 'force nan']
     assert (lines[0]['runs'], lines[0]['unsafe'], lines[0]['harmless']) == (2, 1, 1)
@@ -167,7 +168,7 @@ def test_page_has_every_fault_and_says_what_the_words_mean():
     """The Markdown has a row for each fault, and the conditions of the runs."""
     rows = [judge(BROKEN, run([(1.0, {'pressure': (600e3, 0.0)})]), LIMITS),
             judge(SOUND, run(), LIMITS)]
-    lines = faults.summarise(rows)
+    lines = summarise(rows)
     page = markdown({
         'conditions': {'supply': 600.0, 'trip': 396.0, 'pressure': 500.0, 'relief': 500.0,
                        'rate': 200.0, 'lasts': 2.5, 'phases': ['ramp'], 'policies': ['neglect']},

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.benchmarks import faults
-from fam_bundle_ros.benchmarks.faults import Case, judge, Limits, ONSET
+from fam_bundle_ros.benchmarks.fault_verdicts import judge, Limits
+from fam_bundle_ros.benchmarks.faults import Case, ONSET
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import fault_processes
 from fam_bundle_ros.nodes.fault_run import run_with_faults
