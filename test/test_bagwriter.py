@@ -90,6 +90,25 @@ def test_file_alone_can_be_read_without_its_folder(tmp_path):
     assert data[offsets] == 0x0E
 
 
+def test_file_is_one_run_of_records_however_often_it_was_flushed(tmp_path):
+    """From its begin to its end: header, chunks with indexes, one end of data, one footer."""
+    with closing(BagWriter(tmp_path / 'bag')) as writer:
+        for k in range(4):
+            writer.write('/a', UINT8, k, raw(k))
+            writer.flush()
+    data = (tmp_path / 'bag' / 'bag.mcap').read_bytes()
+    place, operations = 8, []
+    while place < len(data) - 8:
+        operation, size = struct.unpack_from('<BQ', data, place)
+        operations.append(operation)
+        place += 9 + size
+    assert place == len(data) - 8
+    assert data[place:] == data[:8]
+    assert operations[:9] == [1, 6, 7, 6, 7, 6, 7, 6, 7]
+    assert (operations.count(0x0F), operations.count(0x02)) == (1, 1)
+    assert operations[-1] == 0x02
+
+
 def test_killed_writer_leaves_what_it_had_flushed(tmp_path):
     """SIGKILL right after more messages: those of the last flush and all before are there."""
     script = ("import os, signal, sys\n"

@@ -82,12 +82,14 @@ def test_delayed_reading_shows_what_was(make):
         assert pairs[k][0].pressure[0] == pytest.approx(pairs[k - 20][1].pressure[0])
 
 
-def test_delay_begins_anew_after_a_repair(make):
+@pytest.mark.parametrize('between', [Faults(), Faults(gain={'force': 2.0})],
+                         ids=['repaired', 'another fault'])
+def test_delay_begins_anew_after_a_repair(make, between):
     """A second fault does not show what was held up in the first one."""
     late = Faults(delay={'mu1/pressure': 0.1})
     rig = make(late)
     old = filling(rig, 30, (0.06, 0.0))[-1][1].pressure[0]
-    rig.faults = Faults()
+    rig.faults = between
     now = filling(rig, 30, (0.06, 0.0))[-1][1].pressure[0]
     assert now > old + 10e3
     rig.faults = late
