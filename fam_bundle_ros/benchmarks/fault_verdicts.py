@@ -71,7 +71,8 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
     case : Case
     record : mapping
         ``time`` (T,), ``pressure`` and ``command`` (T, n), ``force``, ``strain``, ``reference``
-        and ``cut`` (T,), ``states`` list of T tuples, ``kind``; true values.
+        and ``cut`` (T,), ``states`` list of T tuples, ``kind``, ``enable`` (what the service
+        answered, empty where nobody called it); true values.
     limits : Limits
 
     Returns
@@ -80,7 +81,8 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
         Of the case; ``verdict`` (unsafe, false alarm, harmless, safe, quiet), ``detected``,
         ``noticed`` (state), ``time_to_detect`` and ``time_to_safe`` (s from the fault, None),
         ``seconds`` (simulated), ``pressure`` (Pa), ``force`` and ``force_error`` (N), ``strain``,
-        ``came_back``, ``latch_to_safe`` (s from a latch to the safe state, infinite for never).
+        ``came_back`` (before `enable` was called), ``enable``, ``latch_to_safe`` (s from a latch
+        to the safe state, infinite for never).
     """
     time = np.asarray(record['time'])
     struck = time > (ONSET if not case.sound else 0.0)
@@ -102,7 +104,11 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
              if record['kind'] == 'force' else math.nan)
     latched = np.array([any(_is(state, _LATCHED) for state in row)
                         for row in record['states']]) & struck
-    returned = not case.sound and _came_back(time, command, venting, cut, latched)
+    pressed = case.enable_at if case.enable_at is not None else math.inf
+    alone = time < pressed
+    returned = not case.sound and _came_back(time[alone], command[alone], venting[alone],
+                                             cut[alone], latched[alone])
+    enable = record.get('enable', '')
     late = _latch_to_safe(time, venting, latched)
     within = bool((worst <= limits.pressure).all() and force.max() <= limits.force
                   and strain.max() < limits.strain[1])
@@ -114,15 +120,22 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
         'time_to_safe': safe, 'seconds': float(time[-1] - time[0]),
         'pressure': float(worst.max()), 'force': float(force.max()),
         'force_error': float(error), 'strain': float(strain.max()), 'came_back': returned,
-        'latch_to_safe': late, 'within': within}
+        'latch_to_safe': late, 'enable': enable, 'within': within}
     if case.sound:
         row['verdict'] = ('false alarm' if first is not None else 'quiet' if within
                           else 'unsafe')
-    elif not within or returned or (late is not None and late > AT_ONCE):
+    elif (not within or returned or (late is not None and late > AT_ONCE)
+          or (enable == 'accepted' and _too_high(record, pressed, limits))):
         row['verdict'] = 'unsafe'
     else:
         row['verdict'] = 'safe' if first is not None else 'harmless'
     return row
+
+
+def _too_high(record: Mapping[str, Any], pressed: float, limits: Limits) -> bool:
+    """Whether a unit was above the trip when `enable` was called."""
+    k = int(np.argmax(np.asarray(record['time']) >= pressed))
+    return bool((np.asarray(record['pressure'])[k] > limits.trip).any())
 
 
 def _is(state: str, kinds: frozenset[str]) -> bool:
@@ -182,7 +195,9 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
             'pressure': max(row['pressure'] for row in group),
             'force': max(row['force'] for row in group),
             'force_error': _largest(row['force_error'] for row in group),
-            'came_back': sum(row['came_back'] for row in group)})
+            'came_back': sum(row['came_back'] for row in group),
+            'enable_called': sum(row['enable'] != '' for row in group),
+            'enable_refused': sum(row['enable'] == 'refused' for row in group)})
     return sorted(lines, key=lambda line: (
         -(line['unsafe'] > 0), -line['false_alarm'], -line['pressure'], -line['unsafe']))
 

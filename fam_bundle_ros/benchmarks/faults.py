@@ -39,7 +39,9 @@ RATE = 200.0
 RESUME_WITHIN = 2.0
 
 POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
-PHASES = ('hold', 'ramp', 'sine', 'transition')
+#: The last one: somebody calls `enable` while the fault is still there, at `PRESSED`.
+PHASES = ('hold', 'ramp', 'sine', 'transition', 'enabled')
+PRESSED = ONSET + 1.5
 #: Besides: sines up to 2 Hz on transitions, for as long as it is asked for.
 WORK = 'work'
 
@@ -122,6 +124,11 @@ class Case:
         return self.fault not in MESSAGES
 
     @property
+    def enable_at(self) -> float | None:
+        """When somebody calls `enable`, s of the trajectory."""
+        return PRESSED if self.phase == 'enabled' and not self.sound else None
+
+    @property
     def sound(self) -> bool:
         """Whether nothing is wrong."""
         return self.fault in SOUND
@@ -189,6 +196,10 @@ def _force(phase: str, one: float, every: float) -> tuple[Callable, Callable]:
         # The fault strikes where the force rises fastest.
         return ((lambda t: one * (0.45 + 0.25 * math.sin(turn * (t - ONSET)))),
                 (lambda t: one * 0.25 * turn * math.cos(turn * (t - ONSET))))
+    if phase == 'enabled':
+        # All units pull.
+        held = one + 0.3 * (every - one)
+        return (lambda t: held), (lambda t: 0.0)
     if phase not in ('transition', WORK):
         raise InputError(f"phase is '{phase}'; expected {', '.join(PHASES)}")
     # Up and down through the overlap, a crossing just after the fault strikes.

@@ -60,7 +60,7 @@ def benchmark_faults(
                          lambda done, every, what: tick(done / every, what))
     result = result_of(cases, rows)
     table(tables.FAULT_HEAD, [tables.fault_cells(line) for line in result['faults']],
-          title=f'{len(rows)} runs, the worst fault first', numeric=range(1, 12))
+          title=f'{len(rows)} runs, the worst fault first', numeric=range(1, 13))
     table(tables.SOUND_HEAD, [tables.sound_cells(line) for line in result['sound']],
           numeric=range(1, 5))
     if ros:

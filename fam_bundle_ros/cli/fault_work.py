@@ -24,7 +24,8 @@ def run_case(case: Case) -> dict[str, Any]:
     record = run_with_faults(
         model, faults.trajectory_of(case, model), rig,
         # Workers share a domain.
-        {**faults.told(case), 'publish_clock': False}, lock_step=case.lock_step,
+        {**faults.told(case), 'publish_clock': False}, enable_at=case.enable_at,
+        lock_step=case.lock_step,
         rate=faults.RATE, seed=case.seed, namespace=f'/faults_{os.getpid()}')
     return verdicts.judge(case, record, verdicts.Limits.of(model, rig))
 
@@ -75,6 +76,7 @@ def result_of(cases: Sequence[Case], rows: Sequence[dict[str, Any]]) -> dict[str
             'supply': faults.SUPPLY / 1e3, 'trip': float(limits.trip.max()) / 1e3,
             'pressure': float(limits.pressure.max()) / 1e3, 'relief': verdicts.RELIEF / 1e3,
             'rate': faults.RATE, 'lasts': faults.REPAIR - faults.ONSET,
+            'pressed': faults.PRESSED - faults.ONSET,
             'phases': sorted({case.phase for case in cases} - {faults.WORK},
                              key=faults.PHASES.index),
             'policies': sorted({case.policy for case in cases}, key=faults.POLICIES.index)},

@@ -12,6 +12,7 @@ import math
 from typing import Any
 
 import numpy as np
+from std_srvs.srv import SetBool
 
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
@@ -38,9 +39,20 @@ def state_of(node: BundleNode) -> str:
 
 
 class Observer:
-    """Notes, after each step of the rig, what is true there and what state the nodes are in."""
+    """
+    Notes, after each step of the rig, what is true there and what state the nodes are in.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    enable_at : float, s, optional
+        Of the trajectory: calls `enable` then.
+    """
+
+    def __init__(self, enable_at: float | None = None) -> None:
+        self._enable_at = enable_at
+        self._client: Any = None
+        #: What `enable` answered; empty while nobody has called it.
+        self.enable = ''
         self._rows: list[tuple[Any, ...]] = []
         self._begin: float | None = None
 
@@ -54,22 +66,31 @@ class Observer:
             return
         if self._begin is None:
             self._begin = time - rig.state.time
+            if self._enable_at is not None:
+                self._client = simulator.create_client(SetBool, interface.ENABLE)
+        if self._enable_at is not None and time >= self._enable_at:
+            self._enable_at = None
+            self._client.call_async(SetBool.Request(data=True)).add_done_callback(self._answered)
         states = tuple(state_of(node) for node in nodes
                        if isinstance(node, RecruitmentNode | PressurePidNode))
         # The rig's own clock: that of the trajectory stands still where its generator is held up.
         self._rows.append((self._begin + rig.state.time, truth.pressure, truth.force,
                            truth.strain, tuple(commands), rig.state.air.dumping, states))
 
+    def _answered(self, future: Any) -> None:
+        self.enable = 'accepted' if future.result().success else 'refused'
+
     def record(self) -> dict[str, Any]:
         """Return time, pressure, force, strain, command, cut and states, one row a step."""
         time, pressure, force, strain, command, cut, states = zip(*self._rows)
         return {'time': np.array(time), 'pressure': np.array(pressure), 'force': np.array(force),
                 'strain': np.array(strain), 'command': np.array(command), 'cut': np.array(cut),
-                'states': list(states)}
+                'states': list(states), 'enable': self.enable}
 
 
 def run_with_faults(model: Bundle, trajectory: Trajectory, rig: RigConfig,
-                    overrides: Mapping[str, Any], *, lock_step: bool = True, rate: float = 200.0,
+                    overrides: Mapping[str, Any], *, enable_at: float | None = None,
+                    lock_step: bool = True, rate: float = 200.0,
                     seed: int = 0, namespace: str = interface.NAMESPACE,
                     domain: int | None = None) -> dict[str, Any]:
     """
@@ -82,6 +103,8 @@ def run_with_faults(model: Bundle, trajectory: Trajectory, rig: RigConfig,
     rig : RigConfig
     overrides : mapping
         Parameters of nodes.
+    enable_at : float, s, optional
+        As of `Observer`.
     lock_step : bool
     rate : float, Hz
     seed : int
@@ -93,7 +116,7 @@ def run_with_faults(model: Bundle, trajectory: Trajectory, rig: RigConfig,
     dict
         Of `Observer.record`, with ``reference`` (T,) and its ``kind``.
     """
-    observer = Observer()
+    observer = Observer(enable_at)
     run_trajectory(model, trajectory, rig=rig, rate=rate, seed=seed, lock_step=lock_step,
                    overrides={**_SIMULATED, **_AS_SHIPPED, **overrides}, watch=observer,
                    namespace=namespace, domain=domain, log_level='fatal')

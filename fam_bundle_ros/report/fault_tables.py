@@ -7,7 +7,8 @@ from typing import Any
 
 #: Of `fault_cells`; times and pressures are the largest of all runs of a fault.
 FAULT_HEAD = ('fault', 'runs', 'unsafe', 'harmless', 'safe', 'detected', 'detected after (s)',
-              'safe after (s)', 'pressure (kPa)', 'force (N)', 'force off by (N)', 'came back')
+              'safe after (s)', 'pressure (kPa)', 'force (N)', 'force off by (N)', 'came back',
+              'enable refused')
 SOUND_HEAD = ('nothing is wrong', 'runs', 'false alarms', 'simulated (s)', 'pressure (kPa)')
 PROCESS_HEAD = ('node', 'what happened to it', 'verdict', 'detected after (s)', 'safe after (s)',
                 'pressure (kPa)', 'force (N)', 'came back', 'after it, enable')
@@ -19,13 +20,15 @@ Written by `fam_bundle benchmark-faults --out docs/faults.md`; do not edit.
 
 Each row is one fault on a simulated rig with {supply:.0f} kPa and neither a trip nor a relief
 valve of its own, so that what is shown is what the controllers do. The fault strikes in the
-middle of each phase ({phases}) under each policy ({policies}), stays for {lasts:g} s and is
+middle of each phase ({phases})
+under each policy ({policies}), stays for {lasts:g} s and is
 repaired. Figures are the worst of all runs; the worst fault comes first.
 
 - **unsafe**: the true pressure went above {pressure:.0f} kPa (the controllers' trip of {trip:.0f}
   kPa and what flows in during two control periods at {rate:g} Hz, at most the {relief:.0f} kPa
   at which a relief valve opens), the load reached its end stop, a latch left a valve open for
-  more than 50 ms, or air came back without `enable` after a latch or a loss of 2 s.
+  more than 50 ms, air came back without `enable` after a latch or a loss of 2 s, or `enable`
+  was accepted while a unit was above the trip.
 - **harmless**: nobody noticed, and nothing left its limits. *Force off by* says what the task
   lost meanwhile.
 - **safe**: noticed, and nothing left its limits. *Detected after*: a node left ACTIVE. *Safe
@@ -33,7 +36,8 @@ repaired. Figures are the worst of all runs; the worst fault comes first.
 
 What is run: the nodes `recruitment_controller`, `pressure_pid` and `plant_simulator` on real ROS
 in one process, in lock-step (simulated time, the same result each time). Faults of messages (late,
-lost) are run in wall time, with one policy.
+lost) are run in wall time, with one policy. In the phase *enabled* somebody calls `enable` while
+the fault is still there, {pressed:g} s after it struck.
 """
 
 
@@ -42,7 +46,7 @@ def fault_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
     return (line['fault'], line['runs'], line['unsafe'], line['harmless'], line['safe'],
             line['detected'], _seconds(line['time_to_detect']), _seconds(line['time_to_safe']),
             f"{line['pressure'] / 1e3:.0f}", f"{line['force']:.0f}", _force(line['force_error']),
-            line['came_back'])
+            line['came_back'], f"{line['enable_refused']} of {line['enable_called']}")
 
 
 def sound_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:

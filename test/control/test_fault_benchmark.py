@@ -101,6 +101,19 @@ def test_only_a_short_loss_may_end_by_itself(lasts, back):
     assert judge(BROKEN, run(events), LIMITS)['came_back'] == back
 
 
+@pytest.mark.parametrize(('pressure', 'answer', 'verdict'), [
+    (420e3, 'accepted', 'unsafe'), (420e3, 'refused', 'safe'), (300e3, 'accepted', 'safe')])
+def test_enable_must_be_refused_while_a_unit_is_above_the_trip(pressure, answer, verdict):
+    """What comes back after `enable` is allowed; what it may be called on is not anything."""
+    case = Case('mu1 valve reversed', 'enabled', 'neglect')
+    record = run([(1.5, LATCH | VENT | {'pressure': (pressure, 0.0)}),
+                  (faults.PRESSED + 0.1, {'states': ('ACTIVE', 'ACTIVE'), 'command': (0.4, 0.0)})])
+    row = judge(case, {**record, 'enable': answer}, LIMITS)
+    assert (row['verdict'], row['came_back'], row['enable']) == (verdict, False, answer)
+    alone = judge(Case('mu1 valve reversed', 'ramp', 'neglect'), record, LIMITS)
+    assert alone['came_back']
+
+
 def test_notice_of_nothing_is_a_false_alarm():
     """Where nothing is wrong any state but ACTIVE counts, from the start of the log."""
     assert judge(SOUND, run(), LIMITS)['verdict'] == 'quiet'
@@ -171,7 +184,7 @@ def test_page_has_every_fault_and_says_what_the_words_mean():
     lines = summarise(rows)
     page = markdown({
         'conditions': {'supply': 600.0, 'trip': 396.0, 'pressure': 500.0, 'relief': 500.0,
-                       'rate': 200.0, 'lasts': 2.5, 'phases': ['ramp'], 'policies': ['neglect']},
+                       'rate': 200.0, 'lasts': 2.5, 'pressed': 1.5, 'phases': ['ramp'], 'policies': ['neglect']},
         'faults': [lines[0]], 'sound': [lines[1]], 'rows': rows})
     assert '| mu1 pressure frozen | 1 | 1 | 0 | 0 | 0 | – | – | 600 |' in page
     assert '| nothing | 1 | 0 |' in page

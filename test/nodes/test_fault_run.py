@@ -60,6 +60,18 @@ def test_run_is_judged_by_what_is_true_at_the_rig(domain_id, paper_bundle, fault
     assert record['pressure'][after].max() < 5e3
 
 
+def test_somebody_calls_enable_while_the_fault_is_there(domain_id, paper_bundle):
+    """The answer of the service is in the record; the run goes on to its end."""
+    case = Case('force nan', 'enabled', 'reversal_aware')
+    rig = faults.rig_of(case)
+    record = run_with_faults(paper_bundle, faults.trajectory_of(case, paper_bundle), rig,
+                             faults.told(case), enable_at=case.enable_at, domain=domain_id)
+    assert record['enable'] in ('accepted', 'refused')
+    assert record['time'][-1] == pytest.approx(faults.END)
+    row = judge(case, record, Limits.of(paper_bundle, rig))
+    assert row['verdict'] == 'safe'
+
+
 def test_controller_that_is_killed_leaves_no_pressure_and_is_seen(domain_id, monkeypatch):
     """Five processes, one of them killed: valves exhaust by themselves, and the row says when."""
     for name, seconds in {'_WATCHED': 0.8, '_STEADY': 0.2, '_ANSWERED': 0.2}.items():
