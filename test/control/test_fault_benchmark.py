@@ -184,7 +184,8 @@ def test_page_has_every_fault_and_says_what_the_words_mean():
     lines = summarise(rows)
     page = markdown({
         'conditions': {'supply': 600.0, 'trip': 396.0, 'pressure': 500.0, 'relief': 500.0,
-                       'rate': 200.0, 'lasts': 2.5, 'pressed': 1.5, 'phases': ['ramp'], 'policies': ['neglect']},
+                       'rate': 200.0, 'lasts': 2.5, 'pressed': 1.5, 'phases': ['ramp'],
+                       'policies': ['neglect']},
         'faults': [lines[0]], 'sound': [lines[1]], 'rows': rows})
     assert '| mu1 pressure frozen | 1 | 1 | 0 | 0 | 0 | – | – | 600 |' in page
     assert '| nothing | 1 | 0 |' in page
