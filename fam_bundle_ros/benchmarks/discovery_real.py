@@ -3,9 +3,9 @@
 """
 Discovery on measured muscles: diagnosed on a part, scored on rows kept away.
 
-Every ``NAME.csv`` of a folder that has a ``NAME.model.yaml`` beside it is taken. Kept away are inner
-strain levels one by one, and draws of inner isobars or of trials; the six-parameter empirical form
-is refitted on the same rows and scored on the same rows.
+Every ``NAME.csv`` of a folder that has a ``NAME.model.yaml`` beside it is taken. Kept away are
+inner strain levels one by one, and draws of inner isobars or of trials; the six-parameter
+empirical form is refitted on the same rows and scored on the same rows.
 """
 
 from __future__ import annotations

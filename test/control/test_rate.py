@@ -48,7 +48,7 @@ def test_a_reading_that_jumps_by_its_last_digit_is_no_motion():
     assert np.mean(seen != 0.0) < 0.05
 
 
-@pytest.mark.parametrize('hertz, late', [(0.1, 0.02), (0.5, 0.03), (2.0, 0.12)])
+@pytest.mark.parametrize(('hertz', 'late'), [(0.1, 0.02), (0.5, 0.03), (2.0, 0.12)])
 def test_a_reversal_is_seen_soon_and_once(hertz, late):
     """The direction of a noisy swing is wrong for a small part of the period, without chatter."""
     _, strain, true = swing(hertz, seconds=20.0)
