@@ -64,11 +64,11 @@ def benchmark_control(
         PLANT_HEAD,
     )
     known = [str(n) for n in control.UNITS]
-    others = [] if controllers == 'none' else _pick(controllers, control.OTHERS, '--controllers')
+    others = [] if controllers == 'none' else pick(controllers, control.OTHERS, '--controllers')
     cases = control.cases_of(
-        _pick(plants, control.PLANTS, '--plants'),
-        _pick(trajectories, control.TRAJECTORIES, '--trajectories'),
-        [int(n) for n in _pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
+        pick(plants, control.PLANTS, '--plants'),
+        pick(trajectories, control.TRAJECTORIES, '--trajectories'),
+        [int(n) for n in pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
     with progress_bar('benchmark-control') as tick:
         result = control.run_benchmark(
             cases, workers, progress=lambda done, every, what: tick(done / every, what))
@@ -118,7 +118,7 @@ def benchmark_discovery(
         _benchmark_real(real, workers, json_file)
         return
     from fam_bundle_ros.benchmarks import discovery
-    chosen = _pick(sets, discovery.SETS, '--sets')
+    chosen = pick(sets, discovery.SETS, '--sets')
     with progress_bar('benchmark-discovery') as tick:
         result = discovery.benchmark(cases, chosen, workers,
                                      lambda done, every: tick(done / every, f'{done} of {every}'))
@@ -253,7 +253,8 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
             for through, log in logs.items()]
 
 
-def _pick(text: str, known: Any, option: str) -> list[str]:
+def pick(text: str, known: Any, option: str) -> list[str]:
+    """Return the names in a text with commas, or all that are known; InputError for others."""
     if text == 'all':
         return list(known)
     names = [name.strip() for name in text.split(',')]
