@@ -5,9 +5,11 @@ Node plant_simulator: a rig that is not there, with the names, units and service
 
 In wall time it steps at its rate with the latest valve commands and vents the motor units whose
 commands stay away. In lock-step it publishes a sample and ``/clock``, and steps when a valve
-command with that sample's stamp has come for every motor unit.
+command with that sample's stamp has come for every motor unit. Its supply is open only while
+``supply_enable`` says so.
 """
 
+import math
 import time
 from typing import Any, Protocol
 
@@ -35,6 +37,7 @@ from fam_bundle_ros.nodes.rig_parameters import (
     RIG,
     rig_config,
 )
+from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 from fam_bundle_ros.plant import Dynamometer, Rig
 
 SPECS = (
@@ -45,6 +48,10 @@ SPECS = (
     Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
     Spec('publish_clock', True, 'send /clock in lock-step; one simulator per ROS domain only'),
     Spec('command_timeout', 0.1, 'a motor unit without a fresh command is vented, s', 0.01, 10.0,
+         dynamic=True),
+    Spec('obey_supply_enable', True, 'the supply is open only while supply_enable says so; false '
+         'where nobody publishes it'),
+    Spec('supply_timeout', TIMEOUT, 'supply_enable counts for so long in wall time, s', 0.01, 10.0,
          dynamic=True),
     Spec('patience', 0.05, 'in wall time the rig waits so long for late answers to its last '
          'sample, s; 0 to step without them, as a real rig does', 0.0, 1.0, dynamic=True),
@@ -113,6 +120,7 @@ class PlantSimulator(BundleNode):
         self._refused = 0
         self._meter = Meter()
         self._frozen: dict[str, Any] = {}
+        self._leave = Leave(math.inf if self.lock_step else p['supply_timeout'])
         self._set_faults(p)
         self._set_up_interface()
         if p['start_stopped']:
@@ -149,6 +157,9 @@ class PlantSimulator(BundleNode):
             def command(message: JointState, i: int = i) -> None:
                 self._take_command(i, message)
             self.subscribe(interface.valve_topic(i + 1), JointState, command)
+        if self.p['obey_supply_enable']:
+            self.subscribe(interface.SUPPLY_ENABLE, Bool,
+                           lambda message: self._leave.take(message.data), interface.RELIABLE)
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
@@ -268,6 +279,10 @@ class PlantSimulator(BundleNode):
             target = self._profile.value(run_time + period)
             self.rig.impose_strain(target, abs(target - self.rig.truth.strain) / period)
         stopped = self.rig.e_stopped
+        if self.p['obey_supply_enable']:
+            self.rig.open_supply(self._leave.given)
+            if not self._leave.given:
+                commands = [-1.0] * self.units
         self.rig.step(commands, period)
         self._steps += 1
         self._stamp += self._period_ns
@@ -344,6 +359,8 @@ class PlantSimulator(BundleNode):
 
     def _change(self, changes: dict[str, Any]) -> None:
         self._set_faults(self.p)
+        if not self.lock_step:
+            self._leave.timeout = self.p['supply_timeout']
         fields = load_change(self.p['load.kind'], changes)
         if fields and isinstance(self.rig.load, Dynamometer):
             self.rig.impose_strain(self.p['load.strain'], self.p['load.speed'])
@@ -365,6 +382,9 @@ class PlantSimulator(BundleNode):
         report.value('model', self.rig.bundle.name)
         report.value('run time, s', self._steps * self._period_ns * 1e-9, 6)
         report.value('e_stop', self.rig.e_stopped or 'off')
+        if self.p['obey_supply_enable']:
+            report.value('supply', 'open' if self._leave.given else 'shut by supply_enable'
+                         if self._leave.heard else 'shut: nothing on supply_enable yet')
         report.value('air drawn, g', 1e3 * self.rig.air_mass)
         report.value('work, J', self.rig.work)
         behind = max(self._behind, 0) * 1e-9
