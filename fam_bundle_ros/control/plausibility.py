@@ -41,6 +41,14 @@ _CONFIRM = 2
 SUPPLY_LEAST, SUPPLY_MOST = 0.8, 1.25
 #: How many delays from command to reading are tried, from none to the longest.
 _DELAYS = 6
+#: s that a sensor on trial gets to answer; the valve is shut meanwhile.
+_PATIENCE = 0.1
+#: s without an answer after which a driver may have vented by itself (docs/driver.md: 0.1 s).
+_WATCHDOG = 0.05
+#: s: longer than the longest lag and the samples that confirm.
+_GENTLE_TIME = 0.1
+#: Command up to which an exhaust is opened meanwhile: a reversed valve lets in a tenth as much.
+GENTLE = 0.15
 #: Commands that are remembered.
 _PLACES = 256
 
@@ -59,6 +67,8 @@ class InflowConfig:
         Largest pressure; error of the reading that is not taken: trip minus largest pressure.
     lag : float, s
         Longest time from the reading that a command answers to a reading that shows its effect.
+    period : float, s
+        Between readings. In a longer gap the valve need not have acted for all of it.
     noise : float, Pa
         What noise alone may do to the difference of two readings.
     ambient : float, Pa (absolute)
@@ -69,6 +79,7 @@ class InflowConfig:
     max_pressure: float
     margin: float
     lag: float
+    period: float
     noise: float
     ambient: float = ATMOSPHERE
 
@@ -92,19 +103,22 @@ class InflowWatch:
     ----------
     holding : bool
         The valve has to stay shut until the sensor has answered.
+    gentle : bool
+        The exhaust is to be opened little at first: a reversed valve would fill.
     trusted : bool
         The sensor has answered as much air as can be told from the errors of the valve.
 
     Examples
     --------
-    >>> watch = InflowWatch('mu1', InflowConfig(ValveFlow(), 600e3, 345e3, 52e3, 0.02, 3e3))
+    >>> watch = InflowWatch('mu1', InflowConfig(ValveFlow(), 600e3, 345e3, 52e3, 0.02, 5e-3,
+    ...                                         3e3))
     >>> for k in range(40):
     ...     cause, text = watch.see(k * 5e-3, 0.0, 20e-6)
-    ...     watch.commanded(k * 5e-3, 0.0 if watch.holding else 1.0)
+    ...     watch.commanded(0.0 if watch.holding else 1.0)
     ...     if cause:
     ...         break
     >>> cause, text
-    ('NO_RESPONSE', 'mu1 shows 0 kPa; supply, valve commands and volume give 95 kPa or more')
+    ('NO_RESPONSE', 'mu1 shows 0 kPa after air for 165 kPa was let in; expected 93 kPa or more')
     """
 
     def __init__(self, name: str, config: InflowConfig):
@@ -115,8 +129,11 @@ class InflowWatch:
     def begin(self) -> None:
         """Start anew, with a sensor that has shown nothing yet."""
         self.holding = self.trusted = False
+        self.gentle = True
         self._commands: deque[tuple[float, float]] = deque(maxlen=_PLACES)
         self._time: float | None = None
+        #: s; a gap between readings counts for one period: a rig that is held up acts on nothing.
+        self._clock = 0.0
         self._before = 0.0
         #: Lowest and highest pressure that can be shown, Pa, one for each delay.
         self._bottom, self._top = [0.0] * _DELAYS, [0.0] * _DELAYS
@@ -131,9 +148,9 @@ class InflowWatch:
         self._let_in = self._surely = 0.0
         self._held_since = 0.0
 
-    def commanded(self, time: float, command: float) -> None:
-        """Note the command that answers the reading of a time (s)."""
-        self._commands.append((time, command))
+    def commanded(self, command: float) -> None:
+        """Note the command that answers the last reading."""
+        self._commands.append((self._clock, command))
 
     def see(self, time: float, pressure: float, volume: float | tuple[float, float],
             volume_rate: float = 0.0, supply: float = math.nan) -> tuple[str, str]:
@@ -143,7 +160,7 @@ class InflowWatch:
         Parameters
         ----------
         time : float, s
-            Of the reading, on the clock of `commanded`.
+            Of the reading.
         pressure : float, Pa (gauge)
         volume : float or (float, float), m^3
             Gas volume with tubing; least and largest where it is not known.
@@ -161,13 +178,16 @@ class InflowWatch:
                 self._time = time
             return '', ''
         dt, self._time = time - self._time, time
+        surely = min(dt, self.config.period)
+        self._clock += surely
+        self.gentle = self._clock < _GENTLE_TIME
         small, large = volume if isinstance(volume, tuple) else (volume, volume)
         source = max(self.config.supply, supply if math.isfinite(supply) else 0.0)
         while len(self._commands) > 1 and (
-                self._commands[1][0] <= time - dt - self.config.lag - self._spacing):
+                self._commands[1][0] <= self._clock - surely - self.config.lag):
             self._commands.popleft()
-        self._bounds(time, dt, pressure, small, large, volume_rate, source)
-        trial = '' if self.trusted else self._judge_trial(time, dt, pressure, small, volume_rate,
+        self._bounds(dt, surely, pressure, small, large, volume_rate, source)
+        trial = '' if self.trusted else self._judge_trial(surely, pressure, small, volume_rate,
                                                           source)
         self._before = pressure
         if trial:
@@ -183,9 +203,9 @@ class InflowWatch:
                 f'give {kilopascals(max(self._top))} at most')
         return '', ''
 
-    def _range_of_commands(self, time: float, dt: float, delay: float) -> tuple[float, float]:
+    def _range_of_commands(self, surely: float, delay: float) -> tuple[float, float]:
         """Return least and largest command that acted since the reading before, for a delay."""
-        oldest, newest = time - dt - delay, time - delay
+        oldest, newest = self._clock - surely - delay, self._clock - delay
         acting = [-1.0]
         for when, command in self._commands:
             if when <= oldest:
@@ -210,21 +230,29 @@ class InflowWatch:
         motion = volume_rate * (1.4 if (volume_rate < 0.0) == highest else 1.0) / POLYTROPIC
         return pressure_rate(absolute, volume, motion, flow)
 
-    def _bounds(self, time: float, dt: float, pressure: float, small: float, large: float,
+    def _bounds(self, dt: float, surely: float, pressure: float, small: float, large: float,
                 volume_rate: float, source: float) -> None:
-        """Move the bounds on, let them follow the reading, and count readings outside."""
+        """
+        Move the bounds on, let them follow the reading, and count readings outside.
+
+        What must happen counts for ``surely``, what may happen for all of ``dt`` (s).
+        """
         config = self.config
         share = -math.expm1(-dt / _SLOW)
         # Against the reading before as well: a spike moves no bound.
         least, most = sorted((pressure, self._before))
         for k in range(_DELAYS):
-            low, high = self._range_of_commands(time, dt, k * self._spacing)
+            low, high = self._range_of_commands(surely, k * self._spacing)
+            if dt > _WATCHDOG:
+                low = -1.0
             # Filling raises the small volume more; so does venting lower it.
             bottom, top = self._bottom[k], self._top[k]
-            bottom += dt * self._rate(low, bottom, large if low > 0.0 else small, volume_rate,
-                                      source, False)
-            top += dt * self._rate(high, top, small if high > 0.0 else large, volume_rate, source,
+            least_rate = self._rate(low, bottom, large if low > 0.0 else small, volume_rate,
+                                    source, False)
+            most_rate = self._rate(high, top, small if high > 0.0 else large, volume_rate, source,
                                    True)
+            bottom += least_rate * (surely if least_rate > 0.0 else dt)
+            top += most_rate * (surely if most_rate < 0.0 else dt)
             bottom += (pressure - bottom) * share
             top += (pressure - top) * share
             # A valve fills to the supply and vents to ambient at most.
@@ -234,8 +262,8 @@ class InflowWatch:
         self._below = self._below + 1 if pressure < min(self._bottom) - limit else 0
         self._above = self._above + 1 if pressure > max(self._top) + limit else 0
 
-    def _judge_trial(self, time: float, dt: float, pressure: float, volume: float,
-                     volume_rate: float, source: float) -> str:
+    def _judge_trial(self, dt: float, pressure: float, volume: float, volume_rate: float,
+                     source: float) -> str:
         """Return what is wrong with a sensor on trial; empty while nothing is."""
         config = self.config
         command = self._commands[-1][1] if self._commands else -1.0
@@ -252,7 +280,7 @@ class InflowWatch:
             self._let_in += dt * pressure_rate(absolute, volume, 0.0, valve_flow(
                 valve, opening, absolute, source + config.ambient, config.ambient))
             self._surely += dt * self._rate(command, pressure, volume, volume_rate, source, False)
-            self._held_since = time
+            self._held_since = self._clock
         self.holding = self.holding or self._let_in >= _TRIAL * config.max_pressure
         if not self.holding:
             return ''
@@ -262,7 +290,7 @@ class InflowWatch:
             # Told apart from half of it, or the next air is a trial again.
             self.trusted = self._surely > 0.5 * self._let_in
             self._begin_trial()
-        elif time - self._held_since >= config.lag:
+        elif self._clock - self._held_since >= max(config.lag, _PATIENCE):
             return (f'{self.name} shows {kilopascals(pressure)} after air for '
                     f'{kilopascals(self._let_in)} was let in; expected '
                     f'{kilopascals(self._start + expected)} or more')

@@ -244,7 +244,9 @@ class SensorWatch:
         self._value = math.nan
         self._moving = 0.0
         self._fault = ''
-        self._late = self._stuck = False
+        #: Since when every reading has been late; one after a stall is no fault of the clock.
+        self._late_since: float | None = None
+        self._stuck = False
 
     @property
     def age(self) -> float | None:
@@ -256,7 +258,10 @@ class SensorWatch:
         """Why a channel that is out must not come back by itself; empty where it may."""
         if self.health != Health.VENT:
             return ''
-        return LATE if self._late else FROZEN if self._stuck else ''
+        if self._late_since is not None and self._seen is not None and (
+                self._seen - self._late_since > self.config.hold_time):
+            return LATE
+        return FROZEN if self._stuck else ''
 
     def see(self, now: float, value: float, moving: bool = False, latency: float = 0.0) -> Health:
         """
@@ -281,14 +286,18 @@ class SensorWatch:
             # Once stuck it stays so while nothing moves: a shut valve proves nothing.
             self._moving += max(since, 0.0)
         self._seen, self._value = now, value
-        self._late = not abs(latency) <= config.max_latency
+        late = not abs(latency) <= config.max_latency
+        if not late:
+            self._late_since = None
+        elif self._late_since is None:
+            self._late_since = now
         self._stuck = 0.0 < config.stuck_time <= self._moving
         if not math.isfinite(value):
             self._fault = f'{self.name} is {value}'
         elif not config.low <= value <= config.high:
             self._fault = (f'{self.name} is {value:.6g} {self.unit}, outside '
                            f'{config.low:g} to {config.high:g}'.replace('  ', ' '))
-        elif self._late:
+        elif late:
             self._fault = _late_text(self.name, latency, config.max_latency)
         elif self._stuck:
             self._fault = (f'{self.name} has shown exactly {value:.6g} {self.unit} for '

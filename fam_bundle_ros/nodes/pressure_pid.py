@@ -21,7 +21,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
 from fam_bundle_ros.control import PressurePid
-from fam_bundle_ros.control.plausibility import InflowConfig, InflowWatch, SupplyWatch
+from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch, SupplyWatch
 from fam_bundle_ros.control.safety import (
     Change,
     Guard,
@@ -63,8 +63,8 @@ _SAMPLES = 3.0
 #: Standard deviations of pressure noise in ``quiet_error`` are three: what noise twice as large
 #: does to the difference of two readings stays below this many of it.
 _NOISE = 4.0
-#: s that a supply gets to come up after `supply_enable`.
-_SUPPLY_START = 1.0
+#: s that a supply gets to come up after `supply_enable`; what it gets where it is not measured.
+_SUPPLY_START, _SUPPLY_UNSEEN = 1.0, 0.3
 
 
 class PressurePidNode(BundleNode):
@@ -143,7 +143,7 @@ class PressurePidNode(BundleNode):
             trip_pressure(self._max_pressure, OVER_PRESSURE_FACTOR) - self._max_pressure,
             p['transport_delay'] + _SPOOL_LAG + (
                 late if math.isfinite(late) else _SAMPLES * period),
-            _NOISE * p['quiet_error'], self.ambient)
+            period, _NOISE * p['quiet_error'], self.ambient)
 
     # --- messages ------------------------------------------------------------------------------
 
@@ -196,6 +196,10 @@ class PressurePidNode(BundleNode):
             self._inflow.begin()
             self._supply_watch.begin()
             self._leave_since = now
+            if not self.lock_step:
+                # The command that was good without air would fill through a reversed valve.
+                self._command = max(self._command, -GENTLE)
+                self._publish(self.now_ns(), self._command)
         else:
             self._vent_now('OFF')
 
@@ -276,9 +280,11 @@ class PressurePidNode(BundleNode):
         elif new:
             assert self._setpoint is not None
             self._command = self._regulate(self._setpoint[1], pressure, dt)
+            if self._inflow.gentle:
+                self._command = max(self._command, -GENTLE)
             self._observe(self._now(stamp), pressure)
         if new:
-            self._inflow.commanded(stamp * 1e-9, self._command)
+            self._inflow.commanded(self._command)
         self._publish(stamp, self._command)
 
     @property
@@ -366,10 +372,11 @@ class PressurePidNode(BundleNode):
 
     def _supply_agrees(self, now: float) -> bool:
         """Return whether the supply is what its parameter says; latch when that lasts."""
-        starting = now - self._leave_since < _SUPPLY_START
-        watch = self._supply_watch
-        agrees = watch.see(now, self._supply.value(self._patience)[0],
-                           _SUPPLY_START if starting else None)
+        watch, since = self._supply_watch, now - self._leave_since
+        supply = self._supply.value(self._patience)[0]
+        if not math.isfinite(supply):
+            return since > _SUPPLY_UNSEEN
+        agrees = watch.see(now, supply, _SUPPLY_START if since < _SUPPLY_START else None)
         if watch.text:
             self._guard.latch(now, SUPPLY, watch.text)
         return agrees
