@@ -41,6 +41,8 @@ _CONFIRM = 2
 SUPPLY_LEAST, SUPPLY_MOST = 0.8, 1.25
 #: How many delays from command to reading are tried, from none to the longest.
 _DELAYS = 6
+#: s in which the air of a trial has to be let in, to count.
+_TRIAL_TIME = 0.3
 #: s that a sensor on trial gets to answer; the valve is shut meanwhile.
 _PATIENCE = 0.1
 #: s without an answer after which a driver may have vented by itself (docs/driver.md: 0.1 s).
@@ -123,8 +125,16 @@ class InflowWatch:
 
     def __init__(self, name: str, config: InflowConfig):
         self.name = name
-        self.config = config
+        self.change(config)
         self.begin()
+
+    def change(self, config: InflowConfig) -> None:
+        """Go on with other settings."""
+        self.config, valve = config, config.valve
+        doubt = 0.5 * valve.dead_band + _DEAD_BAND_DOUBT
+        self._wide, self._narrow = (
+            ValveFlow(valve.conductance, valve.critical_ratio, band)
+            for band in (max(valve.dead_band - doubt, 0.0), valve.dead_band + doubt))
 
     def begin(self) -> None:
         """Start anew, with a sensor that has shown nothing yet."""
@@ -135,6 +145,7 @@ class InflowWatch:
         #: s; a gap between readings counts for one period: a rig that is held up acts on nothing.
         self._clock = 0.0
         self._before = 0.0
+        self._volume: float | tuple[float, float] = math.nan
         #: Lowest and highest pressure that can be shown, Pa, one for each delay.
         self._bottom, self._top = [0.0] * _DELAYS, [0.0] * _DELAYS
         self._spacing = self.config.lag / (_DELAYS - 1)
@@ -146,14 +157,14 @@ class InflowWatch:
         #: Pressure at which the trial began; air let in since, by the model and at the least.
         self._start: float | None = None
         self._let_in = self._surely = 0.0
-        self._held_since = 0.0
+        self._held_since = self._trial_since = 0.0
 
     def commanded(self, command: float) -> None:
         """Note the command that answers the last reading."""
         self._commands.append((self._clock, command))
 
     def see(self, time: float, pressure: float, volume: float | tuple[float, float],
-            volume_rate: float = 0.0, supply: float = math.nan) -> tuple[str, str]:
+            supply: float = math.nan) -> tuple[str, str]:
         """
         Take a reading; return cause and reason where it is impossible, else two empty texts.
 
@@ -164,7 +175,6 @@ class InflowWatch:
         pressure : float, Pa (gauge)
         volume : float or (float, float), m^3
             Gas volume with tubing; least and largest where it is not known.
-        volume_rate : float, m^3/s
         supply : float, Pa (gauge)
             As it is read; nan where it is not.
         """
@@ -174,7 +184,7 @@ class InflowWatch:
             if self._time is None or time < self._time:
                 self.begin()
                 self._bottom, self._top = [pressure] * _DELAYS, [pressure] * _DELAYS
-                self._before = pressure
+                self._before, self._volume = pressure, volume
                 self._time = time
             return '', ''
         dt, self._time = time - self._time, time
@@ -182,13 +192,16 @@ class InflowWatch:
         self._clock += surely
         self.gentle = self._clock < _GENTLE_TIME
         small, large = volume if isinstance(volume, tuple) else (volume, volume)
+        # m^3, by which the muscle's motion has changed the volume.
+        swept = (volume - self._volume if isinstance(volume, float)
+                 and isinstance(self._volume, float) else 0.0)
+        self._volume = volume
         source = max(self.config.supply, supply if math.isfinite(supply) else 0.0)
         while len(self._commands) > 1 and (
                 self._commands[1][0] <= self._clock - surely - self.config.lag):
             self._commands.popleft()
-        self._bounds(dt, surely, pressure, small, large, volume_rate, source)
-        trial = '' if self.trusted else self._judge_trial(surely, pressure, small, volume_rate,
-                                                          source)
+        self._bounds(dt, surely, pressure, small, large, swept, source)
+        trial = '' if self.trusted else self._judge_trial(surely, pressure, small, swept, source)
         self._before = pressure
         if trial:
             return NO_RESPONSE, trial
@@ -206,32 +219,35 @@ class InflowWatch:
     def _range_of_commands(self, surely: float, delay: float) -> tuple[float, float]:
         """Return least and largest command that acted since the reading before, for a delay."""
         oldest, newest = self._clock - surely - delay, self._clock - delay
-        acting = [-1.0]
+        low = high = -1.0
         for when, command in self._commands:
             if when <= oldest:
-                acting = [command]
+                low = high = command
             elif when < newest:
-                acting.append(command)
-        return min(acting), max(acting)
+                low, high = min(low, command), max(high, command)
+            else:
+                break
+        return low, high
 
-    def _rate(self, command: float, pressure: float, volume: float, volume_rate: float,
-              source: float, highest: bool) -> float:
-        """Return the highest or lowest rate that a command can mean, Pa/s."""
-        config, valve = self.config, self.config.valve
-        filling = command > 0.0
-        doubt = 0.5 * valve.dead_band + _DEAD_BAND_DOUBT
+    def _rate(self, command: float, pressure: float, volume: float, source: float, highest: bool
+              ) -> float:
+        """Return the highest or lowest pressure rate that a command can mean, Pa/s."""
+        config = self.config
         # A dead band that is narrower opens wider.
-        wide = filling == highest
-        band = max(valve.dead_band - doubt, 0.0) if wide else valve.dead_band + doubt
-        opening = valve_opening(ValveFlow(valve.conductance, valve.critical_ratio, band), command)
+        wide = (command > 0.0) == highest
+        valve = self._wide if wide else self._narrow
         absolute = max(pressure, 0.0) + config.ambient
-        flow = (MOST if wide else LEAST) * valve_flow(valve, opening, absolute,
-                                                      source + config.ambient, config.ambient)
-        motion = volume_rate * (1.4 if (volume_rate < 0.0) == highest else 1.0) / POLYTROPIC
-        return pressure_rate(absolute, volume, motion, flow)
+        flow = valve_flow(config.valve, valve_opening(valve, command), absolute,
+                          source + config.ambient, config.ambient)
+        return pressure_rate(absolute, volume, 0.0, (MOST if wide else LEAST) * flow)
+
+    def _motion(self, pressure: float, volume: float, swept: float, highest: bool) -> float:
+        """Return the highest or lowest change of pressure by a change of volume, Pa."""
+        exponent = 1.4 if (swept < 0.0) == highest else 1.0
+        return -exponent * (max(pressure, 0.0) + self.config.ambient) * swept / volume
 
     def _bounds(self, dt: float, surely: float, pressure: float, small: float, large: float,
-                volume_rate: float, source: float) -> None:
+                swept: float, source: float) -> None:
         """
         Move the bounds on, let them follow the reading, and count readings outside.
 
@@ -241,29 +257,34 @@ class InflowWatch:
         share = -math.expm1(-dt / _SLOW)
         # Against the reading before as well: a spike moves no bound.
         least, most = sorted((pressure, self._before))
+        same, moved = None, (0.0, 0.0)
         for k in range(_DELAYS):
             low, high = self._range_of_commands(surely, k * self._spacing)
             if dt > _WATCHDOG:
                 low = -1.0
-            # Filling raises the small volume more; so does venting lower it.
             bottom, top = self._bottom[k], self._top[k]
-            least_rate = self._rate(low, bottom, large if low > 0.0 else small, volume_rate,
-                                    source, False)
-            most_rate = self._rate(high, top, small if high > 0.0 else large, volume_rate, source,
-                                   True)
-            bottom += least_rate * (surely if least_rate > 0.0 else dt)
-            top += most_rate * (surely if most_rate < 0.0 else dt)
-            bottom += (pressure - bottom) * share
-            top += (pressure - top) * share
-            # A valve fills to the supply and vents to ambient at most.
-            self._bottom[k] = max(min(bottom, max(source, pressure)), least)
-            self._top[k] = min(max(top, 0.0), most)
+            # At rest all delays are alike.
+            if same != (low, high, bottom, top):
+                same = low, high, bottom, top
+                # Filling raises the small volume more; so does venting lower it.
+                least_rate = self._rate(low, bottom, large if low > 0.0 else small, source, False)
+                most_rate = self._rate(high, top, small if high > 0.0 else large, source, True)
+                bottom += (least_rate * (surely if least_rate > 0.0 else dt)
+                           + self._motion(bottom, small, swept, False))
+                top += (most_rate * (surely if most_rate < 0.0 else dt)
+                        + self._motion(top, small, swept, True))
+                bottom += (pressure - bottom) * share
+                top += (pressure - top) * share
+                # A valve fills to the supply and vents to ambient at most.
+                moved = (max(min(bottom, max(source, pressure)), least),
+                         min(max(top, 0.0), most))
+            self._bottom[k], self._top[k] = moved
         limit = config.margin + config.noise
         self._below = self._below + 1 if pressure < min(self._bottom) - limit else 0
         self._above = self._above + 1 if pressure > max(self._top) + limit else 0
 
-    def _judge_trial(self, dt: float, pressure: float, volume: float, volume_rate: float,
-                     source: float) -> str:
+    def _judge_trial(self, dt: float, pressure: float, volume: float, swept: float, source: float
+                     ) -> str:
         """Return what is wrong with a sensor on trial; empty while nothing is."""
         config = self.config
         command = self._commands[-1][1] if self._commands else -1.0
@@ -273,16 +294,22 @@ class InflowWatch:
         if self._start is None:
             if command == 0.0:
                 return ''
-            self._start = min(pressure, self._before)
+            self._start, self._held_since = min(pressure, self._before), self._clock
+            self._trial_since = self._clock
+        # Motion moves the pressure while the valve is shut, too.
+        self._surely += (dt * self._rate(command, pressure, volume, source, False)
+                         + self._motion(pressure, volume, swept, False))
         if command > 0.0:
             valve, absolute = config.valve, max(pressure, 0.0) + config.ambient
             opening = valve_opening(valve, command)
             self._let_in += dt * pressure_rate(absolute, volume, 0.0, valve_flow(
                 valve, opening, absolute, source + config.ambient, config.ambient))
-            self._surely += dt * self._rate(command, pressure, volume, volume_rate, source, False)
             self._held_since = self._clock
         self.holding = self.holding or self._let_in >= _TRIAL * config.max_pressure
         if not self.holding:
+            if self._clock - self._trial_since > _TRIAL_TIME:
+                # Air that is let in so slowly says little: leaks, dead band.
+                self._begin_trial()
             return ''
         rise = pressure - self._start
         expected = self._surely - config.noise

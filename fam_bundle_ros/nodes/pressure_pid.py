@@ -361,11 +361,9 @@ class PressurePidNode(BundleNode):
         if cause := self._watch.cause:
             self._guard.latch(now, cause, self._watch.reason)
         if fresh is not None and health == Health.GOOD:
-            strain, rate = self._strain.value(self._patience)
-            volume, slope = self._volumes.at(strain)
+            volume, _ = self._volumes.at(self._strain.value(self._patience)[0])
             cause, reason = self._inflow.see(
                 self._answered * 1e-9, fresh, self._volumes.ends if volume is None else volume,
-                slope * rate if math.isfinite(rate) else 0.0,
                 self._supply.value(self._patience)[0])
             if cause:
                 self._guard.latch(now, cause, reason)
@@ -412,7 +410,7 @@ class PressurePidNode(BundleNode):
         if set(changes) <= {'over_pressure_factor', 'setpoint_timeout', 'auxiliary_timeout'}:
             return
         self.pid.gains, self.pid.config = settings(self.p)
-        self._inflow.config = self._inflow_config()
+        self._inflow.change(self._inflow_config())
 
     def _report(self, report: Report) -> None:
         self._pressure_meter.report(report, 'pressure')

@@ -175,7 +175,7 @@ def test_pressure_that_does_not_answer_is_vented_and_latched(graph, pair):
     # Exhaust at ambient pressure moves nothing and is in order.
     assert [reported(pid) for pid in pids] == [(0, '')] * 2
     wanted[0] = 200e3
-    graph.advance(rig, 0.1)
+    graph.advance(rig, 0.25)
     level, text = reported(pids[0])
     assert level == ERROR
     assert text.startswith('NO_RESPONSE mu1 shows')
