@@ -51,6 +51,8 @@ _WATCHDOG = 0.05
 _GENTLE_TIME = 0.1
 #: Command up to which an exhaust is opened meanwhile: a reversed valve lets in a tenth as much.
 GENTLE = 0.15
+#: s: readings that come closer together than this are looked at now and then.
+_INTERVAL = 3.5e-3
 #: Commands that are remembered.
 _PLACES = 256
 
@@ -187,8 +189,11 @@ class InflowWatch:
                 self._before, self._volume = pressure, volume
                 self._time = time
             return '', ''
-        dt, self._time = time - self._time, time
-        surely = min(dt, self.config.period)
+        dt = time - self._time
+        if dt < _INTERVAL:
+            return '', ''
+        self._time = time
+        surely = min(dt, max(self.config.period, _INTERVAL))
         self._clock += surely
         self.gentle = self._clock < _GENTLE_TIME
         small, large = volume if isinstance(volume, tuple) else (volume, volume)

@@ -158,8 +158,7 @@ class PlantSimulator(BundleNode):
                 self._take_command(i, message)
             self.subscribe(interface.valve_topic(i + 1), JointState, command)
         if self.p['obey_supply_enable']:
-            self.subscribe(interface.SUPPLY_ENABLE, Bool,
-                           lambda message: self._leave.take(message.data), interface.RELIABLE)
+            self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_leave, interface.RELIABLE)
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
@@ -193,6 +192,9 @@ class PlantSimulator(BundleNode):
         # One from the future is worth as much as one of now: it counts from when it came.
         self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
+
+    def _take_leave(self, message: Bool) -> None:
+        self._leave.take(message.data)
 
     def _retry(self) -> None:
         """Send an unanswered sample again; count who never answers as lost."""
