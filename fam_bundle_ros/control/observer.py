@@ -130,6 +130,26 @@ def observe(state: Any, measured: float, believed: float, asked: float, time: fl
         state.short_power, noise * gain / (2.0 - gain))
 
 
+def hand_over(state: Any, error: float, jump: float) -> float:
+    """
+    Hand over to the model what it explains late; return the share of the jump that it was late.
+
+    The believed force has jumped since a direction of motion was seen. As far as the quick part
+    had made up for that already, it need not any more.
+
+    Parameters
+    ----------
+    state : ObserverState
+    error, jump : float, N
+        Measured minus believed force after the jump; change of the believed force.
+    """
+    if jump == 0.0:
+        return 0.0
+    share = min(max(min((state.quick - error) / jump, state.bias / jump), 0.0), 1.0)
+    state.quick -= share * jump
+    return share
+
+
 def beyond_noise(power: float, noise: float) -> float:
     """Return the share of a power (N^2) that is more than noise of a variance (N^2) makes."""
     return max(1.0 - _CLEAR * noise / power, 0.0) if power > 0.0 else 0.0

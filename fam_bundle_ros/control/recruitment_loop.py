@@ -44,6 +44,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
+from fam_bundle_ros.control.observer import hand_over
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -223,13 +224,24 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         return
     table, outer, machine = state.table, state.outer, state.machine
     # The strain loop damps with the rate as measured; the model has no use for its noise.
+    direction = state.rate.direction
+    before = state.rate.rate if direction != 0 else 0.0
     strain_rate = quiet_rate(state.rate, measurement.strain, since)
     state.clock = state.clock + dt if state.begun else 0.0
     start = not state.begun
     state.begun = True
+    turned = state.rate.direction != direction
+    known = 0.0
+    if turned:
+        ask(table, measurement.strain, before, state.clock, dt, start)
+        known = believed_force(table, model, measurement.pressure, state.adaptation.force)
     ask(table, measurement.strain, strain_rate, state.clock, dt, start)
-    believed = lagged(state.adaptation, believed_force(
-        table, model, measurement.pressure, state.adaptation.force), dt)
+    force = believed_force(table, model, measurement.pressure, state.adaptation.force)
+    if turned:
+        jump = force - known
+        state.adaptation.believed += jump * hand_over(
+            outer.observer, measurement.force - force, jump)
+    believed = lagged(state.adaptation, force, dt)
     adapt(settings.adaptation, state, measurement.force, dt)
     learnt = state.adaptation
     outer_step(settings.outer, outer, measurement, believed,
