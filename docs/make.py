@@ -33,6 +33,10 @@ TOPICS = {
     'model/force': 'what the model predicts, N',
     'model/residual': 'measured minus predicted, N',
     'e_stop': 'emergency stop, latched',
+    'supply_enable': 'true: the supply may be open; on change and 10 times a second; false or '
+                     'silent for 0.5 s: cut it and dump',
+    'mu/pid_state': 'how the pressure loop is: `ACTIVE`, `LATCHED NO_RESPONSE: mu1 shows ...`; '
+                    'on change and 20 times a second; latched',
     '/diagnostics': 'rate, age, saturation, margins, simulated or rig; 1 Hz',
 }
 SERVICES = {

@@ -89,8 +89,8 @@ def low_pass(dt: float, time: float) -> float:
     return 1.0 - math.exp(-dt / time)
 
 
-def observe(state: Any, measured: float, believed: float, asked: float, time: float, dt: float
-            ) -> None:
+def observe(state: Any, measured: float, believed: float, asked: float, reach: float, time: float,
+            dt: float) -> None:
     """
     Advance by one sample.
 
@@ -99,6 +99,9 @@ def observe(state: Any, measured: float, believed: float, asked: float, time: fl
     state : ObserverState
     measured, believed, asked : float, N
         Measured force; that of the model at the measured pressures, and at those last commanded.
+    reach : float, N
+        What pressures may be missing where all is well. More than that is on its way, or does not
+        answer at all: it is not integrated, and what was is forgotten.
     time : float, s
         Of the quick observer.
     dt : float, s
@@ -123,11 +126,33 @@ def observe(state: Any, measured: float, believed: float, asked: float, time: fl
     missing = state.asked - believed
     late = abs(asked - state.asked)
     missing = math.copysign(max(abs(missing) - late, 0.0), missing)
+    if abs(missing) > reach:
+        missing = 0.0
     state.short += low_pass(dt, _SHORT * time) * (missing - state.short)
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
     state.bias = steady + state.weight * left - state.short * beyond_noise(
         state.short_power, noise * gain / (2.0 - gain))
+
+
+def hand_over(state: Any, error: float, jump: float) -> float:
+    """
+    Hand over to the model what it explains late; return the share of the jump that it was late.
+
+    The believed force has jumped since a direction of motion was seen. As far as the quick part
+    had made up for that already, it need not any more.
+
+    Parameters
+    ----------
+    state : ObserverState
+    error, jump : float, N
+        Measured minus believed force after the jump; change of the believed force.
+    """
+    if jump == 0.0:
+        return 0.0
+    share = min(max(min((state.quick - error) / jump, state.bias / jump), 0.0), 1.0)
+    state.quick -= share * jump
+    return share
 
 
 def beyond_noise(power: float, noise: float) -> float:

@@ -199,7 +199,7 @@ def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fi
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
             error = held_out(fitter, without, fewer)
-            if error.physics <= held.physics and error.best <= held.best:
+            if error.is_no_worse(held):
                 found = [other for other in found if other is not change]
                 chosen, physics, held = fewer, without, error
                 break

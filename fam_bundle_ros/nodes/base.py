@@ -3,6 +3,7 @@
 """What every node of the bundle shares: parameters, time, QoS, error lines, a safe stop."""
 
 from collections.abc import Callable, Sequence
+import math
 import time
 from typing import Any
 
@@ -39,6 +40,13 @@ COMMON = (
 LISTENER = (
     Spec('pressure_is_gauge', False, 'the rig sends gauge pressure, although FluidPressure is '
          'absolute by definition'),
+)
+#: Parameters of the nodes that act on what a rig sends.
+LATENCY = (
+    Spec('clocks_synchronised', True, 'the clocks of rig and controllers agree: readings that are '
+         'late by their stamps are refused'),
+    Spec('max_latency', -1.0, 'a reading may be so old when it comes, s; -1: three samples at '
+         '`rate`', -1.0, 60.0),
 )
 MODEL = (
     Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships',
@@ -135,6 +143,18 @@ class BundleNode(Node):
     def publisher_count(self, topic: str) -> int:
         """Return how many publishers a topic has, ours among them."""
         return self.count_publishers(self.resolve_topic_name(topic))
+
+    @property
+    def max_latency(self) -> float:
+        """Return how old a reading may be when it comes, s; infinite where nobody can tell."""
+        if self.lock_step or not self.p['clocks_synchronised']:
+            return math.inf
+        given: float = self.p['max_latency']
+        return given if given >= 0.0 else 3.0 / self.p['rate']
+
+    def latency(self, stamp: int) -> float:
+        """Return how old a stamp is now, s."""
+        return (self.now_ns() - stamp) * 1e-9
 
     def now_ns(self) -> int:
         """Return the node's ROS time in ns."""

@@ -15,16 +15,8 @@ from typing import Any
 
 from rclpy.context import Context
 
-from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.nodes import (
-    interface,
-    model_monitor,
-    plant_simulator,
-    pressure_pid,
-    recruitment_parameters,
-    reference_generator,
-)
-from fam_bundle_ros.nodes.base import BundleNode, COMMON, MODEL
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode, MODEL
 from fam_bundle_ros.nodes.model_monitor import ModelMonitor
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import Spec, table
@@ -41,8 +33,6 @@ SPECS = (
     Spec('generate', True, 'start reference_generator'),
     Spec('monitor', True, 'start model_monitor'),
 )
-_ALL = (*COMMON, *SPECS, *model_monitor.SPECS, *recruitment_parameters.SPECS, *pressure_pid.SPECS,
-        *reference_generator.SPECS, *plant_simulator.SPECS)
 
 
 class BundleBringup(BundleNode):
@@ -90,22 +80,14 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
             nodes.append(ReferenceGenerator(**common, **(generator or {})))
         if bringup.p['simulate']:
             nodes.append(PlantSimulator(**common, **(simulator or {})))
-        _refuse_unknown(nodes)
+        # Not at the top: it knows every node, this one too.
+        from fam_bundle_ros.nodes.known import refuse_unknown
+        refuse_unknown(nodes)
     except Exception:
         for node in nodes:
             node.destroy_node()
         raise
     return nodes
-
-
-def _refuse_unknown(nodes: list[BundleNode]) -> None:
-    """Refuse a parameter that no node has: ROS would ignore it without a word."""
-    given = {name for node in nodes for name in node._parameter_overrides}
-    # Nodes that are not started may be spoken to as well.
-    for name in sorted(given - {spec.name for spec in _ALL}):
-        if not (name.startswith('qos_overrides.')
-                or any(node.has_parameter(name) for node in nodes)):
-            raise InputError(f"no node of the bundle has the parameter '{name}'")
 
 
 def main(args: list[str] | None = None) -> int:

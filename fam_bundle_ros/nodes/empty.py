@@ -25,7 +25,7 @@ from std_msgs.msg import Bool
 from fam_bundle_ros.nodes import interface
 
 #: Pa (gauge): what an empty rig shows and an empty controller asks for.
-PRESSURE, SETPOINT = 100e3, 150e3
+PRESSURE, SETPOINT = 100e3, 100.5e3
 _AMBIENT = 101325.0
 
 

@@ -45,6 +45,8 @@ ADAPTATION = 'adaptation'
 MODEL_FORCE = 'model/force'
 MODEL_RESIDUAL = 'model/residual'
 E_STOP = 'e_stop'
+#: Leave to open the supply; see docs/driver.md.
+SUPPLY_ENABLE = 'supply_enable'
 # Global by convention (REP-107 and use_sim_time); all other names are relative.
 DIAGNOSTICS = '/diagnostics'
 CLOCK = '/clock'
@@ -79,6 +81,11 @@ def valve_topic(unit: int) -> str:
     return f'mu{unit}/valve_command'
 
 
+def pid_state_topic(unit: int) -> str:
+    """Return the name of the topic on which a pressure loop says how it is."""
+    return f'mu{unit}/pid_state'
+
+
 def pressure_channels(units: int) -> list[tuple[str, str]]:
     """Return topic and frame of every pressure that a rig shows, the supply's first."""
     return [(SUPPLY, 'supply'), *((pressure_topic(k), f'mu{k}') for k in range(1, units + 1))]
@@ -104,8 +111,9 @@ def topics(units: int) -> tuple[Topic, ...]:
     per_unit = [Topic(name(unit), kind) for unit in range(1, units + 1) for name, kind in (
         (pressure_topic, FluidPressure), (setpoint_topic, FluidPressure),
         (valve_topic, JointState))]
+    states = [Topic(pid_state_topic(unit), String, latched=True) for unit in range(1, units + 1)]
     return (Topic(FORCE, WrenchStamped), Topic(STRAIN, JointState), Topic(SUPPLY, FluidPressure),
-            *per_unit,
+            *per_unit, *states, Topic(SUPPLY_ENABLE, Bool),
             Topic(REFERENCE_FORCE, WrenchStamped), Topic(REFERENCE_STRAIN, JointState),
             Topic(TRAJECTORY, JointTrajectory),
             Topic(RECRUITMENT_STATE, UInt8, latched=True), Topic(RECRUITMENT, JointState),
@@ -214,6 +222,16 @@ def strain_writer(length: float) -> Callable[[int, float, float], JointState]:
     def write(stamp: int, strain: float, rate: float) -> JointState:
         return joints(stamp, (strain * length, strain), (rate * length, rate))
     return write
+
+
+def contraction_writer() -> Callable[[int, float], JointState]:
+    """
+    Return the writer (stamp, contraction in m) of a rig that does not know the rest length.
+
+    The strain is then the model's to work out.
+    """
+    joints = joint_writer(('contraction',), 'position')
+    return lambda stamp, contraction: joints(stamp, (contraction,))
 
 
 def strain_message(stamp: int, strain: float, rate: float, length: float) -> JointState:

@@ -169,8 +169,9 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
                   'start_enabled': True, 'trajectory': 'trajectories/force_ramp.yaml',
                   'repeat': True, 'load.kind': 'dynamometer', 'load.strain': 0.1,
                   'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0,
+                  'supply_timeout': 2.0, 'clocks_synchronised': False,
                   # An empty rig's readings do not follow the valve.
-                  'response_time': 0.0, 'stuck_time': 0.0, 'strain_stuck_time': 0.0}
+                  'stuck_time': 0.0, 'strain_stuck_time': 0.0}
         nodes = _others(graph, units, values, context, namespace, processes, children)
         where: dict[str, Any] = {'context': context, 'namespace': namespace}
         nodes.append(

@@ -45,6 +45,10 @@ class Spec:
         What a string may be; empty for any.
     dynamic : bool
         Whether it may change while the node runs.
+    guards : bool
+        It limits what may go wrong: while the node acts it may become smaller only.
+    zero_is_off : bool
+        0 switches such a limit off, and counts as the largest value.
     """
 
     name: str
@@ -54,6 +58,8 @@ class Spec:
     high: float = math.inf
     choices: tuple[str, ...] = ()
     dynamic: bool = False
+    guards: bool = False
+    zero_is_off: bool = False
 
     @property
     def expected(self) -> str:
@@ -92,6 +98,15 @@ class Spec:
             raise InputError(f'parameter {self.name} is {value!r}; expected {self.expected}')
 
 
+    def loosens(self, before: Any, after: Any) -> bool:
+        """Return whether a change of a limit lets more happen than before."""
+        if not self.guards:
+            return False
+        old, new = (math.inf if self.zero_is_off and value == 0 else value
+                    for value in (before, after))
+        return bool(new > old)
+
+
 class Parameters(dict[str, Any]):
     """
     The values of a node's parameters, kept up to date.
@@ -125,7 +140,8 @@ class Parameters(dict[str, Any]):
             self[spec.name] = value
 
     def on_change(self, node: Node, check: Callable[[dict[str, Any]], Any],
-                  apply: Callable[[dict[str, Any]], None]) -> None:
+                  apply: Callable[[dict[str, Any]], None],
+                  acting: Callable[[], bool] = lambda: False) -> None:
         """
         Take changes while the node runs.
 
@@ -136,12 +152,18 @@ class Parameters(dict[str, Any]):
             Gets all values as they would be; raises InputError where they do not fit together.
         apply : callable
             Gets the values that changed, after `self` holds them.
+        acting : callable
+            Whether the node acts now, so that no limit may be loosened.
         """
         def validate(changes: list[Parameter]) -> SetParametersResult:
             new = {p.name: p.value for p in changes if p.name in self.specs}
             try:
                 for name, value in new.items():
                     self.specs[name].check(value)
+                    if acting() and self.specs[name].loosens(self[name], value):
+                        raise InputError(f'parameter {name} is a limit: while the node acts it '
+                                         f'may be lowered from {self[name]:g} and not set to '
+                                         f'{value:g}; switch off first')
                 check({**self, **new})
             except InputError as error:
                 return SetParametersResult(successful=False, reason=str(error))

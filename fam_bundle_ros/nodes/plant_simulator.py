@@ -5,9 +5,11 @@ Node plant_simulator: a rig that is not there, with the names, units and service
 
 In wall time it steps at its rate with the latest valve commands and vents the motor units whose
 commands stay away. In lock-step it publishes a sample and ``/clock``, and steps when a valve
-command with that sample's stamp has come for every motor unit.
+command with that sample's stamp has come for every motor unit. Its supply is open only while
+``supply_enable`` says so.
 """
 
+import math
 import time
 from typing import Any, Protocol
 
@@ -29,6 +31,7 @@ from fam_bundle_ros.nodes.parameters import Spec, table
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.nodes.profile import load_profile, Profile
 from fam_bundle_ros.nodes.rig_parameters import LOAD, load_change, RIG, rig_config
+from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 
 SPECS = (
@@ -39,6 +42,10 @@ SPECS = (
     Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
     Spec('publish_clock', True, 'send /clock in lock-step; one simulator per ROS domain only'),
     Spec('command_timeout', 0.1, 'a motor unit without a fresh command is vented, s', 0.01, 10.0,
+         dynamic=True),
+    Spec('obey_supply_enable', True, 'the supply is open only while supply_enable says so; false '
+         'where nobody publishes it'),
+    Spec('supply_timeout', TIMEOUT, 'supply_enable counts for so long in wall time, s', 0.01, 10.0,
          dynamic=True),
     Spec('patience', 0.05, 'in wall time the rig waits so long for late answers to its last '
          'sample, s; 0 to step without them, as a real rig does', 0.0, 1.0, dynamic=True),
@@ -107,6 +114,7 @@ class PlantSimulator(BundleNode):
         self._refused = 0
         self._meter = Meter()
         self._injection = FaultInjection(self, self.units, self._break)
+        self._leave = Leave(math.inf if self.lock_step else p['supply_timeout'])
         self._set_up_interface()
         if p['start_stopped']:
             self.rig.e_stop('stopped at start: call e_stop_reset')
@@ -142,6 +150,8 @@ class PlantSimulator(BundleNode):
             def command(message: JointState, i: int = i) -> None:
                 self._take_command(i, message)
             self.subscribe(interface.valve_topic(i + 1), JointState, command)
+        if self.p['obey_supply_enable']:
+            self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_leave, interface.RELIABLE)
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
@@ -184,6 +194,9 @@ class PlantSimulator(BundleNode):
         # One from the future is worth as much as one of now: it counts from when it came.
         self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
+
+    def _take_leave(self, message: Bool) -> None:
+        self._leave.take(message.data)
 
     def _retry(self) -> None:
         """Send an unanswered sample again; count who never answers as lost."""
@@ -270,6 +283,10 @@ class PlantSimulator(BundleNode):
             target = self._profile.value(run_time + period)
             self.rig.impose_strain(target, abs(target - self.rig.truth.strain) / period)
         stopped = self.rig.e_stopped
+        if self.p['obey_supply_enable']:
+            self.rig.open_supply(self._leave.given)
+            if not self._leave.given:
+                commands = [-1.0] * self.units
         self.rig.step(commands, period)
         self._steps += 1
         self._stamp += self._period_ns
@@ -342,6 +359,8 @@ class PlantSimulator(BundleNode):
 
     def _change(self, changes: dict[str, Any]) -> None:
         self._injection.take()
+        if not self.lock_step:
+            self._leave.timeout = self.p['supply_timeout']
         fields = load_change(self.p['load.kind'], changes)
         if fields and isinstance(self.rig.load, Dynamometer):
             self.rig.impose_strain(self.p['load.strain'], self.p['load.speed'])
@@ -357,6 +376,9 @@ class PlantSimulator(BundleNode):
         report.value('model', self.rig.bundle.name)
         report.value('run time, s', self._steps * self._period_ns * 1e-9, 6)
         report.value('e_stop', self.rig.e_stopped or 'off')
+        if self.p['obey_supply_enable']:
+            report.value('supply', 'open' if self._leave.given else 'shut by supply_enable'
+                         if self._leave.heard else 'shut: nothing on supply_enable yet')
         report.value('air drawn, g', 1e3 * self.rig.air_mass)
         report.value('work, J', self.rig.work)
         behind = max(self._behind, 0) * 1e-9

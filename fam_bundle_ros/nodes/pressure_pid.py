@@ -4,10 +4,11 @@
 Node pressure_pid: holds the pressure of one motor unit at its setpoint, or vents it.
 
 Every pressure reading is answered with a valve command that carries the reading's stamp. The
-motor unit is vented when the setpoint stays away, the pressure is too high or stands still though
-the valve is open (both latched until the setpoint is back at ambient), the emergency stop is on,
-or the process ends; a reading that cannot be trusted shuts the valve at first and vents when it
-lasts. A setpoint of ambient means exhaust.
+motor unit is vented when the setpoint stays away, `supply_enable` is false, the emergency stop is
+on, or the process ends; a reading that cannot be trusted shuts the valve at first and vents when
+it lasts. A pressure that is too high or does not fit the air let in, a supply that contradicts its
+parameter, and late readings vent and latch, until `supply_enable` goes from false to true (which
+`enable` of the recruitment controller does). A setpoint of ambient means exhaust.
 """
 
 import math
@@ -17,66 +18,36 @@ from typing import Any
 import numpy as np
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
 
-from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.pid import ANTI_WINDUP
+from fam_bundle_ros.control import PressurePid
+from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch, SupplyWatch
+from fam_bundle_ros.control.safety import (
+    Change,
+    Guard,
+    Health,
+    kilopascals,
+    OVER_PRESSURE,
+    OVER_PRESSURE_FACTOR,
+    SensorWatch,
+    State,
+    SUPPLY,
+    trip_pressure,
+    WatchConfig,
+)
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model.pneumatics import ValveFlow
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
+from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.gate import Gate
+from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.parameters import Spec, table
+from fam_bundle_ros.nodes.parameters import table
+from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
 from fam_bundle_ros.nodes.process import run
-from fam_bundle_ros.nodes.watch import Health, SensorWatch, WatchConfig
+from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 
-_GAINS, _CONFIG = PidGains(), PidConfig()
-
-SPECS = (
-    Spec('motor_unit', 1, 'which motor unit, from 1', 1, 64),
-    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + ': for gas volume and largest pressure'),
-    *LISTENER,
-    Spec('gains.p', _GAINS.p, 'pressure rate per error, 1/s', 0.0, 1e3, dynamic=True),
-    Spec('gains.i', _GAINS.i, 'pressure rate per integrated error, 1/s^2', 0.0, 1e5, dynamic=True),
-    Spec('gains.d', _GAINS.d, 'on the measured pressure rate, dimensionless', 0.0, 1.0,
-         dynamic=True),
-    Spec('anti_windup', _CONFIG.anti_windup, 'what the integral does at the valve limits',
-         choices=ANTI_WINDUP, dynamic=True),
-    Spec('feed_forward', _CONFIG.feed_forward,
-         'meet moving setpoints and muscles by the chamber model', dynamic=True),
-    Spec('dead_band_compensation', _CONFIG.dead_band_compensation,
-         'jump over the dead band of the valve', dynamic=True),
-    Spec('quiet_error', _CONFIG.quiet_error, 'errors below it are left alone, Pa', 0.0, 1e5,
-         dynamic=True),
-    Spec('setpoint_rate', _CONFIG.setpoint_rate, 'largest rate of the setpoint, Pa/s', 1e3, 1e9,
-         dynamic=True),
-    Spec('transport_delay', _CONFIG.transport_delay, 'dead time from a reading through the valve '
-         'to the next reading, s', 0.0, 0.5, dynamic=True),
-    Spec('valve.conductance', _CONFIG.valve.conductance, 'sonic conductance, m^3/(s Pa)',
-         1e-12, 1e-5),
-    Spec('valve.dead_band', _CONFIG.valve.dead_band, 'command that does not open the valve',
-         0.0, 0.9),
-    Spec('supply.pressure', _CONFIG.supply, 'supply where nothing is measured, Pa gauge', 1e3,
-         1.5e6),
-    Spec('volume', _CONFIG.volume, 'gas volume with tubes where no strain is measured, m^3',
-         1e-7, 1e-1),
-    Spec('tube_volume', 5e-6, 'tube and fittings between valve and muscles, m^3', 0.0, 1e-2),
-    Spec('over_pressure_factor', 1.15, 'vent and latch above the largest pressure times this',
-         1.0, 3.0, dynamic=True),
-    Spec('setpoint_timeout', 0.2, 'vent when the setpoint is older than this, s', 0.01, 10.0,
-         dynamic=True),
-    Spec('sensor_timeout', 0.1, 'a pressure older than this is stale, s', 0.01, 10.0),
-    Spec('auxiliary_timeout', 0.5, 'a strain or supply older than this is not used; volume and '
-         'supply.pressure take their place, s', 0.01, 60.0, dynamic=True),
-    Spec('hold_time', 0.2, 'a bad reading shuts the valve so long, then vents, s', 0.0, 10.0),
-    Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
-    Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while the valve is open is '
-         'stuck, s; 0 for never', 0.0, 60.0),
-    Spec('response_time', 1.0, 'vent and latch when the pressure stands still so long though the '
-         'valve lets through what would fill the unit three times, s; 0 for never', 0.0, 60.0),
-)
 #: A gap between readings longer than this, to either side, is no sample period, s.
 _GAP = 0.5
 #: Setpoints below it ask for no pressure, Pa.
@@ -85,6 +56,15 @@ _AMBIENT = 1e3
 _NOTABLE = 10e3
 #: An error lasts when it is there for longer than any step takes to settle, s.
 _SETTLING = 0.5
+#: s from command to flow besides the dead time.
+_SPOOL_LAG = 2e-3
+#: Samples that a driver may need to read a command and show its effect, where nothing is told.
+_SAMPLES = 3.0
+#: Standard deviations of pressure noise in ``quiet_error`` are three: what noise twice as large
+#: does to the difference of two readings stays below this many of it.
+_NOISE = 4.0
+#: s that a supply gets to come up after `supply_enable`; what it gets where it is not measured.
+_SUPPLY_START, _SUPPLY_UNSEEN = 1.0, 0.3
 
 
 class PressurePidNode(BundleNode):
@@ -114,34 +94,56 @@ class PressurePidNode(BundleNode):
         self._length = float(bundle.motor_units[0].geometry.length)
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
         self._volumes = _Volume(bundle, self.unit - 1, p['tube_volume'])
-        self.pid = PressurePid(*_settings(p))
+        self.pid = PressurePid(*settings(p))
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(
             low=-50e3, high=1.6e6, timeout=p['sensor_timeout'], hold_time=p['hold_time'],
-            recovery_time=p['recovery_time'], stuck_time=p['stuck_time']))
+            recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
+            max_latency=self.max_latency))
+        self._inflow = InflowWatch(f'mu{self.unit}', self._inflow_config())
+        self._supply_watch = SupplyWatch(p['supply.pressure'], p['hold_time'])
+        self._leave = Leave(math.inf if self.lock_step else max(TIMEOUT, p['sensor_timeout']))
+        self._leave_since = -math.inf
         self._setpoint: tuple[int, float] | None = None
         self._setpoint_received = 0.0
         self._strain, self._supply = _Latest('strain'), _Latest('supply')
-        #: State and reason.
-        self._latched: tuple[str, str] | None = None
-        self._state = 'WAITING'
+        self._guard = Guard(self._on_state)
         #: Pa, that was last answered by the loop.
         self._pressure = 0.0
-        self._off, self._still = _Stretch(), _Stretch()
+        self._off = _Stretch()
         self._command = -1.0
         self._answered = -1
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
         self._send = self.sender(interface.valve_topic(self.unit), JointState,
                                  interface.valve_writer(self.unit))
+        self._loop_state = LoopState(self, self.unit)
+        self._loop_state.say(self._guard.now)
         self._gate = Gate(('pressure', 'setpoint', 'strain', 'supply'))
         self._gate_since = time.monotonic()
         self.subscribe(interface.pressure_topic(self.unit), FluidPressure, self._on_pressure)
         self.subscribe(interface.setpoint_topic(self.unit), FluidPressure, self._on_setpoint)
         self.subscribe(interface.STRAIN, JointState, self._on_strain)
         self.subscribe(interface.SUPPLY, FluidPressure, self._on_supply)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_leave, interface.RELIABLE)
         self._e_stop = EmergencyStop(self, self._on_e_stop)
-        p.on_change(self, _settings, self._change)
+        p.on_change(self, settings, self._change,
+                    lambda: self._guard.now.state in (State.ACTIVE, State.HOLD))
         self._diagnostics = Diagnostics(self, self._report)
         self.every(0.02, self._check_time)
+
+    @property
+    def _state(self) -> str:
+        return self._guard.word
+
+    def _inflow_config(self) -> InflowConfig:
+        p = self.p
+        period = 1.0 / p['rate']
+        late = self.max_latency
+        return InflowConfig(
+            self.pid.config.valve, p['supply.pressure'], self._max_pressure,
+            trip_pressure(self._max_pressure, OVER_PRESSURE_FACTOR) - self._max_pressure,
+            p['transport_delay'] + _SPOOL_LAG + (
+                late if math.isfinite(late) else _SAMPLES * period),
+            period, _NOISE * p['quiet_error'], self.ambient)
 
     # --- messages ------------------------------------------------------------------------------
 
@@ -152,7 +154,7 @@ class PressurePidNode(BundleNode):
         if self.lock_step:
             self._collect('pressure', stamp, value)
         else:
-            self._answer(stamp, value)
+            self._answer(stamp, value, self.latency(stamp))
 
     def _on_setpoint(self, message: FluidPressure) -> None:
         self._setpoint_meter.tick()
@@ -162,7 +164,7 @@ class PressurePidNode(BundleNode):
             self._collect('setpoint', stamp, value)
             return
         if not math.isfinite(value):
-            raise InputError(f'setpoint is {value}; expected a number')
+            raise InputError(f'setpoint is {value:g}; expected a number')
         # Stamp 0 is what people send by hand: it counts from when it came.
         self._setpoint = (stamp or max(self._answered, 0), value)
         self._setpoint_received = time.monotonic()
@@ -182,10 +184,36 @@ class PressurePidNode(BundleNode):
             self._supply.take(value)
 
     def _on_e_stop(self) -> None:
+        self._vent_now('E_STOP')
+
+    def _on_leave(self, message: Bool) -> None:
+        if not self._leave.take(message.data):
+            return
+        if message.data:
+            now = self._now(max(self._answered, 0))
+            self._guard.release(now)
+            self._watch.forgive_repeats()
+            self._inflow.begin()
+            self._supply_watch.begin()
+            self._leave_since = now
+            if not self.lock_step:
+                # The command that was good without air would fill through a reversed valve.
+                self._command = max(self._command, -GENTLE)
+                self._publish(self.now_ns(), self._command)
+        else:
+            self._vent_now('OFF')
+
+    def _vent_now(self, cause: str) -> None:
+        """Vent at once, whether or not a reading comes to be answered."""
         if not self.lock_step:
-            # At once, whether or not a reading comes to be answered.
-            self._command = self._vent('E_STOP', '')
+            self._command = self._vent(time.monotonic(), cause)
             self._publish(self.now_ns(), self._command)
+
+    def _on_state(self, change: Change) -> None:
+        if change.state is State.LATCHED:
+            self.get_logger().error(f'{change.cause}: {change.reason}; vented and latched until '
+                                    'enabled again')
+        self._loop_state.say(change)
 
     # --- lock-step -----------------------------------------------------------------------------
 
@@ -226,7 +254,7 @@ class PressurePidNode(BundleNode):
 
     # --- control -------------------------------------------------------------------------------
 
-    def _answer(self, stamp: int, pressure: float) -> None:
+    def _answer(self, stamp: int, pressure: float, latency: float = 0.0) -> None:
         """Answer a reading with a valve command of the same stamp."""
         first = self._answered < 0
         dt = 0.0 if first else (stamp - self._answered) * 1e-9
@@ -244,15 +272,19 @@ class PressurePidNode(BundleNode):
             self.pid.reset()
         if new:
             self._answered = stamp
-        forced = self._judge(self._now(stamp), pressure, new)
+        forced = self._judge(self._now(stamp), pressure, new, latency)
         if forced is not None:
             self.pid.reset()
-            self._off, self._still = _Stretch(), _Stretch()
+            self._off = _Stretch()
             self._command = forced
         elif new:
             assert self._setpoint is not None
             self._command = self._regulate(self._setpoint[1], pressure, dt)
+            if self._inflow.gentle:
+                self._command = max(self._command, -GENTLE)
             self._observe(self._now(stamp), pressure)
+        if new:
+            self._inflow.commanded(self._command)
         self._publish(stamp, self._command)
 
     @property
@@ -270,70 +302,92 @@ class PressurePidNode(BundleNode):
             slope * rate if math.isfinite(rate) else 0.0))
 
     def _observe(self, now: float, pressure: float) -> None:
-        """Note how long the pressure has been off, or has stood still under a flow of air."""
-        state = self.pid.state.shown
+        """Note how long the pressure has been off."""
         self._pressure = pressure
-        self._off.see(now, state.followed_setpoint - pressure, _NOTABLE)
-        # An empty unit is open to exhaust all the time: nothing has to move.
-        flow = state.expected_rate if pressure + state.error >= _AMBIENT else 0.0
-        fast = 3.0 * self._max_pressure / (self.p['response_time'] or math.inf)
-        self._still.see(now, flow, fast, pressure)
+        self._off.see(now, self.pid.state.shown.followed_setpoint - pressure, _NOTABLE)
 
     @property
     def _seen(self) -> str:
         setpoint = self._pressure + self.pid.state.shown.error
-        return (f'mu{self.unit} pressure {round(self._pressure / 1e3)} kPa, setpoint '
-                f'{round(setpoint / 1e3)} kPa, valve at {self._command:.2f}')
+        return (f'mu{self.unit} pressure {kilopascals(self._pressure)}, setpoint '
+                f'{kilopascals(setpoint)}, valve at {self._command:.2f}')
 
-    def _judge(self, now: float, pressure: float | None, new: bool = True) -> float | None:
+    def _judge(self, now: float, pressure: float | None, new: bool = True,
+               latency: float = 0.0) -> float | None:
         """
         Return a command that safety asks for, or None where the loop may act.
 
         A reading that is not new counts for over-pressure only.
         """
-        health = (self._watch.check(now) if pressure is None or not new
-                  else self._watch.see(now, pressure, self._must_move(pressure)))
+        guard, watch, setpoint = self._guard, self._watch, self._setpoint
+        health = (watch.check(now) if pressure is None or not new
+                  else watch.see(now, pressure, self._must_move(pressure), latency))
+        self._look_for_latches(now, pressure if new else None, pressure, health)
         if self._e_stop.on:
-            self._latched = None
-            return self._vent('E_STOP', '')
-        limit = self._max_pressure * self.p['over_pressure_factor']
-        setpoint = self._setpoint
-        if pressure is not None and pressure > limit and not self._latched:
-            self._latch('OVER_PRESSURE', f'mu{self.unit} at {pressure / 1e3:.0f} kPa, above '
-                        f'{limit / 1e3:.0f} kPa')
-        elif setpoint and setpoint[1] < _AMBIENT:
-            if self._latched and pressure is not None and pressure < 0.5 * limit:
-                self._latched = None
-        elif self._still.lasted >= self.p['response_time'] > 0.0 and not self._latched:
-            self._latch('NO_RESPONSE', f'{self._seen} and unmoved for '
-                        f'{self._still.lasted:.1f} s: supply, valve, tube or sensor?')
-        if self._latched:
-            return self._vent(self._latched[0], '')
+            return self._vent(now, 'E_STOP')
+        if guard.latched:
+            return -1.0
+        if self._leave.heard and not self._leave.given:
+            return self._vent(now, 'OFF')
         if health == Health.VENT:
-            return self._vent('SENSOR', f'{self._watch.reason}: venting')
+            return self._vent(now, 'SENSOR', f'{watch.reason}: venting')
         if setpoint is None:
-            return self._vent('WAITING', '')
+            guard.enter(now, State.WAITING)
+            return -1.0
         age = max((self._answered - setpoint[0]) * 1e-9, 0.0)
         received = 0.0 if self.lock_step else time.monotonic() - self._setpoint_received
         if max(age, received) > self.p['setpoint_timeout']:
-            return self._vent('NO_SETPOINT', f'mu{self.unit} is vented: its setpoint is stamped '
-                              f'{age:.3f} s before the pressure and came {received:.3f} s ago; at '
-                              f"most {self.p['setpoint_timeout']:g} s is taken")
+            return self._vent(now, 'NO_SETPOINT', f'mu{self.unit} is vented: its setpoint is '
+                              f'stamped {age:.3g} s before the pressure and came {received:.3g} s '
+                              f"ago; at most {self.p['setpoint_timeout']:g} s is taken")
         if health == Health.HOLD:
-            self._state = 'HOLD'
-            self.say('HOLD', f'{self._watch.reason}: valve shut')
+            return self._hold(now, watch.reason)
+        if not self._supply_agrees(now):
+            return -1.0 if guard.latched else self._hold(
+                now, f'mu{self.unit} waits for the supply')
+        if self._inflow.holding:
+            guard.enter(now, State.ACTIVE)
             return 0.0
-        self._state = 'ACTIVE'
+        guard.enter(now, State.ACTIVE)
         return None
 
-    def _latch(self, state: str, reason: str) -> None:
-        self._latched = state, f'{reason}; vented and latched'
-        self.get_logger().error(self._latched[1])
+    def _look_for_latches(self, now: float, fresh: float | None, pressure: float | None,
+                          health: Health) -> None:
+        """Latch where a reading says so; one that is not ``fresh`` counts for over-pressure."""
+        limit = trip_pressure(self._max_pressure, self.p['over_pressure_factor'])
+        if pressure is not None and pressure > limit:
+            self._guard.latch(now, OVER_PRESSURE, f'mu{self.unit} at {kilopascals(pressure)}, '
+                              f'above {kilopascals(limit)}')
+        if cause := self._watch.cause:
+            self._guard.latch(now, cause, self._watch.reason)
+        if fresh is not None and health == Health.GOOD:
+            volume, _ = self._volumes.at(self._strain.value(self._patience)[0])
+            cause, reason = self._inflow.see(
+                self._answered * 1e-9, fresh, self._volumes.ends if volume is None else volume,
+                self._supply.value(self._patience)[0])
+            if cause:
+                self._guard.latch(now, cause, reason)
 
-    def _vent(self, state: str, text: str) -> float:
-        self._state = state
-        if text:
-            self.say(state, text)
+    def _supply_agrees(self, now: float) -> bool:
+        """Return whether the supply is what its parameter says; latch when that lasts."""
+        watch, since = self._supply_watch, now - self._leave_since
+        supply = self._supply.value(self._patience)[0]
+        if not math.isfinite(supply):
+            return since > _SUPPLY_UNSEEN
+        agrees = watch.see(now, supply, _SUPPLY_START if since < _SUPPLY_START else None)
+        if watch.text:
+            self._guard.latch(now, SUPPLY, watch.text)
+        return agrees
+
+    def _hold(self, now: float, reason: str) -> float:
+        self._guard.enter(now, State.HOLD, 'HOLD', reason)
+        self.say('HOLD', f'{reason}: valve shut')
+        return 0.0
+
+    def _vent(self, now: float, cause: str, reason: str = '') -> float:
+        self._guard.enter(now, State.VENT, cause, reason)
+        if reason:
+            self.say(cause, reason)
         return -1.0
 
     def _must_move(self, pressure: float) -> bool:
@@ -355,8 +409,8 @@ class PressurePidNode(BundleNode):
     def _change(self, changes: dict[str, Any]) -> None:
         if set(changes) <= {'over_pressure_factor', 'setpoint_timeout', 'auxiliary_timeout'}:
             return
-        gains, config = _settings(self.p)
-        self.pid.gains, self.pid.config = gains, config
+        self.pid.gains, self.pid.config = settings(self.p)
+        self._inflow.change(self._inflow_config())
 
     def _report(self, report: Report) -> None:
         self._pressure_meter.report(report, 'pressure')
@@ -369,12 +423,10 @@ class PressurePidNode(BundleNode):
         report.value('anti_windup', self.p['anti_windup'])
         report.value('saturated', state.saturated)
         self._e_stop.report(report)
-        if self._state != 'ACTIVE':
-            urgent = self._state in ('OVER_PRESSURE', 'NO_RESPONSE', 'SENSOR', 'NO_SETPOINT')
-            latched, reason = self._latched or ('', '')
-            why = {latched: reason, 'SENSOR': self._watch.reason,
-                   'HOLD': self._watch.reason}.get(self._state, '')
-            report.add(ERROR if urgent else WARN, f'{self._state} {why}'.strip())
+        now = self._guard.now
+        if now.state is not State.ACTIVE:
+            urgent = now.state is State.LATCHED or now.cause in ('SENSOR', 'NO_SETPOINT')
+            report.add(ERROR if urgent else WARN, f'{self._state} {now.reason}'.strip())
             return
         supply = self._supply.value(self._patience)[0]
         report.value('supply, Pa', supply if math.isfinite(supply) else 'not measured')
@@ -386,8 +438,8 @@ class PressurePidNode(BundleNode):
                            f'{self.p[name]:g}, takes its place')
         supply = supply if math.isfinite(supply) else self.p['supply.pressure']
         if self._setpoint and self._setpoint[1] > supply:
-            report.add(WARN, f'supply at {supply / 1e3:.0f} kPa, below the setpoint of '
-                       f'{self._setpoint[1] / 1e3:.0f} kPa')
+            report.add(WARN, f'supply at {kilopascals(supply)}, below the setpoint of '
+                       f'{kilopascals(self._setpoint[1])}')
         elif self._off.lasted > _SETTLING:
             report.add(WARN, f'{self._seen} for {self._off.lasted:.1f} s: supply, valve, tube or '
                        'sensor?')
@@ -416,17 +468,16 @@ class _Latest:
 
 
 class _Stretch:
-    """How long a value has been far to one side, and a pressure (if told) still meanwhile."""
+    """How long a value has been far to one side."""
 
     def __init__(self) -> None:
         self.lasted = 0.0
-        self._side, self._since, self._from = 0, 0.0, 0.0
+        self._side, self._since = 0, 0.0
 
-    def see(self, now: float, value: float, far: float, pressure: float = 0.0) -> None:
+    def see(self, now: float, value: float, far: float) -> None:
         side = (value > far) - (value < -far)
-        if (side != self._side or now < self._since
-                or abs(pressure - self._from) > _NOTABLE):
-            self._side, self._since, self._from = side, now, pressure
+        if side != self._side or now < self._since:
+            self._side, self._since = side, now
         self.lasted = now - self._since if side else 0.0
 
 
@@ -438,6 +489,8 @@ class _Volume:
         volume = np.maximum(bundle.gas_volume(self._grid)[:, index], 0.0) + max(tube, 1e-7)
         self._volume = volume.tolist()
         self._slope = np.gradient(volume, self._grid).tolist()
+        #: Least and largest volume that the muscle can have at work, m^3.
+        self.ends = min(self._volume[150:451]), max(self._volume[150:451])
 
     def at(self, strain: float) -> tuple[float | None, float]:
         """Return volume (m^3) and dV/dstrain; (None, 0) where the strain is not known."""
@@ -445,21 +498,6 @@ class _Volume:
             return None, 0.0
         k = round((strain + 0.15) * 1000.0)
         return self._volume[k], self._slope[k]
-
-
-def _settings(values: dict[str, Any]) -> tuple[PidGains, PidConfig]:
-    """Return gains and settings; InputError where they do not fit together."""
-    gains = PidGains(values['gains.p'], values['gains.i'], values['gains.d'])
-    config = PidConfig(
-        valve=ValveFlow(conductance=values['valve.conductance'],
-                        dead_band=values['valve.dead_band']),
-        anti_windup=values['anti_windup'], volume=values['volume'],
-        supply=values['supply.pressure'],
-        ambient=values['ambient_pressure'], setpoint_rate=values['setpoint_rate'],
-        transport_delay=values['transport_delay'], quiet_error=values['quiet_error'],
-        feed_forward=values['feed_forward'],
-        dead_band_compensation=values['dead_band_compensation'])
-    return gains, config
 
 
 def main(args: list[str] | None = None) -> int:

@@ -182,7 +182,11 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
         spinner = None
         try:
             _init(context, argv)
-            spinner = Spinner(context, make(context))
+            nodes = make(context)
+            spinner = Spinner(context, nodes)
+            # Not at the top: it knows every node, and nodes know this module.
+            from fam_bundle_ros.nodes.known import refuse_unknown
+            refuse_unknown(nodes)
             while not signals.received and context.ok():
                 spinner.spin()
         except InputError as error:

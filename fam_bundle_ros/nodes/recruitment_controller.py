@@ -5,9 +5,10 @@ Node recruitment_controller: a force or strain reference in, pressure setpoints 
 
 Each complete sample of the rig is answered with setpoints that carry its stamp. The last
 reference received, ``reference/force`` or ``reference/strain``, is the control mode; switching off
-forgets it. Readings that cannot be trusted hold the pressures at first and vent when it lasts; a
-loss that lasts on, over-pressure and the emergency stop switch off until ``enable`` is called
-again.
+forgets it. Readings that cannot be trusted hold the pressures at first and vent when it lasts. A
+loss that lasts on, late readings, over-pressure, a force that no pressure explains, a pressure
+loop that latches or falls silent, and a process that stood still vent the whole bundle and cut
+the supply (``supply_enable``) until ``enable`` is called again; so does the emergency stop.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,6 +29,22 @@ from fam_bundle_ros.control import (
     RecruitmentController,
     Reference,
 )
+from fam_bundle_ros.control.plausibility import ForceWatch
+from fam_bundle_ros.control.safety import (
+    Change,
+    FORCE,
+    Guard,
+    Health,
+    kilopascals,
+    LOST,
+    OVER_PRESSURE,
+    PID_LOST,
+    SensorWatch,
+    State,
+    STOPPED,
+    trip_pressure,
+    WatchConfig,
+)
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
@@ -36,6 +53,7 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
 from fam_bundle_ros.nodes.doubts import OffTarget, ReferenceTally
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
+from fam_bundle_ros.nodes.loops import PressureLoops
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.process import run
@@ -45,7 +63,7 @@ from fam_bundle_ros.nodes.recruitment_parameters import (
 )
 from fam_bundle_ros.nodes.references import MovingReference, ReferenceRate
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
-from fam_bundle_ros.nodes.watch import Health, SensorWatch, WatchConfig
+from fam_bundle_ros.nodes.supply_enable import SupplyEnable, TIMEOUT
 
 #: Pa: pressures that have moved by this since a force or strain last changed must move it.
 _MOVED = 30e3
@@ -55,6 +73,11 @@ _LONGEST = 0.1
 _CLOCK_SET = 0.5
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
+#: Share of the largest pressure below which one that was latched may be enabled again: readings
+#: that drifted are not held against it.
+_EMPTY = 0.1
+#: s that pressure loops get to hear of `enable`.
+_HEAR = 0.5
 #: 1/s: no muscle contracts that fast (all of its way in 0.03 s).
 _FASTEST = 10.0
 #: Errors of force (share of the blocked force) and strain up to which a reference is reached.
@@ -82,13 +105,15 @@ class RecruitmentNode(BundleNode):
         self.controller = RecruitmentController(self.bundle, controller_config(p))
         n = self.bundle.n
         self._limit = self.bundle.max_pressure.tolist()
-        self._enabled: bool = p['start_enabled']
+        #: Whether to enable as soon as nothing speaks against it; in lock-step at once.
+        self._automatic: bool = p['start_enabled'] and not self.lock_step
+        self._enabled: bool = p['start_enabled'] and self.lock_step
+        self._enabled_at = 0.0
+        self._guard = Guard(self._on_state)
+        self._alive = time.monotonic()
         #: Whether to begin from the pressures as they are; None before the first sample.
         self._take_over: bool | None = None
-        #: State and reason of having been switched off; empty after `enable`.
-        self._latched = ('', '')
         self._lost_since: float | None = None
-        self._state = 'WAITING'
         self._reference = MovingReference()
         #: State while there is no reference.
         self._without_reference = 'WAITING'
@@ -106,6 +131,8 @@ class RecruitmentNode(BundleNode):
         self._published_state = -1
         self._watches = self._make_watches()
         self._moved_from: dict[str, tuple[float, list[float]]] = {}
+        self._force_watch = self._make_force_watch()
+        self._pressure = [math.nan] * n
         self._set_up_interface()
 
     def _set_up_interface(self) -> None:
@@ -118,9 +145,11 @@ class RecruitmentNode(BundleNode):
         self._send_recruitment = self.sender(interface.RECRUITMENT, JointState,
                                              interface.recruitment_writer(n))
         self._publish_state(0)
+        self._supply = SupplyEnable(self)
+        self._loops = PressureLoops(self, n, self._latch)
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
-                                self._on_sample, extra)
+                                self._on_sample, extra, self._look_at_pressure)
         self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._tallied(self._on_force))
         self.subscribe(interface.REFERENCE_STRAIN, JointState, self._tallied(self._on_strain))
         self._e_stop = EmergencyStop(self, self._on_e_stop)
@@ -128,22 +157,38 @@ class RecruitmentNode(BundleNode):
         self._adaptation = Adaptation(self, lambda: self.controller)
         if self.bundle.unusual_order:
             self.get_logger().warning(self.bundle.unusual_order)
-        self.p.on_change(self, self._check, self._change)
+        self.p.on_change(self, self._check, self._change,
+                         lambda: self._guard.now.state in (State.ACTIVE, State.HOLD))
         self._diagnostics = Diagnostics(self, self._report)
-        self.every(max(1.0 / self.p['rate'], 2e-3), self._sensing.check_time)
+        self.every(max(1.0 / self.p['rate'], 2e-3), self._check_time)
 
     def _make_watches(self) -> list[SensorWatch]:
         p = self.p
 
         def config(low: float, high: float, stuck: float) -> WatchConfig:
             return WatchConfig(low, high, p['sensor_timeout'], p['hold_time'],
-                               p['recovery_time'], stuck)
+                               p['recovery_time'], stuck, self.max_latency)
         return [
             SensorWatch('force', 'N', config(p['force_low'], p['force_high'], p['stuck_time'])),
             SensorWatch('strain', '', config(p['strain_low'], p['strain_high'],
                                              p['strain_stuck_time'])),
             *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0))
               for i in range(self.bundle.n))]
+
+    def _make_force_watch(self) -> ForceWatch:
+        model = self.bundle.model(False)
+
+        def unit_force(unit: int, strain: float, pressure: float) -> float:
+            # A fresh memory: friction and the like are within the tolerance.
+            return float(model.force(unit, strain, 0.0, [pressure] * self.bundle.n, 0.0, 0.0, True,
+                                     model.shape, model.parameters, model.tables, model.memory,
+                                     model.after))
+        largest = float(self.bundle.blocked_force(self.bundle.max_pressure))
+        return ForceWatch(unit_force, _REACHED_FORCE * largest, 3.0 / self.p['rate'])
+
+    @property
+    def _state(self) -> str:
+        return self._guard.word
 
     @property
     def command(self) -> Command | None:
@@ -182,7 +227,7 @@ class RecruitmentNode(BundleNode):
     def _take_reference(self, kind: str, stamp: int, value: float, rate: float) -> None:
         limit = 1e5 if kind == 'force' else 1.0
         if not abs(value) <= limit:
-            raise InputError(f'reference is {value}; expected a size up to {limit:g}')
+            raise InputError(f'reference is {value:g}; expected a size up to {limit:g}')
         if kind == 'strain' and not abs(rate) <= _FASTEST:
             raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
                              f'{_FASTEST:g}')
@@ -197,6 +242,7 @@ class RecruitmentNode(BundleNode):
     # --- the tick ------------------------------------------------------------------------------
 
     def _on_sample(self, sample: Sample) -> None:
+        self._notice_stop()
         dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
         now = time.monotonic()
         if not self.lock_step and -_CLOCK_SET < dt <= 0.0:
@@ -214,15 +260,26 @@ class RecruitmentNode(BundleNode):
     def _decide(self, sample: Sample, dt: float) -> None:
         """Work out setpoints and state for a sample."""
         measurement = self._trusted(sample)
-        self._notice_loss()
-        off = self._reason_to_be_off(sample)
+        self._pressure = sample.pressure
+        self._look_for_latches(sample)
+        if self._automatic and not self._refusal():
+            self._enable()
+        self._control(sample, measurement, dt)
+        # While pressures ramp down after switching off, the valves still need the supply.
+        self._supply.set(not (self._e_stop.on or self._guard.latched)
+                         and (self._enabled or any(self._setpoints)))
+
+    def _control(self, sample: Sample, measurement: Measurement, dt: float) -> None:
+        off = self._reason_to_be_off()
         if off:
-            self._state = off
-            if off != 'WAITING':
+            state, cause = off
+            self._guard.enter(self._now(), state, cause)
+            if state is not State.WAITING:
                 self._take_over = True
             self._command = None
             self._off_target.reset()
-            self._ramp_down(dt, at_once=off in ('E_STOP', 'OVER_PRESSURE', 'LOST'))
+            self._force_watch.begin()
+            self._ramp_down(dt, at_once=self._guard.latched or self._e_stop.on)
             return
         reference = self._reference.at(self._now())
         assert reference is not None
@@ -237,7 +294,7 @@ class RecruitmentNode(BundleNode):
             self.controller.enable(measurement)
             self._take_over = False
         elif self._take_over:
-            self._state = 'SENSOR'
+            self._guard.enter(self._now(), State.VENT, 'SENSOR', self._unreadable)
             self._ramp_down(dt, at_once=True)
             return
         command = self.controller.update(min(dt, _LONGEST), measurement, reference)
@@ -248,26 +305,35 @@ class RecruitmentNode(BundleNode):
         self._off_target.update(self._now(), reference,
                                 {'force': measurement.force, 'strain': measurement.strain})
         if readable:
-            self._state = 'ACTIVE'
+            self._guard.enter(self._now(), State.ACTIVE)
             return
-        self._state = 'HOLD' if any(self._setpoints) else 'SENSOR'
         # Once the air is out, switching on anew must start from the pressures as they are.
-        self._take_over = self._state == 'SENSOR'
+        self._take_over = not any(self._setpoints)
+        self._guard.enter(self._now(), *((State.VENT, 'SENSOR') if self._take_over else
+                                         (State.HOLD, 'HOLD')), self._unreadable)
         for watch in self._watches:
             if watch.health != Health.GOOD:
                 self.say(f'{watch.name} {self._state}', f'{watch.reason}: '
-                         + ('pressures held' if self._state == 'HOLD' else 'vented'))
+                         + ('vented' if self._take_over else 'pressures held'))
+
+    @property
+    def _unreadable(self) -> str:
+        """Why readings cannot be trusted."""
+        return '; '.join(watch.reason for watch in self._watches
+                         if watch.health != Health.GOOD and watch.reason)
 
     def _trusted(self, sample: Sample) -> Measurement:
         """Return the readings with nan for those that cannot be trusted."""
         now = self._now()
         values = [sample.force, sample.strain, *sample.pressure]
-        for watch, meter, value in zip(self._watches, self._sensing.meters.values(), values):
+        sensing = self._sensing
+        for watch, (channel, meter), value in zip(self._watches, sensing.meters.items(), values):
             last = meter.last
             if self.lock_step:
                 watch.see(now, value, self._must_move(watch.name, value, sample.pressure))
             elif last is not None and last != watch.age:
-                watch.see(last, value, self._must_move(watch.name, value, sample.pressure))
+                watch.see(last, value, self._must_move(watch.name, value, sample.pressure),
+                          sensing.latency[channel])
                 watch.check(now)
             else:
                 watch.check(now)
@@ -290,20 +356,16 @@ class RecruitmentNode(BundleNode):
             return False
         return any(abs(a - b) > _MOVED for a, b in zip(pressure, before[1]))
 
-    def _reason_to_be_off(self, sample: Sample) -> str:
-        for i, (value, limit) in enumerate(zip(sample.pressure, self._limit)):
-            highest = limit * self.p['over_pressure_factor']
-            if value > highest and self._latched[0] != 'OVER_PRESSURE':
-                self._switch_off('OVER_PRESSURE', f'mu{i + 1} at {value / 1e3:.0f} kPa, above '
-                                 f'{highest / 1e3:.0f} kPa')
+    def _reason_to_be_off(self) -> tuple[State, str] | None:
         if self._e_stop.on:
-            return 'E_STOP'
-        if self._latched[0]:
-            return self._latched[0]
+            return State.VENT, 'E_STOP'
+        if self._guard.latched:
+            return State.VENT, ''
         if not self._enabled:
-            return 'OFF'
+            return State.READY, 'OFF'
         if self._reference.last is None:
-            return self._without_reference
+            waiting = self._without_reference == 'WAITING'
+            return (State.WAITING, '') if waiting else (State.READY, self._without_reference)
         limit = self.p['reference_timeout']
         last = self._reference_meter.last
         if not self.lock_step and limit > 0.0 and last is not None:
@@ -312,33 +374,131 @@ class RecruitmentNode(BundleNode):
                 self.say('reference', f'the reference came {age:.2f} s ago; at most {limit:g} s '
                          'is taken: vented')
                 self._forget_reference('NO_REFERENCE')
-                return 'NO_REFERENCE'
-        return ''
+                return State.READY, 'NO_REFERENCE'
+        return None
 
-    def _notice_loss(self) -> None:
-        """Switch off after a loss so long that nobody expects pressure to come back."""
-        now = self._now()
+    # --- what latches --------------------------------------------------------------------------
+
+    def _look_at_pressure(self, unit: int, pressure: float) -> None:
+        """Latch at once where a pressure is too high; called for every reading."""
+        limit = trip_pressure(self._limit[unit], self.p['over_pressure_factor'])
+        if pressure > limit:
+            self._latch(OVER_PRESSURE, f'mu{unit + 1} at {kilopascals(pressure)}, above '
+                        f'{kilopascals(limit)}')
+
+    def _look_for_latches(self, sample: Sample) -> None:
+        for unit, pressure in enumerate(sample.pressure):
+            self._look_at_pressure(unit, pressure)
+        if not self._enabled:
+            self._lost_since = None
+            return
+        self._look_for_loss()
+        for watch in self._watches:
+            if watch.cause:
+                self._latch(watch.cause, watch.reason)
+        if silent := self._loops.silent(self._loop_patience):
+            self._latch(PID_LOST, self._silence(silent))
+        if self._guard.now.state is State.ACTIVE and all(
+                watch.health == Health.GOOD for watch in self._watches):
+            if wrong := self._force_watch.see(self._now(), sample.force, sample.strain,
+                                              sample.pressure, bool(self._off_target.text)):
+                self._latch(FORCE, wrong)
+        if self._now() - self._enabled_at > _HEAR:
+            for unit in range(self.bundle.n):
+                if latched := self._loops.latched(unit):
+                    self._latch(latched.partition(': ')[0], f'mu{unit + 1} stays latched after '
+                                f'enable, {latched}')
+
+    def _look_for_loss(self) -> None:
+        """Latch after a loss so long that nobody expects pressure to come back."""
+        now, patience = self._now(), self.p['resume_within']
         lost = [watch.reason for watch in self._watches if watch.health == Health.VENT]
-        if not lost or not self._enabled:
+        if not lost:
             self._lost_since = None
         elif self._lost_since is None:
             self._lost_since = now
-        if self._lost_since is not None and now - self._lost_since >= self.p['resume_within']:
-            self._switch_off('LOST', f"{'; '.join(lost)}: vented for "
-                             f"{self.p['resume_within']:g} s")
+        if self._lost_since is not None and now - self._lost_since >= patience:
+            self._latch(LOST, f"{'; '.join(lost)}: vented for {patience:g} s")
+        if trouble := self._loops.troubled(patience):
+            self._latch(LOST, f'{trouble}, for {patience:g} s')
+
+    def _check_time(self) -> None:
+        self._notice_stop()
+        self._sensing.check_time()
+
+    def _notice_stop(self) -> None:
+        """Latch when this process stood still for so long that the driver has cut the air."""
+        before, self._alive = self._alive, time.monotonic()
+        if self._enabled and not self.lock_step and (
+                self._alive - before > max(TIMEOUT, self.p['sensor_timeout'])):
+            self._latch(STOPPED, f'this process stood still for {self._alive - before:.2f} s')
+
+    def _latch(self, cause: str, reason: str) -> None:
+        """Vent all, cut the supply, and stay off until somebody enables again."""
+        if not self._guard.latch(self._now(), cause, reason):
+            return
+        self._enabled = self._automatic = False
+        self._forget_reference()
+        self._command = None
+        self._setpoints = [0.0] * self.bundle.n
+        self._supply.set(False)
+        self.get_logger().error(f'{cause}: {reason}; off until enabled again')
+
+    def _on_state(self, change: Change) -> None:
+        self.get_logger().debug(f'{change.state.value} {change.cause} {change.reason}')
+
+    @property
+    def _loop_patience(self) -> float:
+        """Silence of a pressure loop that is taken, s."""
+        return 2.0 * float(self.p['sensor_timeout'])
+
+    def _silence(self, units: list[int]) -> str:
+        return '; '.join(f'the pressure loop of mu{unit + 1} is silent' for unit in units)
+
+    def _refusal(self) -> str:
+        """Return why the bundle cannot be enabled now; empty when it can."""
+        reasons = []
+        if self._e_stop.on:
+            reasons.append(': '.join(part for part in ('the emergency stop is on',
+                                                       self._e_stop.doubt) if part))
+        elif self.p['e_stop_required'] and not self.publisher_count(interface.E_STOP):
+            reasons.append('nobody publishes e_stop (for a rig that has none: e_stop_required '
+                           'false)')
+        silent = self._loops.silent(self._loop_patience)
+        for unit, pressure in enumerate(self._pressure):
+            name, limit = f'mu{unit + 1}', trip_pressure(self._limit[unit],
+                                                         self.p['over_pressure_factor'])
+            if unit in silent:
+                reasons.append(self._silence([unit]))
+            watch = self._watches[2 + unit]
+            if not self.lock_step and watch.health in (Health.WAITING, Health.VENT):
+                reasons.append(watch.reason)
+            elif pressure > limit:
+                reasons.append(f'{name} is at {kilopascals(pressure)}, above '
+                               f'{kilopascals(limit)}')
+            elif (why := self._loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
+                reasons.append(f'{name} is latched ({why}) and still shows '
+                               f'{kilopascals(pressure)}')
+        return '; '.join(reasons)
+
+    def _enable(self) -> None:
+        self._automatic = False
+        self._enabled = True
+        self._enabled_at = self._now()
+        self._alive = time.monotonic()
+        self._guard.release(self._now())
+        # Sensors that are still out get the time anew, and a repeat may have been true.
+        self._lost_since = None
+        self._moved_from.clear()
+        self._force_watch.begin()
+        for watch in self._watches:
+            watch.forgive_repeats()
 
     def _forget_reference(self, state: str = 'WAITING') -> None:
         """Wait for a new one: what was asked for before may not be wanted when it goes on."""
         self._reference = MovingReference()
         self._without_reference = state
         self._take_over = True
-
-    def _switch_off(self, state: str, reason: str) -> None:
-        """Stay off until somebody enables again."""
-        self._enabled = False
-        self._forget_reference()
-        self._latched = (state, f'{reason}: off until enabled again')
-        self.get_logger().error(self._latched[1])
 
     def _ramp_down(self, dt: float, at_once: bool) -> None:
         """Let the air out: at once where it is urgent, else without a jump."""
@@ -368,6 +528,7 @@ class RecruitmentNode(BundleNode):
 
     def stop(self) -> None:
         """Ask for ambient pressure."""
+        self._supply.set(False)
         self._setpoints = [0.0] * self.bundle.n
         self._command = None
         self._publish(max(self._answered, 0))
@@ -379,24 +540,21 @@ class RecruitmentNode(BundleNode):
             # A stop ends what was going on; going on again is a decision of its own.
             self._enabled = False
             self._forget_reference()
+        self._automatic = False
+        self._supply.set(False)
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response
                    ) -> SetBool.Response:
         if not request.data:
             if self._enabled:
                 self._forget_reference()
-            self._enabled = False
+            self._enabled = self._automatic = False
             response.success, response.message = True, 'off; pressures ramp down'
-        elif self._e_stop.on:
-            response.success, response.message = False, ': '.join(
-                part for part in ('the emergency stop is on', self._e_stop.doubt) if part)
+        elif why := self._refusal():
+            response.success, response.message = False, why
+            self.get_logger().warning(f'not enabled: {why}')
         else:
-            self._enabled, self._latched = True, ('', '')
-            # Sensors that are still out get the time anew, and a repeat may have been true.
-            self._lost_since = None
-            self._moved_from.clear()
-            for watch in self._watches:
-                watch.forgive_repeats()
+            self._enable()
             response.success, response.message = True, 'on, from the pressures as they are'
         return response
 
@@ -426,6 +584,7 @@ class RecruitmentNode(BundleNode):
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
         self._limit = self.bundle.max_pressure.tolist()
+        self._force_watch = self._make_force_watch()
         before = self.controller
         self.controller = RecruitmentController(self.bundle, controller_config(self.p))
         if before.bundle is self.bundle:
@@ -438,11 +597,12 @@ class RecruitmentNode(BundleNode):
         self._reference_meter.report(report, 'reference')
         report.value('state', self._state)
         report.value('enabled', self._enabled)
-        if self._state != 'ACTIVE':
-            urgent = self._state in ('E_STOP', 'OVER_PRESSURE', 'SENSOR', 'LOST')
-            why = [watch.reason for watch in self._watches if watch.reason]
-            report.add(ERROR if urgent else WARN, ' '.join(
-                [self._state, self._latched[1] or '; '.join(why)]).strip())
+        now = self._guard.now
+        if now.state is not State.ACTIVE:
+            urgent = now.state is State.LATCHED or now.cause in ('E_STOP', 'SENSOR')
+            text = f'{now.reason}: off until enabled again' if self._guard.latched else (
+                self._unreadable)
+            report.add(ERROR if urgent else WARN, f'{self._state} {text}'.strip())
         self._e_stop.report(report)
         report.value('model', self.bundle.name)
         report.value('policy', self.p['policy'])

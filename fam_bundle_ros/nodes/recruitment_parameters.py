@@ -14,9 +14,10 @@ from fam_bundle_ros.control import (
 )
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.control.recruitment import POLICIES
+from fam_bundle_ros.control.safety import OVER_PRESSURE_FACTOR
 from fam_bundle_ros.control.spread import SCHEMES
 from fam_bundle_ros.nodes import sensing
-from fam_bundle_ros.nodes.base import LISTENER, MODEL
+from fam_bundle_ros.nodes.base import LATENCY, LISTENER, MODEL
 from fam_bundle_ros.nodes.parameters import Spec
 
 _SWITCHING, _OUTER, _BASELINE = SwitchingConfig(), OuterConfig(), BaselineConfig()
@@ -46,7 +47,7 @@ def _outer_spec(name: str, unit: str, high: float) -> Spec:
 SPECS = (
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + '; changes only while it is off',
          dynamic=True),
-    *LISTENER, *sensing.SPECS,
+    *LISTENER, *sensing.SPECS, *LATENCY,
     Spec('start_enabled', False, 'act without being enabled first'),
     Spec('wait_for_reference', False, 'in lock-step wait for a reference of the same stamp: set '
          'it where a reference_generator runs'),
@@ -73,11 +74,13 @@ SPECS = (
     *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
            dynamic=True) for name, unit in _LOAD_FIELDS),
     Spec('reference_timeout', 0.0, 'vent and forget the reference when it is older, s; 0 for '
-         'never', 0.0, 3600.0, dynamic=True),
+         'never', 0.0, 3600.0, dynamic=True, guards=True, zero_is_off=True),
     Spec('ramp_down_time', 0.5, 'time over which switching off lets the air out, s', 0.0, 60.0,
          dynamic=True),
-    Spec('over_pressure_factor', 1.15, 'switch off above the largest pressure times this',
-         1.0, 3.0, dynamic=True),
+    Spec('e_stop_required', True, '`enable` refuses while nobody publishes e_stop; false for a '
+         'rig that has no emergency stop'),
+    Spec('over_pressure_factor', OVER_PRESSURE_FACTOR, 'vent and latch above the largest '
+         'pressure times this', 1.0, 3.0, dynamic=True, guards=True),
     Spec('force_low', -200.0, 'least possible force reading, N', -1e5, 0.0),
     Spec('force_high', 5000.0, 'largest possible force reading, N', 0.0, 1e5),
     Spec('strain_low', -0.2, 'least possible strain reading', -1.0, 0.0),
@@ -86,7 +89,8 @@ SPECS = (
     Spec('hold_time', 0.2, 'a bad reading holds the pressures so long, then vents, s', 0.0, 10.0),
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
     Spec('resume_within', 2.0, 'pressure returns by itself after sensors were out for less than '
-         'this, s; after longer `enable` is needed, with 0 always', 0.0, 3600.0, dynamic=True),
+         'this, s; after longer `enable` is needed, with 0 always', 0.0, 3600.0, dynamic=True,
+         guards=True),
     Spec('stuck_time', 0.5, 'a force that repeats exactly so long while pressures move is '
          'stuck, s; 0 for a load cell without noise', 0.0, 60.0),
     Spec('strain_stuck_time', 0.0, 'the same for strain; 0, for never: a load may hold it still',

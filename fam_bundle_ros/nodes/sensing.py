@@ -96,11 +96,21 @@ class Sensing:
     extra : sequence of str
         Channels besides the sensors that a sample has to wait for in lock-step; they are fed
         with `put`.
+    on_pressure : callable, optional
+        In wall time it gets motor unit (from 0) and gauge pressure as soon as they come: what is
+        urgent does not wait for the other channels.
+
+    Attributes
+    ----------
+    latency : dict
+        How old the last reading of each channel was when it came, s (wall time only).
     """
 
     def __init__(self, node: BundleNode, units: int, length: float,
-                 on_sample: Callable[[Sample], None], extra: Sequence[str] = ()):
+                 on_sample: Callable[[Sample], None], extra: Sequence[str] = (),
+                 on_pressure: Callable[[int, float], None] | None = None):
         self._node = node
+        self._on_pressure = None if node.lock_step else on_pressure
         self._units = units
         self._length = length
         self._on_sample = on_sample
@@ -108,6 +118,7 @@ class Sensing:
         sensors = ['force', 'strain', *(f'mu{i + 1}' for i in range(units))]
         #: How often and when each channel came.
         self.meters = {name: Meter() for name in sensors}
+        self.latency = dict.fromkeys(sensors, 0.0)
         self._latest: dict[str, tuple[int, Any]] = {}
         self._fresh: set[str] = set()
         self._gate = Gate([*sensors, *self._extra])
@@ -122,8 +133,9 @@ class Sensing:
         self._listen('force', interface.FORCE, WrenchStamped, interface.read_force)
         self._listen('strain', interface.STRAIN, JointState, self._read_strain)
         for i in range(units):
-            self._listen(f'mu{i + 1}', interface.pressure_topic(i + 1), FluidPressure,
-                         self._read_pressure)
+            def read(message: FluidPressure, unit: int = i) -> float:
+                return self._read_pressure(unit, message)
+            self._listen(f'mu{i + 1}', interface.pressure_topic(i + 1), FluidPressure, read)
 
     @property
     def begun(self) -> bool:
@@ -170,9 +182,12 @@ class Sensing:
             rate = self._rate.update(interface.stamp_ns(message.header.stamp), strain)
         return strain, rate
 
-    def _read_pressure(self, message: FluidPressure) -> float:
-        return interface.read_pressure(message, self._node.ambient,
-                                       self._node.p['pressure_is_gauge'])
+    def _read_pressure(self, unit: int, message: FluidPressure) -> float:
+        value = interface.read_pressure(message, self._node.ambient,
+                                        self._node.p['pressure_is_gauge'])
+        if self._on_pressure is not None:
+            self._on_pressure(unit, value)
+        return value
 
     def put(self, channel: str, stamp: int, value: Any) -> None:
         """Take a value of a channel."""
@@ -183,6 +198,7 @@ class Sensing:
                 self._complete_gate()
             return
         self._latest[channel] = (stamp, value)
+        self.latency[channel] = self._node.latency(stamp)
         self._fresh.add(channel)
         if self._all_fresh:
             self._due.reset()

@@ -33,7 +33,6 @@ from fam_bundle_ros.nodes.serial_link import Event, SerialLink
 from fam_bundle_ros.nodes.serial_parameters import Readings, scale_specs, Scales, SPECS, UNITS
 from fam_bundle_ros.nodes.serial_protocol import AIR, command_line, hello_line, OVER_PRESSURE
 
-SUPPLY_ENABLE = 'supply_enable'
 #: s. Longest time without a command to the board, a tenth of what it stands.
 _HEARTBEAT = 0.02
 #: s. Commands are not sent closer together than this, however fast they come.
@@ -97,8 +96,8 @@ class SerialRig(BundleNode):
     def _set_up_interface(self) -> None:
         self._send_force = self.sender(interface.FORCE, WrenchStamped, interface.force_writer())
         # The contraction alone: the rest length is the model's to know.
-        self._send_contraction = self.sender(interface.STRAIN, JointState, interface.joint_writer(
-            ('contraction',), 'position'))
+        self._send_contraction = self.sender(interface.STRAIN, JointState,
+                                             interface.contraction_writer())
         self._send_supply, *self._send_pressure = (
             self.sender(topic, FluidPressure, interface.pressure_writer(self.ambient, frame))
             for topic, frame in interface.pressure_channels(self.units))
@@ -107,7 +106,7 @@ class SerialRig(BundleNode):
             def command(message: JointState, i: int = i) -> None:
                 self._take_valve(i, message)
             self.subscribe(interface.valve_topic(i + 1), JointState, command)
-        self.subscribe(SUPPLY_ENABLE, Bool, self._take_enable, interface.RELIABLE)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_enable, interface.RELIABLE)
         self.create_service(Trigger, interface.E_STOP_TRIGGER, self._on_e_stop)
         self.create_service(Trigger, interface.E_STOP_RESET, self._on_e_stop_reset)
         self._diagnostics = Diagnostics(self, self._report, 'rig')
@@ -163,7 +162,7 @@ class SerialRig(BundleNode):
         self._sample_meter.tick()
         stamp = self._ros_time(taken)
         self._send_force(stamp, readings.force)
-        self._send_contraction(stamp, (readings.contraction,))
+        self._send_contraction(stamp, readings.contraction)
         if readings.supply is not None:
             self._send_supply(stamp, readings.supply)
         for send, value in zip(self._send_pressure, readings.pressure):
@@ -211,7 +210,7 @@ class SerialRig(BundleNode):
     def _take_enable(self, message: Bool) -> None:
         now = time.monotonic()
         before = self._air.order(now).supply
-        self._air.enable(message.data, now, self.publisher_count(SUPPLY_ENABLE))
+        self._air.enable(message.data, now, self.publisher_count(interface.SUPPLY_ENABLE))
         if self._air.order(now).supply != before:
             self._send(now)
 

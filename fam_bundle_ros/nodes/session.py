@@ -44,7 +44,8 @@ Watch = Callable[[float, PlantSimulator, Sequence[BundleNode], list[float]], Non
 #: s of wall time that messages on their way get at the end.
 _DRAIN = 0.3
 #: A desktop holds processes up for longer than a rig's watchdogs allow.
-_DESKTOP = {'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0}
+_DESKTOP = {'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0,
+            'supply_timeout': 2.0, 'clocks_synchronised': False}
 
 
 def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points | str | Path, *,

@@ -274,6 +274,10 @@ class Rig:
         self.shown.tare = (sensors.gain[FORCE] * self.state.force + sensors.offset[FORCE]
                            + sensors.bias[FORCE])
 
+    def open_supply(self, open_: bool) -> None:
+        """Open the supply, or shut it off and dump it; it stays shut while the rig is stopped."""
+        self.state.air.dumping = not open_ or self.state.reason != RUNNING
+
     def e_stop(self, reason: str = 'emergency stop') -> None:
         """Shut off and dump the supply, switch all valves to exhaust, and stay so."""
         if self.state.reason == RUNNING:

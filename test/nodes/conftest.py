@@ -11,6 +11,7 @@ pytest.importorskip('rclpy', reason='rclpy is not installed')
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure
+from std_msgs.msg import Bool
 
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
@@ -111,6 +112,15 @@ class Graph:
         return self.call(SetParameters, f'{node}/set_parameters',
                          SetParameters.Request(parameters=parameters)).results
 
+    def enable_supply(self, node, value):
+        """Say supply_enable in place of a recruitment controller, until a node has heard it."""
+        if not hasattr(self, '_supply_enable'):
+            self._supply_enable = self.probe.create_publisher(
+                Bool, interface.SUPPLY_ENABLE, interface.RELIABLE)
+        self.until(lambda: (self._supply_enable.publish(interface.bool_message(value)),
+                            node._leave.heard and node._leave.given == value)[1],
+                   'supply_enable')
+
     def answer_pressures(self, units, setpoint):
         """In lock-step: answer every pressure with a setpoint (a function of unit and s)."""
         for unit in range(1, units + 1):
@@ -156,4 +166,12 @@ def make_graph(ros_context):
 def quiet():
     """Return parameters of a rig without noise, running from the start."""
     return {'start_stopped': False, 'sensors.force_noise': 0.0, 'sensors.pressure_noise': 0.0,
-            'sensors.strain_noise': 0.0, 'load.kind': 'dynamometer', 'load.strain': 0.1}
+            'sensors.strain_noise': 0.0, 'load.kind': 'dynamometer', 'load.strain': 0.1,
+            # The simulator's clock is not that of the machine when that is busy.
+            'clocks_synchronised': False}
+
+
+@pytest.fixture
+def bare(quiet):
+    """Return the same for a rig whose supply waits for nobody's leave."""
+    return {**quiet, 'obey_supply_enable': False}

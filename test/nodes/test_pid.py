@@ -20,10 +20,10 @@ from fam_bundle_ros.resources import config_path
 
 
 @pytest.fixture
-def pair(graph, quiet):
+def pair(graph, bare):
     """Return a function: simulator and both PIDs in lock-step, given more parameters."""
     def start(**overrides):
-        values = {**quiet, 'lock_step': True, 'lock_step_timeout': 0.5,
+        values = {**bare, 'lock_step': True, 'lock_step_timeout': 0.5,
                   **{name.replace('__', '.'): value for name, value in overrides.items()}}
         rig = PlantSimulator(context=graph.context, script=graph.pacer, overrides=values)
         pids = [PressurePidNode(unit, context=graph.context, overrides=values)
@@ -104,35 +104,59 @@ def test_nan_shuts_the_valve_then_vents(graph, pair):
     assert rig.rig.truth.pressure[0] > 95e3
 
 
-def test_frozen_sensor_is_found_and_vented(graph, pair):
-    """A reading that stands still while the valve is open is not believed."""
+@pytest.mark.parametrize('after', [20e3, 60e3, 140e3])
+def test_frozen_sensor_is_found_and_vented(graph, pair, after):
+    """A reading that stands still while the valve is open is not believed, and stays so."""
     rig, pids = pair(sensors__pressure_noise=350.0, trip_pressure=1e6)
-    graph.answer_pressures(2, lambda unit, t: 100e3 if t < 0.4 else 60e3)
+    graph.answer_pressures(2, lambda unit, t: 100e3 if t < 0.4 else after)
     graph.advance(rig, 0.35)
     graph.set('plant_simulator', faults__frozen='mu1/pressure')
-    graph.advance(rig, lambda: pids[0]._state == 'SENSOR', 'the watch')
+    graph.advance(rig, lambda: pids[0]._guard.latched, 'the latch', 0.3)
+    assert rig.rig.truth.pressure[0] < 396e3
     graph.advance(rig, lambda: rig.rig.truth.pressure[0] < 5e3, 'vented')
-    assert 'has shown exactly' in pids[0]._watch.reason
+    assert 'supply, valve commands and volume give' in pids[0]._guard.now.reason
+    graph.set('plant_simulator', faults__frozen='')
+    graph.advance(rig, 0.5)
+    assert pids[0]._guard.latched
+    assert rig.rig.truth.pressure[0] < 5e3
 
 
-def test_over_pressure_is_latched(graph, pair):
-    """Above the limit it vents, and stays so while the old setpoint lasts."""
+def test_pressure_that_no_command_explains_is_latched(graph, pair):
+    """A valve that hangs open: it vents, and stays so until somebody enables again."""
     rig, pids = pair(trip_pressure=1e6)
     wanted = [100e3]
     graph.answer_pressures(2, lambda unit, t: wanted[0])
-    graph.advance(rig, 0.2)
+    graph.advance(rig, 0.3)
     graph.set('plant_simulator', faults__stuck_valve='mu1=0.5')
-    graph.advance(rig, lambda: pids[0]._state == 'OVER_PRESSURE', 'the latch')
+    graph.advance(rig, lambda: pids[0]._guard.latched, 'the latch', 0.1)
+    assert pids[0]._state == 'UNEXPLAINED_PRESSURE'
     graph.set('plant_simulator', faults__stuck_valve='')
     graph.advance(rig, lambda: rig.rig.truth.pressure[0] < 5e3, 'vented')
-    graph.advance(rig, 0.3)
-    assert pids[0]._state == 'OVER_PRESSURE'
     wanted[0] = 0.0
-    graph.advance(rig, 0.05)
+    graph.advance(rig, 0.3)
     wanted[0] = 100e3
+    graph.advance(rig, 0.3)
+    assert pids[0]._state == 'UNEXPLAINED_PRESSURE'
+    assert rig.rig.truth.pressure[0] < 5e3
+    graph.enable_supply(pids[0], False)
+    graph.enable_supply(pids[0], True)
     graph.advance(rig, 0.3)
     assert pids[0]._state == 'ACTIVE'
     assert rig.rig.truth.pressure[0] > 90e3
+
+
+def test_without_leave_for_the_supply_it_vents(graph, pair):
+    """supply_enable false is as good as an emergency stop, and nothing is latched by it."""
+    rig, pids = pair()
+    graph.answer_pressures(2, lambda unit, t: 100e3)
+    graph.advance(rig, 0.3)
+    graph.enable_supply(pids[0], False)
+    graph.advance(rig, 0.05)
+    assert graph.pacer.log[-1][2] == [-1.0, -1.0]
+    assert pids[0]._state == 'OFF'
+    graph.enable_supply(pids[0], True)
+    graph.advance(rig, 0.3)
+    assert rig.rig.truth.pressure.min() > 90e3
 
 
 def reported(node):
@@ -142,8 +166,8 @@ def reported(node):
     return report.level, '; '.join(report.messages)
 
 
-def test_pressure_that_does_not_answer_is_told_then_vented_and_latched(graph, pair):
-    """Filling without effect, noise or not: a warning with both numbers, then a fault."""
+def test_pressure_that_does_not_answer_is_vented_and_latched(graph, pair):
+    """Air that is let in and not shown, noise or not, is a fault after a quarter of a fill."""
     rig, pids = pair(sensors__pressure_noise=350.0, faults__stuck_valve='mu1=0.0')
     wanted = [0.0]
     graph.answer_pressures(2, lambda unit, t: wanted[0] / unit)
@@ -151,25 +175,38 @@ def test_pressure_that_does_not_answer_is_told_then_vented_and_latched(graph, pa
     # Exhaust at ambient pressure moves nothing and is in order.
     assert [reported(pid) for pid in pids] == [(0, '')] * 2
     wanted[0] = 200e3
-    graph.advance(rig, 0.8)
-    level, text = reported(pids[0])
-    assert level == WARN
-    assert 'pressure 0 kPa, setpoint 200 kPa, valve at' in text
-    graph.advance(rig, 0.4)
+    graph.advance(rig, 0.25)
     level, text = reported(pids[0])
     assert level == ERROR
-    assert text.startswith('NO_RESPONSE mu1 pressure 0 kPa, setpoint 200 kPa')
+    assert text.startswith('NO_RESPONSE mu1 shows')
+    assert 'kPa after air for' in text
     assert graph.pacer.log[-1][2][0] == -1.0
+    graph.advance(rig, 0.3)
     assert reported(pids[1]) == (0, '')
     graph.set('plant_simulator', faults__stuck_valve='')
-    graph.advance(rig, 0.3)
-    assert pids[0]._state == 'NO_RESPONSE'
     wanted[0] = 0.0
     graph.advance(rig, 0.1)
     wanted[0] = 200e3
+    graph.advance(rig, 0.3)
+    assert pids[0]._state == 'NO_RESPONSE'
+    graph.enable_supply(pids[0], False)
+    graph.enable_supply(pids[0], True)
     graph.advance(rig, 1.5)
     assert [reported(pid) for pid in pids] == [(0, '')] * 2
     assert rig.rig.truth.pressure[0] > 190e3
+
+
+@pytest.mark.parametrize('shown', [300e3, 800e3])
+def test_supply_that_contradicts_its_parameter_latches(graph, pair, shown):
+    """Another supply, or another unit: no air is let in, and it says so."""
+    _, pids = pair()
+    now = time.monotonic()
+    pids[0]._supply.take(shown)
+    for at in (0.0, 0.1, 0.3):
+        assert not pids[0]._supply_agrees(now + at)
+    assert pids[0]._state == 'SUPPLY'
+    assert f'shows {shown / 1e3:.0f} kPa, the parameter supply.pressure says 500' in (
+        pids[0]._guard.now.reason) or 'says 600 kPa' in pids[0]._guard.now.reason
 
 
 def test_a_drifted_sensor_at_exhaust_is_told_and_no_fault(graph, pair):
@@ -252,7 +289,8 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
     """A driver whose stamp is frozen: nothing goes on filling, and every danger is seen."""
     # Only what the case is about may come first.
     patient = {'sensor_timeout': 0.1 if event == 'stamp' else 10.0,
-               'setpoint_timeout': 0.2 if event == 'setpoint' else 10.0}
+               'setpoint_timeout': 0.2 if event == 'setpoint' else 10.0,
+               'clocks_synchronised': False}
     node = PressurePidNode(1, context=graph.context, overrides=patient)
     graph.add(node)
     commands = []
@@ -263,7 +301,7 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
         node._on_pressure(interface.pressure_message(at, value, 101325.0))
 
     def want():
-        node._on_setpoint(interface.pressure_message(stamp, 300e3, 101325.0))
+        node._on_setpoint(interface.pressure_message(stamp, 102e3, 101325.0))
     want()
     for k in range(20):
         read(stamp + k * 5_000_000, 100e3 + k)
@@ -287,7 +325,8 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
 def test_strain_and_supply_expire(graph):
     """Readings that stop coming are replaced by the parameters, and diagnostics say so."""
     node = PressurePidNode(1, context=graph.context, overrides={
-        'auxiliary_timeout': 0.05, 'volume': 30e-6, 'supply.pressure': 450e3})
+        'auxiliary_timeout': 0.05, 'volume': 30e-6, 'supply.pressure': 550e3,
+        'clocks_synchronised': False})
     graph.add(node)
     given = []
     node.pid.update = lambda *values: given.append(values) or 0.0
@@ -312,7 +351,7 @@ def test_strain_and_supply_expire(graph):
     level, text = reported(node)
     assert level == WARN
     assert 'no strain any more: the parameter volume, 3e-05, takes its place' in text
-    assert 'no supply any more: the parameter supply.pressure, 450000, takes its place' in text
+    assert 'no supply any more: the parameter supply.pressure, 550000, takes its place' in text
     assert node.pid.config.volume == 30e-6
 
 

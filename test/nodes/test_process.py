@@ -85,6 +85,9 @@ def test_node_that_cannot_stop_leaves_the_others_vented(ros_context):
     ('recruitment_controller', 'policy:=guess', "policy is 'guess'; expected one of neglect"),
     ('model_monitor', 'model:=nowhere.yaml', 'nowhere.yaml: no such file ships'),
     ('reference_generator', 'trajectory:=nowhere', 'no such file ships'),
+    ('pressure_pid', 'gain.p:=3.0', "the parameter 'gain.p'; did you mean 'gains.p'?"),
+    ('recruitment_controller', 'over_presure_factor:=1.1', "did you mean 'over_pressure_factor'?"),
+    ('reference_generator', 'repeet:=true', "did you mean 'repeat'?"),
     ('bundle_bringup', 'load.kind:=crane', "load.kind is 'crane'; expected one of dynamometer"),
 ])
 def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text):

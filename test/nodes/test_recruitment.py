@@ -11,9 +11,11 @@ from std_msgs.msg import Bool, UInt8
 from std_srvs.srv import SetBool, Trigger
 import yaml
 
+from fam_bundle_ros.control.safety import Change, State
 from fam_bundle_ros.model import load_model, save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.resources import config_path
@@ -155,8 +157,8 @@ def test_stuck_strain_is_found_where_it_must_move_and_left_by_enable(graph, bund
     """With strain_stuck_time it vents; readings that are otherwise good can be enabled again."""
     ramp = Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0))
     rig, node = bundle(ramp, sensors__strain_noise=0.0, strain_stuck_time=0.5)
-    graph.advance(rig, lambda: node._state == 'LOST', 'the watch')
-    assert 'strain has shown exactly 0.1' in node._latched[1]
+    graph.advance(rig, lambda: node._state == 'FROZEN', 'the watch')
+    assert 'strain has shown exactly 0.1' in node._guard.now.reason
     graph.advance(rig, 0.5)
     graph.call(SetBool, 'enable', SetBool.Request(data=True))
     graph.advance(rig, lambda: rig.rig.truth.force > 60.0, 'force', 1.0)
@@ -224,8 +226,9 @@ def stop(graph, node):
 def over_pressure(graph, node):
     """Let a valve hang open for a moment."""
     graph.set('plant_simulator', faults__stuck_valve='mu1=1.0')
-    graph.until(lambda: node._state == 'OVER_PRESSURE', 'over-pressure')
+    graph.until(lambda: node._guard.latched, 'the latch')
     graph.set('plant_simulator', faults__stuck_valve='')
+    graph.until(lambda: max(node._pressure) < 5e3, 'vented')
 
 
 def time_out(graph, node):
@@ -331,7 +334,9 @@ def test_setpoints_are_absolute_and_carry_the_sample_s_stamp(graph, bundle):
 def test_dead_force_is_seen_whatever_the_stamps(graph, stamps):
     """In wall time neither a dead channel's clock nor stamps that stand still stop the watches."""
     node = graph.add(RecruitmentNode(context=graph.context, overrides={
-        'start_enabled': True, 'sensor_timeout': 0.3}))
+        'start_enabled': True, 'sensor_timeout': 0.3, 'clocks_synchronised': False,
+        'e_stop_required': False}))
+    loops = [LoopState(graph.probe, unit) for unit in (1, 2)]
     streams = [graph.probe.create_publisher(kind, topic, 10) for kind, topic in (
         (WrenchStamped, 'force'), (JointState, 'strain'), (FluidPressure, 'mu1/pressure'),
         (FluidPressure, 'mu2/pressure'), (WrenchStamped, 'reference/force'))]
@@ -343,11 +348,13 @@ def test_dead_force_is_seen_whatever_the_stamps(graph, stamps):
         noise = graph.probe.now_ns() % 97
         # Ahead by more than the test lasts.
         ahead = 3_600_000_000_000 if stamps == 'ahead' else 0
-        messages = (interface.force_message(stamp + ahead, 30.0 + noise * 1e-3),
+        messages = (interface.force_message(stamp + ahead, 1.0 + noise * 1e-3),
                     interface.strain_message(stamp, 0.1 + noise * 1e-6, 0.0, 0.127),
                     interface.pressure_message(stamp, 3e3 + noise, 101325.0),
                     interface.pressure_message(stamp, 1e3 + noise, 101325.0),
                     interface.force_message(stamp, 40.0))
+        for loop in loops:
+            loop.say(Change(0.0, State.ACTIVE, '', ''))
         for stream, message in list(zip(streams, messages))[len(dead):]:
             stream.publish(message)
     # Fast enough that the node never finds nothing new.
@@ -385,23 +392,34 @@ def warnings_of(graph, node='bundle/recruitment_controller'):
 
 
 def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
-    """60 N asked for and far from it for seconds: a tube that is off, say."""
-    rig, node = bundle(hold(60.0))
+    """More is asked for than the bundle can give, for seconds."""
+    rig, node = bundle(Points('too much', 'force', (0.0, 1.0, 1.1, 4.5, 4.6),
+                              (60.0, 60.0, 400.0, 400.0, 60.0)))
     warned = warnings_of(graph)
-    graph.advance(rig, 1.0)
-    # What leaves by the leak is more than the valve lets in.
-    graph.set('plant_simulator', faults__leak='mu1=0.01,mu2=0.01')
-    graph.advance(rig, 1.5)
+    graph.advance(rig, 2.5)
     assert node._off_target.text == ''
     graph.advance(rig, 1.5)
-    graph.until(lambda: warned('asked for is 60 N, for'), 'the warning')
+    graph.until(lambda: warned('asked for is 400 N, for'), 'the warning')
+    graph.advance(rig, 2.5)
+    assert node._off_target.text == ''
+
+
+def test_burst_muscle_is_latched_by_all(graph, bundle):
+    """What leaves is more than the valve lets in: the loop latches, and the bundle with it."""
+    rig, node = bundle(hold(60.0))
+    graph.advance(rig, 1.0)
+    graph.set('plant_simulator', faults__leak='mu1=0.01')
+    graph.advance(rig, lambda: node._guard.latched, 'the latch', 0.2)
+    assert node._state == 'NO_RESPONSE'
+    graph.advance(rig, 0.3)
+    assert not rig._leave.given
+    assert rig.rig.truth.pressure.max() < 5e3
     graph.set('plant_simulator', faults__leak='')
-    # The pressure loops have vented and latched by now: off and on again, and all is well.
-    graph.call(SetBool, 'enable', SetBool.Request(data=False))
     graph.advance(rig, 1.0)
-    graph.call(SetBool, 'enable', SetBool.Request(data=True))
-    graph.advance(rig, 2.0)
-    assert node._off_target.text == ''
+    assert rig.rig.truth.pressure.max() < 5e3
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.advance(rig, 1.5)
+    assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
 
 
 def test_diagnostics_warn_of_who_talks_in_between(graph, live):

@@ -28,7 +28,8 @@ from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
 #: Wall-time runs share the machine with other tests: being held up is not what they are about.
-PATIENT = {'sensor_timeout': 5.0, 'setpoint_timeout': 5.0, 'command_timeout': 5.0}
+PATIENT = {'sensor_timeout': 5.0, 'setpoint_timeout': 5.0, 'command_timeout': 5.0,
+           'supply_timeout': 5.0, 'clocks_synchronised': False}
 RAMP = Points('ramp', 'force', (0.0, 0.3, 1.3), (40.0, 40.0, 100.0))
 
 

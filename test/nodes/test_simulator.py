@@ -37,19 +37,19 @@ def drive(graph, units, value):
 
 
 @pytest.fixture
-def rig(graph, quiet):
+def rig(graph, bare):
     """Return a function that adds a simulator in lock-step with our pacer."""
     def start(**overrides):
         return graph.add(PlantSimulator(
             context=graph.context, script=graph.pacer, overrides={
-                **quiet, 'lock_step': True,
+                **bare, 'lock_step': True,
                 **{name.replace('__', '.'): value for name, value in overrides.items()}}))
     return start
 
 
-def test_sensors_come_in_the_right_types_and_units(graph, quiet):
+def test_sensors_come_in_the_right_types_and_units(graph, bare):
     """Force in N on the load cell's frame, strain and contraction in m, pressures absolute."""
-    rig = graph.add(PlantSimulator(context=graph.context, overrides=quiet))
+    rig = graph.add(PlantSimulator(context=graph.context, overrides=bare))
     force = graph.listen('force', WrenchStamped)
     strain = graph.listen('strain', JointState)
     pressure = graph.listen('mu2/pressure', FluidPressure)
@@ -66,9 +66,9 @@ def test_sensors_come_in_the_right_types_and_units(graph, quiet):
     assert min(b - a for a, b in zip(stamps, stamps[1:])) == 5_000_000
 
 
-def test_lock_step_waits_for_every_command(graph, quiet):
+def test_lock_step_waits_for_every_command(graph, bare):
     """Time stands still until each motor unit's command carries the sample's stamp."""
-    rig = graph.add(PlantSimulator(context=graph.context, overrides={**quiet, 'lock_step': True}))
+    rig = graph.add(PlantSimulator(context=graph.context, overrides={**bare, 'lock_step': True}))
     first, second = command(graph, 1), command(graph, 2)
     pressure = graph.listen('mu1/pressure', FluidPressure)
     graph.until(lambda: pressure, 'the first sample')
@@ -115,9 +115,9 @@ def test_lost_motor_unit_is_vented_and_the_rest_goes_on(graph, rig):
     assert rig.rig.truth.pressure[0] > 50e3
 
 
-def test_wall_time_vents_without_fresh_commands(graph, quiet):
+def test_wall_time_vents_without_fresh_commands(graph, bare):
     """The plant times out on its own when its PID falls silent."""
-    rig = graph.add(PlantSimulator(context=graph.context, overrides=quiet))
+    rig = graph.add(PlantSimulator(context=graph.context, overrides=bare))
     pressure = graph.listen('mu1/pressure', FluidPressure)
     send = command(graph, 1)
     graph.until(lambda: pressure, 'samples')
@@ -131,7 +131,7 @@ def test_wall_time_vents_without_fresh_commands(graph, quiet):
     assert not rig.rig.e_stopped
 
 
-def test_machine_that_is_too_slow_vents_nothing(graph, quiet, monkeypatch):
+def test_machine_that_is_too_slow_vents_nothing(graph, bare, monkeypatch):
     """The rig falls behind the clock for as long as it takes, and says so; commands stay fresh."""
     # Sooner than the 10 s behind that the clock may be before it must have been set.
     monkeypatch.setattr('fam_bundle_ros.nodes.plant_simulator._SET', 400_000_000)
@@ -139,7 +139,7 @@ def test_machine_that_is_too_slow_vents_nothing(graph, quiet, monkeypatch):
     pacer.condition = lambda: False
     pacer.before = lambda rig, time_, period: time.sleep(3.0 * period)
     rig = graph.add(PlantSimulator(context=graph.context, script=pacer, overrides={
-        **quiet, 'command_timeout': 0.3, 'patience': 0.3}))
+        **bare, 'command_timeout': 0.3, 'patience': 0.3}))
     seen = graph.listen('/diagnostics', DiagnosticArray)
     drive(graph, 2, lambda unit, t: 0.01 * unit)
     graph.until(lambda: rig._behind > 900_000_000, 'the lag')
@@ -150,9 +150,9 @@ def test_machine_that_is_too_slow_vents_nothing(graph, quiet, monkeypatch):
     assert seen[-1].status[0].level == b'\x01'
 
 
-def test_stale_command_is_refused(graph, quiet):
+def test_stale_command_is_refused(graph, bare):
     """A command stamped long ago does not open a valve, however late it arrives."""
-    rig = graph.add(PlantSimulator(context=graph.context, overrides=quiet))
+    rig = graph.add(PlantSimulator(context=graph.context, overrides=bare))
     pressure = graph.listen('mu1/pressure', FluidPressure)
     send = command(graph, 1)
     graph.until(lambda: pressure, 'samples')
@@ -163,9 +163,9 @@ def test_stale_command_is_refused(graph, quiet):
     assert rig._refused > 0
 
 
-def test_command_from_the_future_does_not_last(graph, quiet):
+def test_command_from_the_future_does_not_last(graph, bare):
     """A sender whose clock runs ahead and that dies leaves no valve open."""
-    rig = graph.add(PlantSimulator(context=graph.context, overrides=quiet))
+    rig = graph.add(PlantSimulator(context=graph.context, overrides=bare))
     send = command(graph, 1)
     ahead = 3_600_000_000_000
     graph.until(lambda: (send(graph.probe.now_ns() + ahead, 0.5),
@@ -239,9 +239,9 @@ def test_tare_and_reset(graph, rig):
     assert interface.stamp_ns(force[-1].header.stamp) == before + 10 * 5_000_000
 
 
-def test_faults_show_on_the_topics(graph, quiet):
+def test_faults_show_on_the_topics(graph, bare):
     """nan, frozen and silent channels, switched while it runs."""
-    graph.add(PlantSimulator(context=graph.context, overrides={**quiet, 'rate': 100.0}))
+    graph.add(PlantSimulator(context=graph.context, overrides={**bare, 'rate': 100.0}))
     force = graph.listen('force', WrenchStamped)
     graph.until(lambda: len(force) > 3, 'force')
     assert graph.set('plant_simulator', faults__nan='force')[0].successful
@@ -317,18 +317,18 @@ def test_lost_messages_are_missing_and_the_others_come(graph, quiet):
     ('command_timeout', 99.0, 'out of range'),
     ('rate', 100.0, 'read-only'),
 ])
-def test_change_that_makes_no_sense_is_refused(graph, quiet, name, value, text):
+def test_change_that_makes_no_sense_is_refused(graph, bare, name, value, text):
     """The answer of set_parameters says what was expected; the old value stays."""
-    graph.add(PlantSimulator(context=graph.context, overrides=quiet))
+    graph.add(PlantSimulator(context=graph.context, overrides=bare))
     result = graph.set('plant_simulator', **{name: value})[0]
     assert not result.successful
     assert text in result.reason
 
 
-def test_diagnostics_say_that_it_is_simulated(graph, quiet):
+def test_diagnostics_say_that_it_is_simulated(graph, bare):
     """Once a second: simulated, waiting for whom, faults."""
     graph.add(PlantSimulator(context=graph.context, overrides={
-        **quiet, 'faults.noise_factor': 2.0}))
+        **bare, 'faults.noise_factor': 2.0}))
     seen = graph.listen('/diagnostics', DiagnosticArray)
     graph.until(lambda: seen, 'diagnostics')
     status = seen[0].status[0]

@@ -1,0 +1,437 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Are readings possible beside each other? Pressure against the air let in, force, supply.
+
+The valve and its commands bound what the pressure can do (ISO 6358); a pressure outside of the
+bounds by more than the margin between largest pressure and trip could hide one above the trip.
+Slow changes leave room for leaks, temperature and an inexact dead band: there it is the force that
+tells. Nothing here depends on the setpoint. Pressures are gauge; knows nothing of ROS.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from fam_bundle_ros.control.safety import kilopascals, NO_RESPONSE, UNEXPLAINED_PRESSURE
+from fam_bundle_ros.model.pneumatics import (
+    ATMOSPHERE,
+    POLYTROPIC,
+    pressure_rate,
+    valve_flow,
+    valve_opening,
+    ValveFlow,
+)
+
+#: A conductance may be off by 30 %, and the air may be anywhere between isothermal (1) and
+#: adiabatic (1.4) where the model takes POLYTROPIC: least and largest of rate over model's rate.
+LEAST, MOST = 0.7 / POLYTROPIC, 1.3 * 1.4 / POLYTROPIC
+#: The dead band may be off by half of itself and this much more of the full command.
+_DEAD_BAND_DOUBT = 0.02
+#: s: leaks and temperature move a pressure with about this time constant and slower.
+_SLOW = 1.0
+#: Share of the largest pressure that is let in before a sensor is believed. At 200 Hz a fully open
+#: valve lets in as much in one sample: together they are half a fill.
+_TRIAL = 0.25
+#: Readings in a row outside the bounds: one alone may be a spike.
+_CONFIRM = 2
+#: Least and largest of the supply over its parameter: the least is still covered by LEAST.
+SUPPLY_LEAST, SUPPLY_MOST = 0.8, 1.25
+#: How many delays from command to reading are tried, from none to the longest.
+_DELAYS = 6
+#: s in which the air of a trial has to be let in, to count.
+_TRIAL_TIME = 0.3
+#: s that a sensor on trial gets to answer; the valve is shut meanwhile.
+_PATIENCE = 0.1
+#: s without an answer after which a driver may have vented by itself (docs/driver.md: 0.1 s).
+_WATCHDOG = 0.05
+#: s: longer than the longest lag and the samples that confirm.
+_GENTLE_TIME = 0.1
+#: Command up to which an exhaust is opened meanwhile: a reversed valve lets in a tenth as much.
+GENTLE = 0.15
+#: s: readings that come closer together than this are looked at now and then.
+_INTERVAL = 3.5e-3
+#: Commands that are remembered.
+_PLACES = 256
+
+
+@dataclass(frozen=True)
+class InflowConfig:
+    """
+    What is known of a motor unit's air.
+
+    Parameters
+    ----------
+    valve : ValveFlow
+    supply : float, Pa (gauge)
+        As the parameter says; a reading counts where it is higher.
+    max_pressure, margin : float, Pa
+        Largest pressure; error of the reading that is not taken: trip minus largest pressure.
+    lag : float, s
+        Longest time from the reading that a command answers to a reading that shows its effect.
+    period : float, s
+        Between readings. In a longer gap the valve need not have acted for all of it.
+    noise : float, Pa
+        What noise alone may do to the difference of two readings.
+    ambient : float, Pa (absolute)
+    """
+
+    valve: ValveFlow
+    supply: float
+    max_pressure: float
+    margin: float
+    lag: float
+    period: float
+    noise: float
+    ambient: float = ATMOSPHERE
+
+
+class InflowWatch:
+    """
+    Holds the pressure shown against what the valve can have let in or out.
+
+    After `begin` a sensor is on trial: at most a quarter of a fill, and a sample more, is let in
+    before the pressure has answered (`holding`). From then on bounds follow the reading, the
+    lowest and the highest pressure that valve, supply and motion allow whatever the delay from
+    command to reading is.
+
+    Parameters
+    ----------
+    name : str
+        For the messages.
+    config : InflowConfig
+
+    Attributes
+    ----------
+    holding : bool
+        The valve has to stay shut until the sensor has answered.
+    gentle : bool
+        The exhaust is to be opened little at first: a reversed valve would fill.
+    trusted : bool
+        The sensor has answered as much air as can be told from the errors of the valve.
+
+    Examples
+    --------
+    >>> watch = InflowWatch('mu1', InflowConfig(ValveFlow(), 600e3, 345e3, 52e3, 0.02, 5e-3,
+    ...                                         3e3))
+    >>> for k in range(40):
+    ...     cause, text = watch.see(k * 5e-3, 0.0, 20e-6)
+    ...     watch.commanded(0.0 if watch.holding else 1.0)
+    ...     if cause:
+    ...         break
+    >>> cause, text
+    ('NO_RESPONSE', 'mu1 shows 0 kPa after air for 165 kPa was let in; expected 93 kPa or more')
+    """
+
+    def __init__(self, name: str, config: InflowConfig):
+        self.name = name
+        self.change(config)
+        self.begin()
+
+    def change(self, config: InflowConfig) -> None:
+        """Go on with other settings."""
+        self.config, valve = config, config.valve
+        doubt = 0.5 * valve.dead_band + _DEAD_BAND_DOUBT
+        self._wide, self._narrow = (
+            ValveFlow(valve.conductance, valve.critical_ratio, band)
+            for band in (max(valve.dead_band - doubt, 0.0), valve.dead_band + doubt))
+
+    def begin(self) -> None:
+        """Start anew, with a sensor that has shown nothing yet."""
+        self.holding = self.trusted = False
+        self.gentle = True
+        self._commands: deque[tuple[float, float]] = deque(maxlen=_PLACES)
+        self._time: float | None = None
+        #: s; a gap between readings counts for one period: a rig that is held up acts on nothing.
+        self._clock = 0.0
+        self._before = 0.0
+        self._volume: float | tuple[float, float] = math.nan
+        #: Lowest and highest pressure that can be shown, Pa, one for each delay.
+        self._bottom, self._top = [0.0] * _DELAYS, [0.0] * _DELAYS
+        self._spacing = self.config.lag / (_DELAYS - 1)
+        self._below = self._above = 0
+        self._begin_trial()
+
+    def _begin_trial(self) -> None:
+        self.holding = False
+        #: Pressure at which the trial began; air let in since, by the model and at the least.
+        self._start: float | None = None
+        self._let_in = self._surely = 0.0
+        self._held_since = self._trial_since = 0.0
+
+    def commanded(self, command: float) -> None:
+        """Note the command that answers the last reading."""
+        self._commands.append((self._clock, command))
+
+    def see(self, time: float, pressure: float, volume: float | tuple[float, float],
+            supply: float = math.nan) -> tuple[str, str]:
+        """
+        Take a reading; return cause and reason where it is impossible, else two empty texts.
+
+        Parameters
+        ----------
+        time : float, s
+            Of the reading.
+        pressure : float, Pa (gauge)
+        volume : float or (float, float), m^3
+            Gas volume with tubing; least and largest where it is not known.
+        supply : float, Pa (gauge)
+            As it is read; nan where it is not.
+        """
+        if not math.isfinite(pressure):
+            return '', ''
+        if self._time is None or not time > self._time:
+            if self._time is None or time < self._time:
+                self.begin()
+                self._bottom, self._top = [pressure] * _DELAYS, [pressure] * _DELAYS
+                self._before, self._volume = pressure, volume
+                self._time = time
+            return '', ''
+        dt = time - self._time
+        if dt < _INTERVAL:
+            return '', ''
+        self._time = time
+        surely = min(dt, max(self.config.period, _INTERVAL))
+        self._clock += surely
+        self.gentle = self._clock < _GENTLE_TIME
+        small, large = volume if isinstance(volume, tuple) else (volume, volume)
+        # m^3, by which the muscle's motion has changed the volume.
+        swept = (volume - self._volume if isinstance(volume, float)
+                 and isinstance(self._volume, float) else 0.0)
+        self._volume = volume
+        source = max(self.config.supply, supply if math.isfinite(supply) else 0.0)
+        while len(self._commands) > 1 and (
+                self._commands[1][0] <= self._clock - surely - self.config.lag):
+            self._commands.popleft()
+        self._bounds(dt, surely, pressure, small, large, swept, source)
+        trial = '' if self.trusted else self._judge_trial(surely, pressure, small, swept, source)
+        self._before = pressure
+        if trial:
+            return NO_RESPONSE, trial
+        if self._below >= _CONFIRM:
+            return NO_RESPONSE, (
+                f'{self.name} shows {kilopascals(pressure)}; supply, valve commands and volume '
+                f'give {kilopascals(min(self._bottom))} or more')
+        # No setpoint is above the largest pressure: there is nothing to wait for.
+        if self._above >= (1 if pressure > self.config.max_pressure else _CONFIRM):
+            return UNEXPLAINED_PRESSURE, (
+                f'{self.name} shows {kilopascals(pressure)}; supply, valve commands and volume '
+                f'give {kilopascals(max(self._top))} at most')
+        return '', ''
+
+    def _range_of_commands(self, surely: float, delay: float) -> tuple[float, float]:
+        """Return least and largest command that acted since the reading before, for a delay."""
+        oldest, newest = self._clock - surely - delay, self._clock - delay
+        low = high = -1.0
+        for when, command in self._commands:
+            if when <= oldest:
+                low = high = command
+            elif when < newest:
+                low, high = min(low, command), max(high, command)
+            else:
+                break
+        return low, high
+
+    def _rate(self, command: float, pressure: float, volume: float, source: float, highest: bool
+              ) -> float:
+        """Return the highest or lowest pressure rate that a command can mean, Pa/s."""
+        config = self.config
+        # A dead band that is narrower opens wider.
+        wide = (command > 0.0) == highest
+        valve = self._wide if wide else self._narrow
+        absolute = max(pressure, 0.0) + config.ambient
+        flow = valve_flow(config.valve, valve_opening(valve, command), absolute,
+                          source + config.ambient, config.ambient)
+        return pressure_rate(absolute, volume, 0.0, (MOST if wide else LEAST) * flow)
+
+    def _motion(self, pressure: float, volume: float, swept: float, highest: bool) -> float:
+        """Return the highest or lowest change of pressure by a change of volume, Pa."""
+        exponent = 1.4 if (swept < 0.0) == highest else 1.0
+        return -exponent * (max(pressure, 0.0) + self.config.ambient) * swept / volume
+
+    def _bounds(self, dt: float, surely: float, pressure: float, small: float, large: float,
+                swept: float, source: float) -> None:
+        """
+        Move the bounds on, let them follow the reading, and count readings outside.
+
+        What must happen counts for ``surely``, what may happen for all of ``dt`` (s).
+        """
+        config = self.config
+        share = -math.expm1(-dt / _SLOW)
+        # Against the reading before as well: a spike moves no bound.
+        least, most = sorted((pressure, self._before))
+        same, moved = None, (0.0, 0.0)
+        for k in range(_DELAYS):
+            low, high = self._range_of_commands(surely, k * self._spacing)
+            if dt > _WATCHDOG:
+                low = -1.0
+            bottom, top = self._bottom[k], self._top[k]
+            # At rest all delays are alike.
+            if same != (low, high, bottom, top):
+                same = low, high, bottom, top
+                # Filling raises the small volume more; so does venting lower it.
+                least_rate = self._rate(low, bottom, large if low > 0.0 else small, source, False)
+                most_rate = self._rate(high, top, small if high > 0.0 else large, source, True)
+                bottom += (least_rate * (surely if least_rate > 0.0 else dt)
+                           + self._motion(bottom, small, swept, False))
+                top += (most_rate * (surely if most_rate < 0.0 else dt)
+                        + self._motion(top, small, swept, True))
+                bottom += (pressure - bottom) * share
+                top += (pressure - top) * share
+                # A valve fills to the supply and vents to ambient at most.
+                moved = (max(min(bottom, max(source, pressure)), least),
+                         min(max(top, 0.0), most))
+            self._bottom[k], self._top[k] = moved
+        limit = config.margin + config.noise
+        self._below = self._below + 1 if pressure < min(self._bottom) - limit else 0
+        self._above = self._above + 1 if pressure > max(self._top) + limit else 0
+
+    def _judge_trial(self, dt: float, pressure: float, volume: float, swept: float, source: float
+                     ) -> str:
+        """Return what is wrong with a sensor on trial; empty while nothing is."""
+        config = self.config
+        command = self._commands[-1][1] if self._commands else -1.0
+        if command < 0.0:
+            self._begin_trial()
+            return ''
+        if self._start is None:
+            if command == 0.0:
+                return ''
+            self._start, self._held_since = min(pressure, self._before), self._clock
+            self._trial_since = self._clock
+        # Motion moves the pressure while the valve is shut, too.
+        self._surely += (dt * self._rate(command, pressure, volume, source, False)
+                         + self._motion(pressure, volume, swept, False))
+        if command > 0.0:
+            valve, absolute = config.valve, max(pressure, 0.0) + config.ambient
+            opening = valve_opening(valve, command)
+            self._let_in += dt * pressure_rate(absolute, volume, 0.0, valve_flow(
+                valve, opening, absolute, source + config.ambient, config.ambient))
+            self._held_since = self._clock
+        self.holding = self.holding or self._let_in >= _TRIAL * config.max_pressure
+        if not self.holding:
+            if self._clock - self._trial_since > _TRIAL_TIME:
+                # Air that is let in so slowly says little: leaks, dead band.
+                self._begin_trial()
+            return ''
+        rise = pressure - self._start
+        expected = self._surely - config.noise
+        if rise >= expected:
+            # Told apart from half of it, or the next air is a trial again.
+            self.trusted = self._surely > 0.5 * self._let_in
+            self._begin_trial()
+        elif self._clock - self._held_since >= max(config.lag, _PATIENCE):
+            return (f'{self.name} shows {kilopascals(pressure)} after air for '
+                    f'{kilopascals(self._let_in)} was let in; expected '
+                    f'{kilopascals(self._start + expected)} or more')
+        return ''
+
+
+class SupplyWatch:
+    """
+    Holds the supply's reading against its parameter.
+
+    Parameters
+    ----------
+    expected : float, Pa (gauge)
+    patience : float, s
+        How long it may be outside.
+
+    Examples
+    --------
+    >>> watch = SupplyWatch(600e3, 0.2)
+    >>> watch.see(0.0, 590e3), watch.see(0.1, 300.0), watch.see(0.4, 300.0)
+    (True, False, False)
+    >>> watch.text
+    'the supply shows 0 kPa, the parameter supply.pressure says 600 kPa'
+    """
+
+    def __init__(self, expected: float, patience: float):
+        self._expected = expected
+        self._patience = patience
+        self.begin()
+
+    def begin(self) -> None:
+        """Start anew."""
+        self._since: float | None = None
+        #: Why the supply is not believed; empty while it is, or not for long.
+        self.text = ''
+
+    def see(self, now: float, supply: float, patience: float | None = None) -> bool:
+        """Take a reading, Pa (gauge); return whether it agrees. nan, no reading, agrees."""
+        if not (supply < SUPPLY_LEAST * self._expected or supply > SUPPLY_MOST * self._expected):
+            self.begin()
+            return True
+        if self._since is None or now < self._since:
+            self._since = now
+        if now - self._since >= (self._patience if patience is None else patience):
+            self.text = (f'the supply shows {kilopascals(supply)}, the parameter supply.pressure '
+                         f'says {kilopascals(self._expected)}')
+        return False
+
+
+class ForceWatch:
+    """
+    Holds the force against what the pressures shown can make of it.
+
+    The force of each motor unit is taken at the ends of what its pressure may be; what is above
+    all of that is pulled by air that no sensor shows.
+
+    Parameters
+    ----------
+    unit_force : callable
+        Gets index of the motor unit, strain and pressure (Pa gauge); returns N.
+    tolerance : float, N
+        Error of model and load cell that is taken besides.
+    patience : float, s
+        How long a force may be too high; one that is too low counts only with ``off_target``.
+
+    Examples
+    --------
+    >>> watch = ForceWatch(lambda unit, strain, pressure: pressure / 4e3, 10.0, 0.02)
+    >>> watch.see(0.0, 60.0, 0.1, [160e3]), watch.see(0.1, 60.0, 0.1, [160e3])
+    ('', '')
+    >>> watch.see(0.2, 80.0, 0.1, [90e3]), watch.see(0.3, 80.0, 0.1, [90e3])
+    ('', 'force is 80 N; pressures shown give 33 N at most')
+    """
+
+    #: The pressure felt over the one shown: units differ by 7 % or so, gauges by less.
+    RATIO = 0.3
+    #: Pa: and an offset, as of a gauge that drifted.
+    OFFSET = 15e3
+
+    def __init__(self, unit_force: Callable[[int, float, float], float], tolerance: float,
+                 patience: float):
+        self._unit_force = unit_force
+        self._tolerance = tolerance
+        self._patience = patience
+        self.begin()
+
+    def begin(self) -> None:
+        """Start anew."""
+        self._since: float | None = None
+
+    def see(self, now: float, force: float, strain: float, pressure: Any,
+            off_target: bool = False) -> str:
+        """Take readings (N, 1, Pa gauge); return what is wrong, empty while nothing is."""
+        low = high = 0.0
+        for unit, shown in enumerate(pressure):
+            ends = [self._unit_force(unit, strain, max(end, 0.0)) for end in (
+                shown * (1.0 - self.RATIO) - self.OFFSET, shown,
+                shown * (1.0 + self.RATIO) + self.OFFSET)]
+            low += min(ends)
+            high += max(ends)
+        above = force > high + self._tolerance
+        below = off_target and force < low - self._tolerance
+        if not (above or below):
+            self.begin()
+            return ''
+        if self._since is None or now < self._since:
+            self._since = now
+        if now - self._since < self._patience:
+            return ''
+        least = '' if above else 'at least '
+        return (f'force is {force:.3g} N; pressures shown give {least}'
+                f'{high if above else low:.3g} N{" at most" if above else ""}')

@@ -1,0 +1,122 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the recruitment controller and its pressure loops hear of each other.
+
+Every pressure loop says on ``mu<i>/pid_state`` how it is, on every change and 20 times a second:
+one word of `State`, and where there is more to say a cause and a reason, ``LATCHED OVER_PRESSURE:
+mu1 at 410 kPa, above 396 kPa``.
+"""
+
+from collections.abc import Callable
+import time
+
+from std_msgs.msg import String
+
+from fam_bundle_ros.control.safety import Change, State
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+
+#: s between two messages that say the same.
+PERIOD = 0.05
+#: States of a pressure loop in which its motor unit is vented because something is wrong.
+TROUBLE = ('SENSOR', 'NO_SETPOINT')
+
+
+def state_text(change: Change) -> str:
+    """
+    Return a state as it goes out.
+
+    Examples
+    --------
+    >>> state_text(Change(0.0, State.HOLD, 'SENSOR', 'mu1 pressure is nan'))
+    'HOLD SENSOR: mu1 pressure is nan'
+    """
+    text = f'{change.state.value} {change.cause}'.strip()
+    return f'{text}: {change.reason}' if change.reason else text
+
+
+def read_state(text: str) -> tuple[str, str, str]:
+    """Return state, cause and reason of a text of `state_text`."""
+    head, _, reason = text.partition(': ')
+    state, _, cause = head.partition(' ')
+    return state, cause, reason
+
+
+class LoopState:
+    """Publishes how a pressure loop is."""
+
+    def __init__(self, node: BundleNode, unit: int):
+        publish = node.publisher(interface.pid_state_topic(unit), String,
+                                 interface.LATCHED).publish
+        self._send = lambda text: publish(String(data=text))
+        self._text = ''
+        if not node.lock_step:
+            # By the time of the control loop: a loop that hangs is silent.
+            node.every(PERIOD, lambda: self._send(self._text))
+
+    def say(self, change: Change) -> None:
+        """Publish a change of state."""
+        self._text = state_text(change)
+        self._send(self._text)
+
+
+class PressureLoops:
+    """
+    Hears the pressure loops of all motor units.
+
+    Parameters
+    ----------
+    node : BundleNode
+    units : int
+    on_latched : callable
+        Gets cause and reason when a loop latches that was not latched before.
+    """
+
+    def __init__(self, node: BundleNode, units: int, on_latched: Callable[[str, str], None]):
+        self._on_latched = on_latched
+        self._lock_step = node.lock_step
+        self._states = [('', '', '')] * units
+        self._heard: list[float | None] = [None] * units
+        #: Since when a loop vents for a reason of its own, s; None while it does not.
+        self._troubled: list[float | None] = [None] * units
+        for unit in range(units):
+            def take(message: String, unit: int = unit) -> None:
+                self._take(unit, message.data)
+            node.subscribe(interface.pid_state_topic(unit + 1), String, take,
+                           interface.LATCHED)
+
+    def _take(self, unit: int, text: str) -> None:
+        now = time.monotonic()
+        self._heard[unit] = now
+        before, self._states[unit] = self._states[unit], read_state(text)
+        state, cause, reason = self._states[unit]
+        if cause not in TROUBLE or state != State.VENT.value:
+            self._troubled[unit] = None
+        elif self._troubled[unit] is None:
+            self._troubled[unit] = now
+        if state == State.LATCHED.value and before[0] != state:
+            self._on_latched(cause, reason)
+
+    def latched(self, unit: int) -> str:
+        """Return why a loop is latched; empty when it is not."""
+        state, cause, reason = self._states[unit]
+        return f'{cause}: {reason}' if state == State.LATCHED.value else ''
+
+    def silent(self, patience: float) -> list[int]:
+        """Return the motor units (from 0) whose loops said nothing for so long, s."""
+        if self._lock_step:
+            # There nothing moves without them, and who is lost is vented.
+            return []
+        now = time.monotonic()
+        return [unit for unit, heard in enumerate(self._heard)
+                if heard is None or now - heard > patience]
+
+    def troubled(self, patience: float) -> str:
+        """Return which loop has been venting by itself for so long (s), and why."""
+        now = time.monotonic()
+        for unit, since in enumerate(self._troubled):
+            if since is not None and now - since >= patience:
+                _, cause, reason = self._states[unit]
+                return f'mu{unit + 1} is vented by its pressure loop, {cause}: {reason}'
+        return ''

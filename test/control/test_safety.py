@@ -1,0 +1,434 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""State machine, latches, watches and plausibility, without ROS."""
+
+import math
+
+import pytest
+
+from fam_bundle_ros.control import PidConfig, PressurePid
+from fam_bundle_ros.control.plausibility import (
+    ForceWatch,
+    GENTLE,
+    InflowConfig,
+    InflowWatch,
+    SupplyWatch,
+)
+from fam_bundle_ros.control.safety import (
+    FROZEN,
+    Guard,
+    Health,
+    kilopascals,
+    LATE,
+    LOST,
+    OVER_PRESSURE,
+    SensorWatch,
+    State,
+    trip_pressure,
+    WatchConfig,
+)
+from fam_bundle_ros.model import load_model
+from fam_bundle_ros.plant import (
+    Dynamometer,
+    linearise,
+    Rig,
+    RigConfig,
+    SensorConfig,
+    SupplyConfig,
+    ValveConfig,
+)
+from fam_bundle_ros.resources import config_path
+
+PERIOD = 5e-3
+SUPPLY = 600e3
+#: Pa above the trip: what flows in at full opening in two control periods, at 0.1 strain.
+TWO_PERIODS = 2.0 * PERIOD * linearise(396e3, 19e-6, SUPPLY).fill_gain
+
+
+# --- state machine ----------------------------------------------------------------------------
+
+def test_only_release_leads_out_of_a_latch():
+    """Whatever else happens, the first cause stays, with its reason and time."""
+    guard = Guard()
+    assert guard.latch(1.0, OVER_PRESSURE, 'mu1 at 410 kPa')
+    assert not guard.latch(2.0, LOST, 'no force')
+    for state in State:
+        if state is not State.LATCHED:
+            guard.enter(3.0, state)
+    assert (guard.latched, guard.word) == (True, OVER_PRESSURE)
+    assert (guard.now.time, guard.now.reason) == (1.0, 'mu1 at 410 kPa')
+    guard.release(4.0)
+    assert (guard.now.state, guard.now.time) == (State.READY, 4.0)
+
+
+def test_there_is_one_door_into_a_latch():
+    """`enter` cannot latch by mistake."""
+    with pytest.raises(ValueError, match='latch'):
+        Guard().enter(0.0, State.LATCHED)
+
+
+def test_release_of_what_is_not_latched_changes_nothing():
+    """Enabling twice is no change of state."""
+    guard = Guard()
+    guard.enter(0.0, State.ACTIVE)
+    guard.release(1.0)
+    assert guard.now.state is State.ACTIVE
+
+
+def test_every_change_is_announced_once_with_its_reason():
+    """What stays as it is says nothing; what changes says why and when."""
+    seen = []
+    guard = Guard(seen.append)
+    for time in (0.0, 1.0, 2.0):
+        guard.enter(time, State.HOLD, 'HOLD', f'force is nan at {time:g}')
+    guard.enter(3.0, State.ACTIVE)
+    assert [(c.time, c.state, c.reason) for c in seen] == [
+        (0.0, State.HOLD, 'force is nan at 0'), (3.0, State.ACTIVE, '')]
+    assert list(guard.history)[1:] == seen
+
+
+def test_the_controllers_trip_below_the_rig_and_its_relief_valve():
+    """The pressures that stop things lie one above the other."""
+    config = RigConfig()
+    trip = trip_pressure(344.7e3)
+    assert trip == pytest.approx(396.4e3, abs=0.1e3)
+    assert trip < config.trip_pressure < config.chamber.relief_pressure
+
+
+@pytest.mark.parametrize('value', [1e308, -1e308, math.inf, math.nan, 123456789e3])
+def test_a_pressure_in_words_is_short_whatever_its_size(value):
+    """A message with a number of 300 digits is no message."""
+    assert len(kilopascals(value)) < 16
+
+
+# --- watches ----------------------------------------------------------------------------------
+
+@pytest.fixture
+def watch():
+    """Return a watch over a force."""
+    return SensorWatch('force', 'N', WatchConfig(
+        low=-50.0, high=500.0, timeout=0.1, hold_time=0.2, recovery_time=0.2, stuck_time=0.5))
+
+
+def feed(watch, start, stop, value, moving=False):
+    """Feed readings at 100 Hz; return the healths seen."""
+    count = round((stop - start) * 100)
+    return [watch.see(start + k * 0.01, value(k), moving) for k in range(count)]
+
+
+@pytest.mark.parametrize(('bad', 'text'), [
+    (math.nan, 'force is nan'), (math.inf, 'force is inf'),
+    (900.0, 'force is 900 N, outside -50 to 500')])
+def test_bad_reading_holds_then_vents(watch, bad, text):
+    """The first bad reading is not used; after hold_time the channel is out."""
+    feed(watch, 0.0, 0.1, lambda k: 10.0 + k)
+    healths = feed(watch, 0.1, 0.5, lambda k: bad)
+    assert watch.reason == text
+    assert healths[0] == Health.HOLD
+    first = healths.index(Health.VENT)
+    assert 19 <= first <= 21
+    assert set(healths[first:]) == {Health.VENT}
+
+
+def test_silence_holds_then_vents(watch):
+    """Nothing for timeout: hold; for hold_time more: vent."""
+    assert watch.check(100.0) == Health.WAITING
+    feed(watch, 0.0, 0.1, lambda k: 10.0 + k)
+    assert watch.check(0.15) == Health.GOOD
+    assert watch.check(0.25) == Health.HOLD
+    assert watch.check(0.6) == Health.VENT
+    assert watch.reason == 'force: nothing for 0.51 s'
+
+
+def test_reading_is_good_again_only_after_a_while(watch):
+    """One good reading among bad ones does not switch anything on."""
+    feed(watch, 0.0, 0.1, lambda k: 10.0 + k)
+    feed(watch, 0.1, 0.5, lambda k: math.nan)
+    healths = feed(watch, 0.5, 1.0, lambda k: 10.0 + k)
+    assert healths[0] == Health.VENT
+    assert 19 <= healths.index(Health.GOOD) <= 21
+
+
+def test_single_dropouts_do_not_vent(watch):
+    """A nan now and then is bridged."""
+    healths = feed(watch, 0.0, 2.0, lambda k: math.nan if k % 5 == 4 else float(k))
+    assert Health.VENT not in healths
+
+
+def test_clock_that_was_set_back_begins_anew(watch):
+    """A reading that is bad from a jump back on is held and vented as ever, not held for ever."""
+    feed(watch, 100.0, 100.5, lambda k: 10.0 + k)
+    healths = feed(watch, 0.0, 0.5, lambda k: math.nan)
+    assert (healths[0], healths[-1]) == (Health.HOLD, Health.VENT)
+    assert watch.check(-1.0) == Health.WAITING
+
+
+def test_exact_repeats_are_stuck_only_while_it_must_move(watch):
+    """A quantised reading at rest is not stuck; one that stands still under load is."""
+    assert set(feed(watch, 0.0, 2.0, lambda k: 7.0)) == {Health.GOOD}
+    healths = feed(watch, 2.0, 3.0, lambda k: 7.0, moving=True)
+    assert healths[-1] == Health.VENT
+    assert 'has shown exactly 7 N' in watch.reason
+
+
+def test_stuck_reading_stays_stuck_while_nothing_moves(watch):
+    """The valve that was shut because of it must not make the reading good again."""
+    feed(watch, 0.0, 0.7, lambda k: 7.0, moving=True)
+    assert feed(watch, 0.7, 1.5, lambda k: 7.0)[-1] == Health.VENT
+    assert feed(watch, 1.5, 2.0, lambda k: 8.0 + k)[-1] == Health.GOOD
+
+
+@pytest.mark.parametrize(('latency', 'text'), [
+    (0.3, 'force is 0.3 s old when it comes; at most 0.015 s is taken'),
+    (-2.0, 'force is stamped 2 s in the future: the clocks of rig and controller disagree'),
+    (1.8e9, 'force carries no time stamp')])
+def test_late_readings_hold_then_latch(latency, text):
+    """A late reading is not used, and readings that stay late are a fault that does not heal."""
+    watch = SensorWatch('force', 'N', WatchConfig(-50.0, 500.0, max_latency=0.015))
+    assert watch.see(0.0, 10.0, latency=0.004) == Health.GOOD
+    assert watch.see(0.01, 11.0, latency=latency) == Health.HOLD
+    assert watch.reason == text
+    for k in range(2, 40):
+        watch.see(k * 0.01, 10.0 + k, latency=latency)
+    assert (watch.health, watch.cause) == (Health.VENT, LATE)
+
+
+def test_one_late_reading_after_a_stall_latches_nothing():
+    """Silence of a second and an old reading at its end: out, and back by itself."""
+    watch = SensorWatch('force', 'N', WatchConfig(-50.0, 500.0, max_latency=0.015))
+    watch.see(0.0, 10.0)
+    watch.see(1.0, 11.0, latency=1.0)
+    assert (watch.health, watch.cause) == (Health.VENT, '')
+    for k in range(30):
+        watch.see(1.01 + k * 0.01, 12.0 + k)
+    assert watch.health == Health.GOOD
+
+
+def test_a_frozen_reading_does_not_heal():
+    """A channel that was out because it stood still is a fault, not a loss."""
+    watch = SensorWatch('force', 'N', WatchConfig(-50.0, 500.0, stuck_time=0.3))
+    for k in range(80):
+        watch.see(k * 0.01, 7.0, True)
+    assert watch.cause == FROZEN
+
+
+# --- plausibility -----------------------------------------------------------------------------
+
+class Loop:
+    """Two pressure loops with their inflow watches on the simulated rig, no recruitment."""
+
+    def __init__(self, noise=1.0, conductance=1.0, delay=0, seed=0):
+        self.bundle = load_model(config_path('models/spie2021.yaml'))
+        self.rig = Rig(self.bundle, RigConfig(
+            load=Dynamometer(strain=0.1), supply=SupplyConfig(pressure=SUPPLY),
+            valve=ValveConfig(conductance=3.93e-9 * conductance), trip_pressure=1e7,
+            sensors=SensorConfig(pressure_noise=350.0 * noise)), seed=seed)
+        pid = PidConfig()
+        most = float(self.bundle.max_pressure[0])
+        self.trip = trip_pressure(most)
+        self.loops = [PressurePid(config=pid) for _ in range(2)]
+        self.watches = [InflowWatch(f'mu{i + 1}', InflowConfig(
+            pid.valve, SUPPLY, most, self.trip - most, pid.transport_delay + 2e-3 + 3 * PERIOD,
+            PERIOD, 4.0 * pid.quiet_error)) for i in range(2)]
+        self.late = [[-1.0, -1.0]] * delay
+        self.cause = self.text = ''
+        self.highest = self.time = 0.0
+
+    def run(self, seconds, setpoint, shown=lambda p: p, valves=lambda c: c, strain=None):
+        """Run until a watch fires or the time is over; return whether one fired."""
+        before = self.bundle.gas_volume([self.rig.truth.strain])[0] + 5e-6
+        for _ in range(round(seconds / PERIOD)):
+            if strain is not None:
+                self.rig.impose_strain(strain(self.time), 1.0)
+            truth, pressure = self.rig.truth, shown(self.rig.readings.pressure.tolist())
+            volume = self.bundle.gas_volume([truth.strain])[0] + 5e-6
+            swept, before = volume - before, volume
+            commands = []
+            for i in range(2):
+                cause, text = self.watches[i].see(self.time, pressure[i], float(volume[i]))
+                if pressure[i] > self.trip:
+                    cause, text = OVER_PRESSURE, f'{pressure[i]} Pa'
+                if cause and not self.cause:
+                    self.cause, self.text = cause, text
+                if self.watches[i].holding:
+                    self.loops[i].reset()
+                    command = 0.0
+                else:
+                    command = self.loops[i].update(setpoint(self.time)[i], pressure[i], PERIOD,
+                                                   None, float(volume[i]),
+                                                   float(swept[i]) / PERIOD)
+                if self.watches[i].gentle:
+                    command = max(command, -GENTLE)
+                self.watches[i].commanded(command)
+                commands.append(command)
+            self.late.append(commands)
+            self.rig.step(valves(self.late.pop(0)), PERIOD)
+            self.time += PERIOD
+            self.highest = max(self.highest, *self.rig.truth.pressure)
+            if self.cause:
+                return True
+        return False
+
+
+def sine(frequency, mean=180e3, size=140e3):
+    """Return setpoints of both units that go up and down in turn."""
+    def setpoint(time):
+        swing = size * math.sin(2.0 * math.pi * frequency * time)
+        return mean + swing, mean - swing
+    return setpoint
+
+
+def steps(time):
+    """Return setpoints that jump, as transitions make them."""
+    k = int(time / 0.4)
+    return ((0.0, 250e3, 50e3, 200e3, 0.0, 120e3)[k % 6],
+            (240e3, 0.0, 100e3, 0.0, 250e3, 20e3)[k % 6])
+
+
+def ramp(time):
+    """Return a slow ramp and a slower one."""
+    return min(100e3 * time, 330e3), min(30e3 * time, 330e3)
+
+
+@pytest.mark.parametrize('conductance', [0.7, 1.0, 1.3])
+@pytest.mark.parametrize('delay', [0, 1, 2])
+@pytest.mark.parametrize('setpoint', [sine(0.2), sine(2.0), steps, ramp])
+def test_no_false_alarm_in_normal_work(setpoint, delay, conductance):
+    """Noise doubled, sines, jumps, a valve 30 % off, late commands, a moving muscle: silence."""
+    loop = Loop(noise=2.0, conductance=conductance, delay=delay)
+    assert not loop.run(3.0, setpoint), loop.text
+    loop = Loop(noise=2.0, conductance=conductance, delay=delay, seed=1)
+    assert not loop.run(3.0, setpoint, strain=lambda t: 0.1 + 0.06 * math.sin(9.4 * t)), loop.text
+
+
+def test_a_spike_is_no_fault():
+    """One reading far off, up or down, is left to the other watches."""
+    for size in (-60e3, 120e3):
+        loop = Loop()
+        loop.run(0.5, lambda t: (150e3, 0.0))
+        assert not loop.run(PERIOD, lambda t: (150e3, 0.0), lambda p, s=size: [p[0] + s, p[1]])
+        assert not loop.run(0.5, lambda t: (150e3, 0.0))
+
+
+@pytest.mark.parametrize('factor', [1e-3, 1.0 / 6894.8, 1e-5, 0.5, 0.0])
+def test_a_wrong_unit_is_found_by_half_a_fill(factor):
+    """kPa, psi, bar in place of Pa, a reading of half: found before much air is in."""
+    loop = Loop(delay=1)
+    assert loop.run(1.0, lambda t: (300e3, 0.0), lambda p: [factor * x for x in p])
+    assert 'mu1 shows' in loop.text
+    assert loop.highest < 0.5 * 344.7e3
+
+
+def test_exchanged_channels_are_found_by_half_a_fill():
+    """The pressure rises where no air was let in."""
+    loop = Loop(delay=1)
+    assert loop.run(1.0, lambda t: (300e3, 0.0), lambda p: p[::-1])
+    assert loop.cause == 'UNEXPLAINED_PRESSURE'
+    assert loop.highest < 0.5 * 344.7e3
+
+
+def test_a_reversed_valve_is_found_by_half_a_fill():
+    """Opened to exhaust little at first: it fills, and that is seen."""
+    loop = Loop(delay=1)
+    loop.late = [[0.0, 0.0]]
+    assert loop.run(1.0, lambda t: (0.0, 0.0), valves=lambda c: [-x for x in c])
+    assert loop.cause == 'UNEXPLAINED_PRESSURE'
+    assert loop.highest < 0.5 * 344.7e3
+
+
+@pytest.mark.parametrize('setpoint', [sine(0.5), sine(1.0), sine(2.0)])
+@pytest.mark.parametrize('at', [0.8, 1.0, 1.2, 1.4, 1.6])
+def test_a_frozen_reading_in_a_sine_is_found_in_time(setpoint, at):
+    """At any phase: the bounds leave what the valve lets in over the longest delay."""
+    loop = Loop(delay=1)
+    assert not loop.run(at, setpoint)
+    frozen = loop.rig.readings.pressure.tolist()
+    assert loop.run(2.0, setpoint, lambda p: frozen)
+    assert loop.highest < loop.trip + TWO_PERIODS
+
+
+def test_a_reading_that_becomes_half_is_found():
+    """The drop has no exhaust to explain it."""
+    loop = Loop(delay=1)
+    assert not loop.run(1.0, sine(0.5))
+    assert loop.run(2.0, sine(0.5), lambda p: [0.5 * x for x in p])
+    assert loop.highest < loop.trip + TWO_PERIODS
+
+
+@pytest.mark.parametrize('opening', [0.1, 0.5, 1.0])
+def test_a_valve_that_hangs_open_is_found(opening):
+    """The pressure goes where no command sends it; two periods later nobody can be faster."""
+    loop = Loop(delay=1)
+    loop.run(1.0, lambda t: (250e3, 0.0))
+    assert loop.run(1.0, lambda t: (250e3, 0.0), valves=lambda c: [opening, c[1]])
+    assert loop.highest < loop.trip + opening * TWO_PERIODS
+
+
+def test_the_supply_s_reading_cannot_disarm_it():
+    """A supply that is shown as zero expects no less air than its parameter."""
+    watches = [InflowWatch('mu1', Loop().watches[0].config) for _ in range(2)]
+    found = []
+    for watch, supply in zip(watches, (math.nan, 0.0)):
+        for k in range(100):
+            if watch.see(k * PERIOD, 0.0, 20e-6, supply)[0]:
+                found.append(k)
+                break
+            watch.commanded(0.0 if watch.holding else 1.0)
+    assert found[0] == found[1]
+
+
+def test_a_rig_that_is_held_up_is_no_fault():
+    """Readings that come late lets no air in meanwhile, or vented it: both are believed."""
+    for vented in (False, True):
+        loop = Loop()
+        loop.run(1.0, lambda t: (200e3, 0.0))
+        loop.time += 0.4
+        if vented:
+            for _ in range(80):
+                loop.rig.step([-1.0, -1.0], PERIOD)
+        assert not loop.run(1.0, lambda t: (200e3, 0.0)), loop.text
+
+
+def test_supply_agrees_within_a_fifth():
+    """A little droop is in order; half or double, for longer than the patience, is not."""
+    watch = SupplyWatch(600e3, 0.2)
+    for k, shown in enumerate((600e3, 500e3, 700e3, 300e3, 600e3)):
+        watch.see(0.1 * k, shown)
+    assert watch.text == ''
+    for shown in (300e3, 1200e3):
+        watch = SupplyWatch(600e3, 0.2)
+        assert [watch.see(t, shown) for t in (0.0, 0.1, 0.3)] == [False] * 3
+        assert f'shows {shown / 1e3:.0f} kPa' in watch.text
+
+
+@pytest.fixture
+def force_watch():
+    """Return a watch over the paper's bundle, and its force at 0.1 strain."""
+    bundle = load_model(config_path('models/spie2021.yaml'))
+    model = bundle.model(False)
+
+    def unit_force(unit, strain, pressure):
+        return model.force(unit, strain, 0.0, [pressure] * 2, 0.0, 0.0, True, model.shape,
+                           model.parameters, model.tables, model.memory, model.after)
+    return ForceWatch(unit_force, 16.0, 0.015), lambda p: float(bundle.force(0.1, p))
+
+
+@pytest.mark.parametrize('true', [240e3, 300e3, 396e3])
+def test_a_force_that_no_pressure_explains_is_found(force_watch, true):
+    """Pressures that show half of what is there are told by the force, however slowly it rose."""
+    watch, force = force_watch
+    said = [watch.see(0.005 * k, force([true, 0.0]), 0.1, [0.5 * true, 0.0]) for k in range(6)]
+    assert said[:3] == [''] * 3
+    assert 'pressures shown give' in said[-1]
+
+
+@pytest.mark.parametrize('true', [0.0, 60e3, 120e3, 200e3, 344e3])
+@pytest.mark.parametrize('gain', [0.93, 1.0, 1.07])
+def test_a_model_that_is_a_little_wrong_is_no_fault(force_watch, true, gain):
+    """Units 7 % off and 5 N besides, on either unit, in tension and push-back."""
+    watch, force = force_watch
+    for pressures in ([true, 0.0], [200e3, true]):
+        for bias in (-5.0, 5.0):
+            measured = gain * force(pressures) + bias
+            assert all(not watch.see(0.005 * k, measured, 0.1, pressures, True)
+                       for k in range(40))
