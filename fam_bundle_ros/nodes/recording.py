@@ -28,7 +28,7 @@ _MOST_UNITS = 64
 #: s that `record` waits for the first topic.
 _PATIENCE = 10.0
 #: s: what a killed process loses at most.
-_FLUSH = 0.5
+FLUSH = 0.5
 
 
 class Recorder(BundleNode):
@@ -51,7 +51,7 @@ class Recorder(BundleNode):
         self._writer = writer
         self._newest = 0
         # What was recorded is on the disk soon, whatever becomes of this process.
-        self.every(_FLUSH, writer.flush)
+        self.every(FLUSH, writer.flush)
         #: Full names of the topics that are recorded.
         self.recorded: set[str] = set()
 
