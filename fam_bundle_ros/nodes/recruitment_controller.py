@@ -47,7 +47,7 @@ from fam_bundle_ros.control.safety import (
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes import interface, loops
 from fam_bundle_ros.nodes.adaptation import Adaptation
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
@@ -429,6 +429,8 @@ class RecruitmentNode(BundleNode):
     def _notice_stop(self) -> None:
         """Latch when this process stood still for so long that the driver has cut the air."""
         before, self._alive = self._alive, time.monotonic()
+        if self._alive - before > loops.PERIOD:
+            self._loops.excuse(self._alive - before)
         if self._enabled and not self.lock_step and (
                 self._alive - before > max(TIMEOUT, self.p['sensor_timeout'])):
             self._latch(STOPPED, f'this process stood still for {self._alive - before:.2f} s')

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ROS graph in this process, with a probe that listens, speaks, calls and waits."""
 
+import subprocess
+import sys
 import time
 
 import pytest
@@ -160,6 +162,17 @@ def make_graph(ros_context):
     yield make
     for each in graphs:
         each.close()
+
+
+@pytest.fixture
+def start():
+    """Return a function that starts an executable as its console script does."""
+    def start(node, *arguments):
+        return subprocess.Popen(
+            [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{node} import main; '
+             f'sys.argv[0] = "{node}"; sys.exit(main())', *arguments],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return start
 
 
 @pytest.fixture
