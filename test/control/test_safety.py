@@ -7,13 +7,8 @@ import math
 import pytest
 
 from fam_bundle_ros.control import PidConfig, PressurePid
-from fam_bundle_ros.control.plausibility import (
-    ForceWatch,
-    GENTLE,
-    InflowConfig,
-    InflowWatch,
-    SupplyWatch,
-)
+from fam_bundle_ros.control.agreement import ForceWatch, SupplyWatch
+from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch
 from fam_bundle_ros.control.safety import (
     FROZEN,
     Guard,

@@ -97,7 +97,7 @@ def rig(graph):
         rig = FaultyRig(graph, force, **keywords)
         rig.node = graph._nodes[-1]
         if enable:
-            graph.until(lambda: not rig.node._refusal(), 'a bundle that can be enabled')
+            graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
             assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
         return rig
     return begin
@@ -125,7 +125,7 @@ def vented(graph, rig, within=3.0):
 def test_a_sound_rig_is_controlled_without_an_alarm(graph, rig):
     """supply_enable is false before enable, true after it, at 10 Hz, and nothing latches."""
     rig = rig(sine, enable=False)
-    graph.until(lambda: not rig.node._refusal(), 'a bundle that can be enabled')
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
     assert set(rig.leaves) <= {False}
     assert enabled(graph) == (True, 'on, from the pressures as they are')
     graph.until(lambda: max(rig.rig.truth.pressure) > 150e3, 'pressure')
@@ -141,7 +141,7 @@ def test_gauge_kilopascals_let_no_air_in(graph, rig, supply):
     """The unit that check-rig's hint leads to, with and without a supply that tells."""
     rig = rig(enable=False, gauge=True, supply=supply)
     rig.ambient, rig.shown = 0.0, lambda pressure: [1e-3 * p for p in pressure]
-    graph.until(lambda: not rig.node._refusal(), 'a bundle that can be enabled')
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
     assert enabled(graph)[0]
     vented(graph, rig)
     assert rig.highest < 200e3
@@ -186,7 +186,7 @@ def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
     # Until the supply is empty, as it is without leave.
     graph.spin(0.5)
     FAULTS[fault](rig)
-    graph.until(lambda: not rig.node._refusal(), 'a bundle that can be enabled')
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
     assert enabled(graph)[0]
     vented(graph, rig)
     assert rig.highest < TRIP
@@ -195,15 +195,15 @@ def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
 def test_enable_names_what_speaks_against_it(graph, rig):
     """Nobody publishes e_stop, a pressure loop is silent, a motor unit is too high."""
     rig = rig(enable=False, pids=(2,), e_stop=False)
-    graph.until(lambda: rig.node._watches[2].age is not None, 'readings')
-    graph.until(lambda: rig.node._loops.silent(10.0) == [0], 'the loop of mu2')
+    graph.until(lambda: rig.node._oversight.watches[2].age is not None, 'readings')
+    graph.until(lambda: rig.node._oversight.loops.silent(10.0) == [0], 'the loop of mu2')
     success, message = enabled(graph)
     assert not success
     assert 'nobody publishes e_stop' in message
     assert 'the pressure loop of mu1 is silent' in message
     assert 'mu2' not in message
     rig.shown = lambda pressure: [pressure[0], 500e3]
-    graph.until(lambda: max(rig.node._pressure) > 400e3, 'the reading')
+    graph.until(lambda: max(rig.node._oversight.pressure) > 400e3, 'the reading')
     assert 'mu2 is at 500 kPa, above 396 kPa' in enabled(graph)[1]
     graph.spin(0.3)
     assert set(rig.leaves) == {False}
@@ -232,7 +232,7 @@ def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
     """It cannot know what happened meanwhile."""
     rig = rig(sine)
     graph.until(lambda: max(rig.rig.truth.pressure) > 100e3, 'pressure')
-    rig.node._alive -= 2.0
+    rig.node._oversight._alive -= 2.0
     vented(graph, rig)
     assert rig.node._state == 'STOPPED'
 
@@ -259,6 +259,6 @@ def test_every_pressure_loop_says_how_it_is(graph, rig):
     graph.until(lambda: rig.rig.truth.pressure[0] > 100e3, 'pressure')
     said = graph.listen('mu1/pid_state', String, interface.LATCHED)
     graph.until(lambda: said and said[-1].data == 'ACTIVE', 'ACTIVE')
-    rig.valves = lambda commands: [1.0, commands[1]]
-    graph.until(lambda: said[-1].data.startswith('LATCHED ') and ': mu1 ' in said[-1].data,
-                'the latch')
+    graph.until(lambda: rig.rig.truth.pressure[0] > 150e3, 'pressure')
+    FAULTS['half'](rig)
+    graph.until(lambda: said[-1].data.startswith('LATCHED NO_RESPONSE: mu1 shows'), 'the latch')
