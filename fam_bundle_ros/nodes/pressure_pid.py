@@ -11,6 +11,7 @@ parameter, and late readings vent and latch, until `supply_enable` goes from fal
 `enable` of the recruitment controller does). A setpoint of ambient means exhaust.
 """
 
+from dataclasses import replace
 import math
 import time
 from typing import Any
@@ -19,7 +20,7 @@ from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
-from fam_bundle_ros.control import PressurePid
+from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.agreement import SupplyWatch
 from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch
 from fam_bundle_ros.control.safety import (
@@ -95,7 +96,7 @@ class PressurePidNode(BundleNode):
         self._length = float(bundle.motor_units[0].geometry.length)
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
         self._volumes = Volume(bundle, self.unit - 1, p['tube_volume'])
-        self.pid = PressurePid(*settings(p))
+        self.pid = PressurePid(*self._settings())
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(
             low=-50e3, high=1.6e6, timeout=p['sensor_timeout'], hold_time=p['hold_time'],
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
@@ -134,6 +135,17 @@ class PressurePidNode(BundleNode):
     @property
     def _state(self) -> str:
         return self._guard.word
+
+    def _settings(self) -> tuple[PidGains, PidConfig]:
+        """Return gains and settings, with a valve that stays safe when this loop is held up."""
+        gains, config = settings(self.p)
+        if self.lock_step:
+            # There time stands still with it.
+            return gains, config
+        late = self.max_latency if math.isfinite(self.max_latency) else _SAMPLES / self.p['rate']
+        return gains, replace(
+            config, reach=late + 2.0 / self.p['rate'],
+            ceiling=trip_pressure(self._max_pressure, self.p['over_pressure_factor']))
 
     def _inflow_config(self) -> InflowConfig:
         p = self.p
@@ -408,9 +420,9 @@ class PressurePidNode(BundleNode):
     # --- parameters and diagnostics ------------------------------------------------------------
 
     def _change(self, changes: dict[str, Any]) -> None:
-        if set(changes) <= {'over_pressure_factor', 'setpoint_timeout', 'auxiliary_timeout'}:
+        if set(changes) <= {'setpoint_timeout', 'auxiliary_timeout'}:
             return
-        self.pid.gains, self.pid.config = settings(self.p)
+        self.pid.gains, self.pid.config = self._settings()
         self._inflow.change(self._inflow_config())
 
     def _report(self, report: Report) -> None:

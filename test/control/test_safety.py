@@ -23,6 +23,7 @@ from fam_bundle_ros.control.safety import (
     WatchConfig,
 )
 from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model.pneumatics import pressure_rate, valve_flow, valve_opening
 from fam_bundle_ros.plant import (
     Dynamometer,
     linearise,
@@ -205,6 +206,23 @@ def test_a_frozen_reading_does_not_heal():
     for k in range(80):
         watch.see(k * 0.01, 7.0, True)
     assert watch.cause == FROZEN
+
+
+# --- a loop that is held up -------------------------------------------------------------------
+
+@pytest.mark.parametrize('start', [0.0, 100e3, 200e3, 300e3, 380e3])
+def test_a_command_that_is_held_stays_below_the_ceiling(start):
+    """A loop that is held up for `reach` with its valve open fills to the trip at most."""
+    reach, trip, volume = 0.025, 396e3, 19e-6
+    pid = PressurePid(config=PidConfig(reach=reach, ceiling=trip))
+    command = pid.update(344e3, start, PERIOD, SUPPLY, volume)
+    pressure = start + 101325.0
+    for _ in range(250):
+        pressure += reach / 250 * pressure_rate(pressure, volume, 0.0, valve_flow(
+            pid.config.valve, valve_opening(pid.config.valve, command), pressure,
+            SUPPLY + 101325.0, 101325.0))
+    assert pressure - 101325.0 <= trip
+    assert command > 0.0 or start > 344e3
 
 
 # --- plausibility -----------------------------------------------------------------------------

@@ -259,6 +259,7 @@ def test_every_pressure_loop_says_how_it_is(graph, rig):
     graph.until(lambda: rig.rig.truth.pressure[0] > 100e3, 'pressure')
     said = graph.listen('mu1/pid_state', String, interface.LATCHED)
     graph.until(lambda: said and said[-1].data == 'ACTIVE', 'ACTIVE')
+    graph.spin(0.4)
     graph.until(lambda: rig.rig.truth.pressure[0] > 150e3, 'pressure')
     FAULTS['half'](rig)
     graph.until(lambda: said[-1].data.startswith('LATCHED NO_RESPONSE: mu1 shows'), 'the latch')
