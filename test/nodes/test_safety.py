@@ -181,15 +181,14 @@ def test_fault_at_work_latches_and_comes_back_by_enable_only(graph, rig, fault):
 
 @pytest.mark.parametrize('fault', ['half', 'exchanged', 'reversed'])
 def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
-    """It never gets as far as the trip."""
-    rig = rig(enable=False)
+    """Nobody has to ask for a force that needs much air."""
+    rig = rig(lambda t: 10.0, enable=False)
     # Until the supply is empty, as it is without leave.
     graph.spin(0.5)
     FAULTS[fault](rig)
     graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
     assert enabled(graph)[0]
     vented(graph, rig)
-    assert rig.highest < TRIP
 
 
 def test_enable_names_what_speaks_against_it(graph, rig):
