@@ -181,8 +181,8 @@ def test_fault_at_work_latches_and_comes_back_by_enable_only(graph, rig, fault):
 
 @pytest.mark.parametrize('fault', ['half', 'exchanged', 'reversed'])
 def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
-    """Nobody has to ask for a force that needs much air."""
-    rig = rig(lambda t: 10.0, enable=False)
+    """Before any force is reached."""
+    rig = rig(enable=False)
     # Until the supply is empty, as it is without leave.
     graph.spin(0.5)
     FAULTS[fault](rig)
