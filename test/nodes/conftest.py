@@ -119,8 +119,9 @@ class Graph:
         if not hasattr(self, '_supply_enable'):
             self._supply_enable = self.probe.create_publisher(
                 Bool, interface.SUPPLY_ENABLE, interface.RELIABLE)
-        self.until(lambda: (self._supply_enable.publish(interface.bool_message(value)),
-                            node._leave.heard and node._leave.given == value)[1],
+        self._supply_enable.publish(interface.bool_message(value))
+        self.until(lambda: (node._leave.heard and node._leave.given == value)
+                   or self._supply_enable.publish(interface.bool_message(value)),
                    'supply_enable')
 
     def answer_pressures(self, units, setpoint):
