@@ -6,9 +6,11 @@
 
 BIN := .venv/bin
 JOBS ?= 2
-# What computes: the same numbers have to come out without numba and with the oldest numpy.
-NUMERICS := test/model test/plant test/control test/test_kernels.py
-OLDEST ?= $(NUMERICS) test/nodes
+# What computes: the same numbers have to come out without numba and with the oldest numpy. The
+# control benchmark compares schemes, not numbers, and takes ten minutes without numba.
+PLAIN ?= test/model test/plant test/control test/test_kernels.py
+OLDEST ?= $(PLAIN) test/nodes
+WITHOUT_NUMBA := --ignore test/control/test_benchmark.py
 export PYTHON CHROMIUM
 
 .PHONY: help install demo test test-plain test-oldest browser-test lint build clean
@@ -27,11 +29,11 @@ test: install  ## run all tests (JOBS=2 in parallel)
 	@$(BIN)/python -m pytest -n $(JOBS)
 
 test-plain: install  ## run the tests of model, plant and control without numba
-	@FAM_BUNDLE_PLAIN=1 $(BIN)/python -m pytest -n $(JOBS) $(NUMERICS)
+	@FAM_BUNDLE_PLAIN=1 $(BIN)/python -m pytest -n $(JOBS) $(WITHOUT_NUMBA) $(PLAIN)
 
 test-oldest:  ## run what the nodes import with Ubuntu 24.04's numpy, scipy, pint; no numba
 	@sh scripts/venv.sh .venv-oldest ubuntu
-	@.venv-oldest/bin/python -m pytest -n $(JOBS) $(OLDEST)
+	@.venv-oldest/bin/python -m pytest -n $(JOBS) $(WITHOUT_NUMBA) $(OLDEST)
 
 browser-test: install  ## run the workbench's browser tests; pictures go to docs/images
 	@sh scripts/chromium.sh

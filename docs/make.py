@@ -44,9 +44,10 @@ SERVICES = {
     'e_stop_reset': 'leave the emergency stop',
     'reset': 'the simulated rig starts anew; an emergency stop stays',
     'tare': 'the load cell of the simulated rig is set to zero; warns under pressure',
+    'fault/clear': 'repair everything in the simulated rig: all parameters `faults.*`',
     'adaptation/reset': 'forget what was learnt',
-    'adaptation/save': 'write the model with what was learnt beside the one that runs, '
-                       '`*_adapted.yaml`',
+    'adaptation/save': 'write the model with what was learnt to `adaptation_file`, by default '
+                       '`<model>_adapted.yaml` in the working directory',
 }
 
 

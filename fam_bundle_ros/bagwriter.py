@@ -1,12 +1,24 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes ROS 2 bags (mcap) without ROS, by the package rosbags (extra ``tools``)."""
+"""
+Writes ROS 2 bags (mcap) without ROS; message definitions by the package rosbags (``tools``).
+
+The bag can be read whenever it was flushed, also when the process was killed since.
+"""
 
 from pathlib import Path
 import shutil
 from typing import Any
 
+import yaml
+
+from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.mcapfile import McapFile
+
+#: Bytes after which messages go to the file without a flush being asked for.
+_LARGEST_CHUNK = 2 ** 20
+_FOREVER = {'sec': 2147483647, 'nsec': 4294967295}
 
 
 class BagWriter:
@@ -17,6 +29,8 @@ class BagWriter:
     ----------
     folder : path
         Must not exist yet.
+    name : str, optional
+        Of the file in it; that of the folder by default.
 
     Raises
     ------
@@ -24,9 +38,8 @@ class BagWriter:
         When rosbags is not installed or the folder is there already.
     """
 
-    def __init__(self, folder: str | Path):
+    def __init__(self, folder: str | Path, name: str = ''):
         try:
-            from rosbags.rosbag2 import StoragePlugin, Writer
             from rosbags.typesys import get_typestore, Stores
         except ImportError:
             raise InputError('writing a bag needs the package rosbags: install the extra '
@@ -35,15 +48,19 @@ class BagWriter:
         if self.folder.exists():
             raise InputError(f'{folder}: is there already; expected the name of a new folder')
         self._types = get_typestore(Stores.ROS2_JAZZY)
-        self._connections: dict[str, Any] = {}
-        self._writer = Writer(self.folder, version=9, storage_plugin=StoragePlugin.MCAP)
-        try:
-            self.folder.parent.mkdir(parents=True, exist_ok=True)
-            self._writer.open()
-        except OSError as error:
-            raise InputError(f'{folder}: cannot be written ({error.strerror})') from None
+        #: Channel of each topic, and what metadata.yaml says of it.
+        self._channels: dict[str, int] = {}
+        self._topics: list[dict[str, Any]] = []
+        self._flushed = -1
         #: Messages written so far.
         self.count = 0
+        try:
+            self.folder.mkdir(parents=True)
+            self._name = f'{name or self.folder.name}.mcap'
+            self._file = McapFile(self.folder / self._name, 'fam_bundle_ros')
+            self.flush()
+        except OSError as error:
+            raise InputError(f'{folder}: cannot be written ({error.strerror})') from None
 
     def write(self, name: str, kind: str, stamp: int, raw: bytes | memoryview,
               latched: bool = False) -> None:
@@ -62,31 +79,63 @@ class BagWriter:
         latched : bool
             Offered with transient local durability when it is played back.
         """
-        connection = self._connections.get(name)
-        if connection is None:
-            connection = self._connections[name] = self._writer.add_connection(
-                name, kind, typestore=self._types, offered_qos_profiles=[_qos(latched)])
-        self._writer.write(connection, stamp, raw)
+        channel = self._channels.get(name)
+        if channel is None:
+            channel = self._channels[name] = self._add(name, kind, latched)
+        self._file.write(channel, stamp, raw)
         self.count += 1
+        if self._file.pending > _LARGEST_CHUNK:
+            self.flush()
+
+    def flush(self) -> None:
+        """Put everything so far on the disk: from now on it can be read."""
+        if self._flushed == self.count:
+            return
+        self._flushed = self.count
+        about = self._metadata()
+        self._file.flush(yaml.safe_dump(about, sort_keys=False))
+        write_whole(self.folder / 'metadata.yaml', yaml.safe_dump(
+            {'rosbag2_bagfile_information': about}, sort_keys=False))
 
     def close(self) -> None:
-        """Finish the bag: without this it cannot be read. An empty one is removed."""
-        self._writer.close()
+        """Finish the bag. An empty one is removed."""
+        self.flush()
+        self._file.close()
         if not self.count:
             # We made the folder; left behind, it would stand in the way of the next try.
             shutil.rmtree(self.folder)
 
+    def _add(self, name: str, kind: str, latched: bool) -> int:
+        definition = self._types.generate_msgdef(kind, ros_version=2)[0]
+        qos = [_qos(latched)]
+        self._topics.append({
+            'name': name, 'type': kind, 'serialization_format': 'cdr',
+            'offered_qos_profiles': qos, 'type_description_hash': self._types.hash_rihs01(kind)})
+        encoding = 'ros2idl' if definition.startswith('=' * 80 + '\nIDL: ') else 'ros2msg'
+        return self._file.add_channel(name, kind, definition, encoding, {
+            'offered_qos_profiles': yaml.safe_dump(qos, sort_keys=False).strip()})
 
-def _qos(latched: bool) -> Any:
-    from rosbags.interfaces import (
-        Qos,
-        QosDurability,
-        QosHistory,
-        QosLiveliness,
-        QosReliability,
-        QosTime,
-    )
-    forever = QosTime(2147483647, 4294967295)
-    durability = QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE
-    return Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, durability, forever, forever,
-               QosLiveliness.AUTOMATIC, forever, False)
+    def _metadata(self) -> dict[str, Any]:
+        """Return what metadata.yaml says, version 9 of rosbag2."""
+        begin = {'nanoseconds_since_epoch': self._file.start}
+        lasts = {'nanoseconds': self._file.end - self._file.start}
+        return {
+            'version': 9, 'storage_identifier': 'mcap', 'relative_file_paths': [self._name],
+            'duration': lasts, 'starting_time': begin, 'message_count': self.count,
+            'topics_with_message_count': [
+                {'topic_metadata': topic,
+                 'message_count': self._file.counts[self._channels[topic['name']]]}
+                for topic in self._topics],
+            'compression_format': '', 'compression_mode': '',
+            'files': [{'path': self._name, 'starting_time': begin, 'duration': lasts,
+                       'message_count': self.count}],
+            'custom_data': None, 'ros_distro': 'jazzy'}
+
+
+def _qos(latched: bool) -> dict[str, Any]:
+    """Return the quality of service that is offered when the bag is played back."""
+    return {
+        'history': 'keep_last', 'depth': 10, 'reliability': 'reliable',
+        'durability': 'transient_local' if latched else 'volatile', 'deadline': dict(_FOREVER),
+        'lifespan': dict(_FOREVER), 'liveliness': 'automatic',
+        'liveliness_lease_duration': dict(_FOREVER), 'avoid_ros_namespace_conventions': False}

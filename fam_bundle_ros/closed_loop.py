@@ -152,8 +152,7 @@ def drive_valves(config: Any, state: Any, pids: Any, gas: Any) -> None:
 def measure(config: Any, state: Any, faults: Any, normal: Any, chance: Any) -> None:
     """Read the instruments, and give the controller what they show."""
     true_channels(config.rig, state.rig, state.true)
-    read_sensors(config.sensors, state.shown, state.true, state.rig.time, faults.lost,
-                 faults.noise_factor, normal, chance)
+    read_sensors(config.sensors, state.shown, state.true, state.rig.time, faults, normal, chance)
     measured, shown = state.measured, state.shown
     measured.force, measured.strain = shown.shown[FORCE], shown.shown[STRAIN]
     measured.strain_rate = shown.strain_rate

@@ -35,7 +35,8 @@ from fam_bundle_ros.control.signals import command_record, MeasurementRecord
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, Faults, Load, RigConfig
-from fam_bundle_ros.plant.rig import changed_load, fault_record, Rig
+from fam_bundle_ros.plant.faults import fault_record
+from fam_bundle_ros.plant.rig import changed_load, Rig
 
 #: Ticks between two calls of the progress function.
 _CHUNK = 256

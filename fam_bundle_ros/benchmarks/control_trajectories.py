@@ -31,6 +31,8 @@ _LOW, _HIGH = 0.06, 0.88
 _PREPARE = 1.5
 #: s: longest way up of a ramp; slow ones then go through the overlap only.
 _RAMP = 10.0
+#: s: at rest after a ramp: longer than the rest time after which a controller releases a unit.
+_REST = 1.5
 _GRAVITY = 9.80665
 
 
@@ -142,7 +144,7 @@ def _force_trajectory(name, kind, model, plant, long):
             low = max(low, min(overlap.high, high) - 0.5 * _RAMP * rate)
             high = min(high, low + _RAMP * rate)
         span = (high - low) / rate
-        times = np.cumsum([0.5, span, 1.0, span, 0.5])
+        times = np.cumsum([0.5, span, 1.0, span, _REST])
         path, duration = _Path(times[:4], [low, high, high, low], smooth=False), float(times[-1])
     elif kind == 'sine':
         hertz = float(name.split('_')[1])

@@ -3,22 +3,15 @@
 """
 The discovery benchmark: how often the hidden effect is found, and how often a wrong one is named.
 
-    python -m fam_bundle_ros.benchmarks.discovery --cases 150 --json result.json
-
 Every case comes from `discovery_cases`, which shares no code with the catalogue. Each figure is
 printed beside its target; where one is missed the confusion table says by which effect.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-import json
-import os
-import sys
 import time
 from typing import Any
 
@@ -26,6 +19,7 @@ import numpy as np
 
 from fam_bundle_ros.benchmarks import discovery_cases as make
 from fam_bundle_ros.benchmarks.discovery_truth import OUTSIDERS
+from fam_bundle_ros.benchmarks.pool import each, Progress
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.diagnose import diagnose
@@ -236,19 +230,8 @@ def confusion(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
     return {truth: dict(counter.most_common()) for truth, counter in sorted(wrong.items())}
 
 
-def show(figures: list[dict[str, Any]]) -> str:
-    """Return the table as text."""
-    lines = [f"{'measure':<58}{'cases':>7}{'value':>10}{'target':>12}"]
-    for row in figures:
-        sign = '>=' if row['at_least'] else '<='
-        target = f"{sign} {row['target']:.3g}"
-        lines.append(f"{row['measure']:<58}{row['cases']:>7}{row['value']:>10.3f}{target:>12}"
-                     f"{'' if row['met'] else '   missed'}")
-    return '\n'.join(lines)
-
-
 def benchmark(cases: int = 150, sets: Iterable[str] = SETS, processes: int | None = None,
-              progress: Callable[[int, int], None] | None = None) -> dict[str, Any]:
+              progress: Progress = None) -> dict[str, Any]:
     """
     Run the benchmark.
 
@@ -257,62 +240,6 @@ def benchmark(cases: int = 150, sets: Iterable[str] = SETS, processes: int | Non
     dict
         ``rows`` (one per case), ``table``, ``calibration``, ``confusion``.
     """
-    todo = tasks(cases, sets)
-    rows: list[dict[str, Any]] = []
-    workers = processes or os.cpu_count() or 1
-    os.environ.setdefault('OMP_NUM_THREADS', '1')  # the processes are the parallelism
-    if workers == 1:
-        for done, task in enumerate(todo):
-            rows.append(run(task))
-            if progress:
-                progress(done + 1, len(todo))
-    else:
-        with ProcessPoolExecutor(workers) as pool:
-            for done, row in enumerate(pool.map(run, todo, chunksize=4)):
-                rows.append(row)
-                if progress:
-                    progress(done + 1, len(todo))
+    rows = each(run, tasks(cases, sets), processes, progress)
     return {'rows': rows, 'table': table(rows), 'calibration': calibration(rows),
             'confusion': confusion(rows)}
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run from the command line."""
-    parser = argparse.ArgumentParser(prog='benchmark-discovery', description=__doc__)
-    parser.add_argument('--cases', type=int, default=150, help='per kind of data and set')
-    parser.add_argument('--sets', nargs='*', default=list(SETS), choices=SETS)
-    parser.add_argument('--processes', type=int, default=None)
-    parser.add_argument('--json', default=None, help='write everything there')
-    parser.add_argument('--against', action='store_true',
-                        help='LASSO and pysindy STLSQ on the same cases (extras)')
-    options = parser.parse_args(arguments)
-
-    def tell(done: int, total: int) -> None:
-        if sys.stderr.isatty() or done % 50 == 0:
-            print(f'\r{done} of {total} cases', end='', file=sys.stderr, flush=True)
-
-    result = benchmark(options.cases, options.sets, options.processes, tell)
-    print(file=sys.stderr)
-    print(show(result['table']))
-    if result['calibration']:
-        print('\nprobability claimed, and how often right')
-        for row in result['calibration']:
-            print(f"  {row['claimed']:.2f}  {row['right']:.2f}  ({row['cases']:.0f} cases)")
-    if result['confusion']:
-        print('\nwhere it went wrong: hidden -> answered')
-        for truth, answers in result['confusion'].items():
-            print(f'  {truth}: ' + ', '.join(f'{a} {n}' for a, n in answers.items()))
-    if options.against:
-        from fam_bundle_ros.benchmarks.discovery_against import against
-        result['against'] = against(options.cases)
-        print('\nagainst sparse regression on the same cases')
-        for name, row in result['against'].items():
-            print(f'  {name}: ' + ', '.join(f'{k} {v}' for k, v in row.items()))
-    if options.json:
-        with open(options.json, 'w', encoding='utf-8') as stream:
-            json.dump(finite(result), stream, indent=1)
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())

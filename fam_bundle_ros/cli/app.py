@@ -10,6 +10,7 @@ import fam_bundle_ros
 from fam_bundle_ros.cli import (
     bench_commands,
     data_commands,
+    fault_commands,
     improve_commands,
     model_commands,
     rig_commands,
@@ -20,7 +21,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={'help_option_names': ['-h', '--help']})
 
-for _module in (rig_commands, model_commands, data_commands, improve_commands, bench_commands):
+for _module in (rig_commands, model_commands, data_commands, improve_commands, bench_commands,
+                fault_commands):
     _module.register(app)
 
 

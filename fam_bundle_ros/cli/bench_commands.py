@@ -64,11 +64,11 @@ def benchmark_control(
         PLANT_HEAD,
     )
     known = [str(n) for n in control.UNITS]
-    others = [] if controllers == 'none' else _pick(controllers, control.OTHERS, '--controllers')
+    others = [] if controllers == 'none' else pick(controllers, control.OTHERS, '--controllers')
     cases = control.cases_of(
-        _pick(plants, control.PLANTS, '--plants'),
-        _pick(trajectories, control.TRAJECTORIES, '--trajectories'),
-        [int(n) for n in _pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
+        pick(plants, control.PLANTS, '--plants'),
+        pick(trajectories, control.TRAJECTORIES, '--trajectories'),
+        [int(n) for n in pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
     with progress_bar('benchmark-control') as tick:
         result = control.run_benchmark(
             cases, workers, progress=lambda done, every, what: tick(done / every, what))
@@ -102,11 +102,23 @@ def benchmark_discovery(
                                                 min=1)] = None,
     against: Annotated[bool, typer.Option('--against', help='LASSO and pysindy STLSQ on the same '
                                           'cases (extras).')] = False,
+    real: Annotated[Path | None, typer.Option(
+        '--real', metavar='FOLDER', help='Instead: measured muscles, each NAME.csv with its '
+        'NAME.model.yaml, scored on rows kept away.', exists=True, file_okay=False)] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Hide effects in simulated data and count how often `diagnose` names them."""
+    """
+    Hide effects in simulated data and count how often `diagnose` names them.
+
+    With --real on measured muscles: inner strain levels, isobars or trials are kept away, and the
+    recommended model is scored there beside a six-parameter empirical form fitted to the same
+    rows. The JSON has `rows` and `summary`.
+    """
+    if real is not None:
+        _benchmark_real(real, workers, json_file)
+        return
     from fam_bundle_ros.benchmarks import discovery
-    chosen = _pick(sets, discovery.SETS, '--sets')
+    chosen = pick(sets, discovery.SETS, '--sets')
     with progress_bar('benchmark-discovery') as tick:
         result = discovery.benchmark(cases, chosen, workers,
                                      lambda done, every: tick(done / every, f'{done} of {every}'))
@@ -128,6 +140,27 @@ def benchmark_discovery(
         table(('method', 'figures'), [(name, ', '.join(f'{key} {value}' for key, value in
                                                        row.items()))
                                       for name, row in result['against'].items()])
+    save_json(json_file, result)
+
+
+def _benchmark_real(folder: Path, workers: int | None, json_file: Path | None) -> None:
+    from fam_bundle_ros.benchmarks import discovery_real
+    with progress_bar('benchmark-discovery') as tick:
+        result = discovery_real.benchmark(
+            folder, workers, progress=lambda done, every: tick(done / every, f'{done} of {every}'))
+    table(('measurement', 'kept away', 'verdict', 'effects', 'error (N)', 'effects alone (N)',
+           'empirical (N)', 'ratio'),
+          [(row['data'], row['away'], row['verdict'].replace('_', ' '), ', '.join(row['effects']),
+            row['held_out_N'], row['physics_N'], row['empirical_N'], f'{row["ratio"]:.2f}')
+           for row in result['rows']], numeric=(4, 5, 6, 7),
+          title='Error on rows kept away, worst first')
+    found = result['summary']
+    console.print(f'something named on {found["named"]} of {found["splits"]} splits; error over '
+                  f"the empirical form's: median {found['median']:.2f}, worst "
+                  f'{found["worst"]:.2f}; effects alone: median {found["median_physics"]:.2f}, '
+                  f'worst {found["worst_physics"]:.2f}')
+    for name, families in found['always'].items():
+        console.print(f'named on every split of {name}: {", ".join(families) or "none"}')
     save_json(json_file, result)
 
 
@@ -220,7 +253,8 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
             for through, log in logs.items()]
 
 
-def _pick(text: str, known: Any, option: str) -> list[str]:
+def pick(text: str, known: Any, option: str) -> list[str]:
+    """Return the names in a text with commas, or all that are known; InputError for others."""
     if text == 'all':
         return list(known)
     names = [name.strip() for name in text.split(',')]

@@ -170,7 +170,6 @@ def convert(
     """Turn a bag or CSV into a CSV of strain, pressure (kPa), force (N), or a CSV into a bag."""
     from fam_bundle_ros.discovery import compare as compare_with
     from fam_bundle_ros.discovery import write_bag, write_csv
-    from fam_bundle_ros.report.files import whole
     if target.suffix not in ('.csv', ''):
         raise InputError(f'{target}: expected the name of a CSV file (.csv) to write, or a name '
                          'without suffix for the folder of a bag')
@@ -183,8 +182,7 @@ def convert(
         result = compare_with(open_model(model, allow_python), measured)
         extra = {'model force [N]': result.prediction, 'residual [N]': result.residual}
     if target.suffix:
-        with whole(target) as draft:
-            write_csv(measured, draft, extra)
+        write_csv(measured, target, extra)
     else:
         write_bag(measured, target)
     console.print(escape(str(measured)), soft_wrap=True)

@@ -62,15 +62,14 @@ def demo(
 Step = Callable[[str, float], Any]
 
 
-def _run_trajectories(bundle: Any, folder: Path, seed: int, step: Step) -> list[Any]:
+def stories(bundle: Any) -> tuple[tuple[str, Any, str], ...]:
+    """Return name, trajectory and words of the runs that recruit a second unit and release it."""
     from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, STRAIN
     from fam_bundle_ros.nodes.profile import load_profile
-    from fam_bundle_ros.nodes.session import run_trajectory
     from fam_bundle_ros.plant import MassSpring
-    from fam_bundle_ros.report.demo_page import DemoRun
     from fam_bundle_ros.simulation import Trajectory
     lift = load_profile('strain_steps')
-    stories = (
+    return (
         ('force', make_trajectory('ramp_20', bundle),
          'a force that rises through the overlap of the two recruitment states and falls back, '
          f'on a dynamometer that holds the strain at {100 * STRAIN:.0f} %.'),
@@ -78,8 +77,13 @@ def _run_trajectories(bundle: Any, folder: Path, seed: int, step: Step) -> list[
                               MassSpring(mass=5.0, damping=40.0), prepare=2.0),
          'a mass of 5 kg that is lifted to 16 % strain, held and lowered again.'),
     )
+
+
+def _run_trajectories(bundle: Any, folder: Path, seed: int, step: Step) -> list[Any]:
+    from fam_bundle_ros.nodes.session import run_trajectory
+    from fam_bundle_ros.report.demo_page import DemoRun
     runs = []
-    for name, trajectory, words in stories:
+    for name, trajectory, words in stories(bundle):
         logs = {}
         for scheme, label in (('orderly', f'{name} trajectory on ROS 2'),
                               ('all_on', f'{name} trajectory, all units on')):

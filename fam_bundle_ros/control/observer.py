@@ -89,8 +89,8 @@ def low_pass(dt: float, time: float) -> float:
     return 1.0 - math.exp(-dt / time)
 
 
-def observe(state: Any, measured: float, believed: float, asked: float, time: float, dt: float
-            ) -> None:
+def observe(state: Any, measured: float, believed: float, asked: float, reach: float, time: float,
+            dt: float) -> None:
     """
     Advance by one sample.
 
@@ -99,12 +99,15 @@ def observe(state: Any, measured: float, believed: float, asked: float, time: fl
     state : ObserverState
     measured, believed, asked : float, N
         Measured force; that of the model at the measured pressures, and at those last commanded.
+    reach : float, N
+        What pressures may be missing where all is well. More than that is on its way, or does not
+        answer at all: it is not integrated, and what was is forgotten.
     time : float, s
         Of the quick observer.
     dt : float, s
     """
     error = measured - believed
-    learn_noise(state, error, dt)
+    learn_noise(state, error, _USUAL, dt)
     noise = noise_of(state)
     noise *= noise
     gain, slow = low_pass(dt, time), low_pass(dt, PATIENT_TIME)
@@ -123,6 +126,8 @@ def observe(state: Any, measured: float, believed: float, asked: float, time: fl
     missing = state.asked - believed
     late = abs(asked - state.asked)
     missing = math.copysign(max(abs(missing) - late, 0.0), missing)
+    if abs(missing) > reach:
+        missing = 0.0
     state.short += low_pass(dt, _SHORT * time) * (missing - state.short)
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
@@ -130,24 +135,48 @@ def observe(state: Any, measured: float, believed: float, asked: float, time: fl
         state.short_power, noise * gain / (2.0 - gain))
 
 
+def hand_over(state: Any, error: float, jump: float) -> float:
+    """
+    Hand over to the model what it explains late; return the share of the jump that it was late.
+
+    The believed force has jumped since a direction of motion was seen. As far as the quick part
+    had made up for that already, it need not any more.
+
+    Parameters
+    ----------
+    state : ObserverState
+    error, jump : float, N
+        Measured minus believed force after the jump; change of the believed force.
+    """
+    if jump == 0.0:
+        return 0.0
+    share = min(max(min((state.quick - error) / jump, state.bias / jump), 0.0), 1.0)
+    state.quick -= share * jump
+    return share
+
+
 def beyond_noise(power: float, noise: float) -> float:
     """Return the share of a power (N^2) that is more than noise of a variance (N^2) makes."""
     return max(1.0 - _CLEAR * noise / power, 0.0) if power > 0.0 else 0.0
 
 
-def learn_noise(state: Any, error: float, dt: float) -> None:
-    """Follow the mean size of second differences: what moves steadily has none."""
-    change = abs(error - 2.0 * state.last + state.before)
-    state.before, state.last = state.last, error
+def learn_noise(state: Any, value: float, usual: float, dt: float) -> None:
+    """
+    Follow the mean size of a signal's second differences: what moves steadily has none.
+
+    A change of the size ``usual`` may be noise, whatever was seen before.
+    """
+    change = abs(value - 2.0 * state.last + state.before)
+    state.before, state.last = state.last, value
     state.seen += 1
     if state.seen == 3:
         state.change = change
     elif state.seen > 3:
         gain = max(low_pass(dt, _LEARN_TIME), 1.0 / (state.seen - 2))
         # One that is far out of the ordinary is a step, not noise.
-        state.change += gain * (min(change, 4.0 * state.change + _USUAL) - state.change)
+        state.change += gain * (min(change, 4.0 * state.change + usual) - state.change)
 
 
 def noise_of(state: Any) -> float:
-    """Return the standard deviation of white noise with these second differences, N."""
+    """Return the standard deviation of white noise with these second differences."""
     return state.change * math.sqrt(0.5 * math.pi / 6.0)

@@ -189,8 +189,8 @@ def uncertainty(settings: Any, state: Any) -> float:
 
 
 def outer_step(settings: Any, state: Any, measurement: Any, believed: float, asked: float,
-               kind: int, value: float, rate: float, saturated: int, lag: float, lag_doubt: float,
-               lead: float, dt: float) -> None:
+               reach: float, kind: int, value: float, rate: float, saturated: int, lag: float,
+               lag_doubt: float, lead: float, dt: float) -> None:
     """
     Work out what is to be allocated in this tick: `OuterState.target`.
 
@@ -200,6 +200,8 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     measurement : record with force (N), strain, strain_rate (1/s)
     believed, asked : float, N
         Force of the model at the measured strain, and at pressures measured and last commanded.
+    reach : float, N
+        How far these two may be apart for long where valves and pressure loops work.
     kind, value, rate : int, float, float
         Reference: `FORCE` (N, N/s) or `STRAIN` (1, 1/s).
     saturated : int
@@ -218,7 +220,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     slowest = settings.delay + settings.lead_time + dt + lag + lag_doubt
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
-        observe(state.observer, force, believed, asked, time, dt)
+        observe(state.observer, force, believed, asked, reach, time, dt)
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0

@@ -1,33 +1,36 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The strain rate that a model is asked about: as measured, without the noise that it has at rest.
+The strain rate that a model is asked about, from strain readings, without noise at rest.
 
-Dry friction turns the sign of the rate into newtons. At rest the sign of a measured rate is noise.
+Dry friction turns the sign of the rate into newtons. At rest the sign of a measured rate is noise;
+at a reversal a sign that is seen late costs twice the friction. So parabolas are fitted to the
+readings over windows of several lengths. The longest whose rate agrees with those of all shorter
+ones within their noise is believed (intersection of confidence intervals: Goldenshluger and
+Nemirovski 1997, Math. Methods Stat. 6, 135), and its curvature tells the rate ahead. Kernels.
 """
 
 from dataclasses import dataclass, field
 import math
 from typing import Any
 
-#: s: filters, the quick one first. Second differences span twice two of the quick one.
-_QUICK, _PATIENT = 0.01, 0.1
-#: s: in which the noise is learnt.
-_LEARN_TIME = 1.0
-#: Half width of the play and of the dead zone, in sd: noise needs five of them to pass.
-_WIDTH = 2.5
-#: How far beyond the quick filter the patient one may be, in widths: not for long after a stop.
-_NEAR = 0.7
-#: 1/s: a change of this size is believed to be noise, whatever was seen before.
-_USUAL = 1e-3
-#: s: over which second differences reach; places in the ring of past values; least time between
-#: two of them, so that the ring spans them at any sample time.
-_SPAN, _PAST = 4.0 * _QUICK - 1e-9, 64
-_APART = _SPAN / (_PAST - 4)
+from fam_bundle_ros.control.observer import learn_noise, noise_of
 
-
-def _ring():
-    return field(default_factory=lambda: [0.0] * _PAST)
+#: s: the shortest window; how many there are, each twice as long as the one before.
+_SHORTEST, _WINDOWS = 0.01, 5
+#: Windows agree within so many sd of their rates.
+_AGREE = 2.0
+#: A motion begins when its rate is beyond so many sd, is over below the second, and goes on
+#: backwards, as after a reversal, beyond the third within a window.
+_BEGIN, _END, _BACK = 12.0, 1.25, 4.0
+#: s: least time for that.
+_TURN = 0.04
+#: Up to this window (s) a quick rate, which does not overshoot a stop, must say so by so many sd.
+_SHORT, _SURE = 0.02, 2.0
+#: Nothing is believed before so many readings.
+_FIRST = 10
+#: Least noise of a strain reading; a change that may be noise, whatever was seen before.
+_LEAST, _USUAL = 1e-7, 1e-4
 
 
 @dataclass
@@ -37,122 +40,144 @@ class RateState:
 
     Attributes
     ----------
-    quick, patient : float, 1/s
-        The rate filtered.
-    quick_kept, patient_kept : float, 1/s
-        The same behind a play.
-    past_time, past_rate : list (64,)
-        Ring of what the quick filter showed; ``head`` is the oldest of ``size``.
-    time : float, s
-    mean : float, 1/s
-        Of the size of second differences; ``seen`` of them so far.
+    reading : float
+        The strain before.
+    once, twice, thrice : list (5,)
+        Strain behind one, two and three lags of each window.
+    rate, slope, window : float, 1/s, 1/s^2, s
+        What is believed, and its window.
+    quick : float, 1/s
+        Rate in the shortest window, without its curvature.
+    direction, ended : int
+        Of the motion, 0 for none; of the one that ended last.
+    since, back : float, s
+        Since it ended; for so long it may go on backwards.
+    last, before, change : float
+        Strain in the ticks before, and mean size of second differences; ``seen`` so far.
     """
 
+    reading: float = 0.0
+    once: list[float] = field(default_factory=lambda: [0.0] * _WINDOWS)
+    twice: list[float] = field(default_factory=lambda: [0.0] * _WINDOWS)
+    thrice: list[float] = field(default_factory=lambda: [0.0] * _WINDOWS)
+    rate: float = 0.0
+    slope: float = 0.0
+    window: float = _SHORTEST
     quick: float = 0.0
-    patient: float = 0.0
-    quick_kept: float = 0.0
-    patient_kept: float = 0.0
-    past_time: list[float] = _ring()
-    past_rate: list[float] = _ring()
-    head: int = 0
-    size: int = 0
-    time: float = 0.0
-    mean: float = 0.0
+    direction: int = 0
+    ended: int = 0
+    since: float = math.inf
+    back: float = _TURN
+    last: float = 0.0
+    before: float = 0.0
+    change: float = 0.0
     seen: int = 0
-    started: bool = False
 
 
 def forget_rate(state: Any) -> None:
     """Begin anew."""
-    state.quick_kept = state.patient_kept = state.time = state.mean = 0.0
-    state.head, state.size, state.seen = 0, 0, 0
-    state.started = False
+    state.rate = state.slope = state.quick = state.change = 0.0
+    state.direction, state.ended, state.since = 0, 0, math.inf
+    state.seen = 0
 
 
-def quiet_rate(state: Any, rate: float, dt: float) -> float:
+def quiet_rate(state: Any, strain: float, dt: float) -> float:
     """
-    Return the rate to be believed, 1/s; 0 until the noise is known (0.04 s).
-
-    A quick filter sees what is fast at once. What it cannot tell from noise is left to a patient
-    one, whose band is narrower; where the quick one is nearer to zero by more than noise, the
-    patient one follows, so that the end of a motion is seen soon. A rate without noise passes
-    with the quick filter's lag.
+    Return the strain rate to be believed, 1/s; 0 for the first ten readings.
 
     Parameters
     ----------
     state : RateState
-    rate : float, 1/s
+    strain : float
     dt : float, s
+        Since the reading before.
 
     Examples
     --------
     >>> state = RateState()
-    >>> rates = [quiet_rate(state, 2e-3 * (-1) ** k, 4e-3) for k in range(500)]
-    >>> max(map(abs, rates[-250:]))
+    >>> rates = [quiet_rate(state, 0.1 + 5e-5 * (-1) ** k, 4e-3) for k in range(500)]
+    >>> max(map(abs, rates))
     0.0
-    >>> rates = [quiet_rate(state, 0.1 + 2e-3 * (-1) ** k, 4e-3) for k in range(100)]
-    >>> bool(0.09 < rates[-1] < 0.11)
+    >>> rates = [quiet_rate(state, 4e-4 * k + 5e-5 * (-1) ** k, 4e-3) for k in range(200)]
+    >>> bool(0.099 < rates[-1] < 0.101)
     True
     """
-    if not state.started:
-        state.started = True
-        state.quick = state.patient = rate
-    state.quick += (1.0 - math.exp(-dt / _QUICK)) * (rate - state.quick)
-    learn_noise(state, dt)
-    width = _WIDTH * noise_of(state)
-    patient = state.patient + (1.0 - math.exp(-dt / _PATIENT)) * (rate - state.patient)
-    if patient > 0.0:
-        patient = max(min(patient, state.quick + _NEAR * width), 0.0)
-    else:
-        patient = min(max(patient, state.quick - _NEAR * width), 0.0)
-    state.patient = patient
-    # White noise is averaged out by the root of the time.
-    narrow = width * math.sqrt(_QUICK / _PATIENT)
-    state.patient_kept = play(state.patient_kept, patient, narrow)
     if state.seen == 0:
+        state.reading = state.last = state.before = strain
+        for k in range(_WINDOWS):
+            state.once[k] = state.twice[k] = state.thrice[k] = strain
+    learn_noise(state, strain, _USUAL, dt)
+    noise = max(noise_of(state), _LEAST)
+    believe_window(state, strain, noise, dt)
+    state.reading = strain
+    if state.seen < _FIRST:
         return 0.0
-    state.quick_kept = play(state.quick_kept, state.quick, width)
-    quick = beyond(state.quick_kept, width)
-    return quick if quick != 0.0 else beyond(state.patient_kept, narrow)
+    find_direction(state, noise, dt)
+    return state.rate if state.direction != 0 else 0.0
 
 
-def play(kept: float, value: float, width: float) -> float:
-    """Return a value behind a play (backlash): what wavers by less than the width is dropped."""
-    return min(max(kept, value - width), value + width)
-
-
-def beyond(kept: float, width: float) -> float:
+def rate_ahead(state: Any, time: float) -> float:
     """
-    Return 0 up to one width and all of a value from two on.
+    Return the rate to be believed in a time (s), 1/s: with the curvature, but never backwards.
 
-    This dead zone drops what the play keeps of a motion that is over. So a rate counts from two
-    widths on, and until it is back at zero: between them it does not chatter.
+    Whether a motion that slows down will stop or turn shows only when it is there.
     """
-    size = abs(kept)
-    return math.copysign(min(size, 2.0 * max(size - width, 0.0)), kept)
+    if state.direction == 0:
+        return 0.0
+    rate = state.rate + state.slope * time
+    return rate if rate * state.direction > 0.0 else 0.0
 
 
-def noise_of(state: Any) -> float:
-    """Return the standard deviation of the quickly filtered rate's noise, 1/s."""
-    # Of a second difference of values that are not correlated, from its mean size.
-    return state.mean * math.sqrt(0.5 * math.pi / 6.0)
+def believe_window(state: Any, strain: float, noise: float, dt: float) -> None:
+    """
+    Advance the windows by one reading, and choose one.
+
+    Triple exponential smoothing (Brown 1963, Smoothing, Forecasting and Prediction) by three lags
+    in a row, each exact for what is linear between readings.
+    """
+    window, low, high, agree = _SHORTEST, -math.inf, math.inf, True
+    for k in range(_WINDOWS):
+        kept = math.exp(-dt / window)
+        mean = (1.0 - kept) * window / dt
+        now, past = 1.0 - mean, mean - kept
+        first, second = state.once[k], state.twice[k]
+        state.once[k] = kept * first + now * strain + past * state.reading
+        state.twice[k] = kept * second + now * state.once[k] + past * first
+        state.thrice[k] = kept * state.thrice[k] + now * state.twice[k] + past * second
+        first, second, third = state.once[k], state.twice[k], state.thrice[k]
+        rate = (3.0 * first - 5.0 * second + 2.0 * third) / window
+        if k == 0:
+            state.quick = (first - second) / window
+        doubt = _AGREE * noise * rate_doubt(window, dt)
+        low, high = max(low, rate - doubt), min(high, rate + doubt)
+        agree = agree and low <= high
+        if agree:
+            state.rate, state.window = rate, window
+            state.slope = (first - 2.0 * second + third) / (window * window)
+        window *= 2.0
 
 
-def learn_noise(state: Any, dt: float) -> None:
-    """Follow the mean size of second differences: steady motion has none."""
-    state.time += dt
-    times, rates, head, size = state.past_time, state.past_rate, state.head, state.size
-    if size > 0 and state.time - times[(head + size - 1) % _PAST] < _APART:
-        return
-    times[(head + size) % _PAST], rates[(head + size) % _PAST] = state.time, state.quick
-    size += 1
-    if size >= 3 and state.time - times[head] >= _SPAN:
-        while size > 3 and state.time - times[(head + 1) % _PAST] >= _SPAN:
-            head, size = (head + 1) % _PAST, size - 1
-        middle = rates[(head + size // 2) % _PAST]
-        change = abs(state.quick - 2.0 * middle + rates[head])
-        state.seen += 1
-        gain = max(1.0 - math.exp(-dt / _LEARN_TIME), 1.0 / state.seen)
-        # One that is far out of the ordinary is a motion that begins or ends.
-        state.mean += gain * (min(change, 4.0 * state.mean + _USUAL) - state.mean)
-    state.head, state.size = head, size
+def rate_doubt(window: float, dt: float) -> float:
+    """
+    Return the sd of a window's rate over that of the readings, 1/s.
+
+    The rate is the readings' mean with weights (3 - 5 u + u^2) exp(-u)/T^2, u = t/T.
+    """
+    return math.sqrt(1.75 * dt / window) / window
+
+
+def find_direction(state: Any, noise: float, dt: float) -> None:
+    """Say whether there is a motion, and in which direction; ``noise`` is that of the readings."""
+    doubt = noise * rate_doubt(state.window, dt)
+    state.since += dt
+    if state.direction != 0 and state.rate * state.direction < _END * doubt:
+        state.ended, state.direction, state.since = state.direction, 0, 0.0
+        state.back = max(state.window, _TURN)
+    if state.direction == 0:
+        turned = state.since < state.back and state.rate * state.ended < 0.0
+        way = 1 if state.rate > 0.0 else -1
+        # Weights (1 - u) exp(-u)/T^2.
+        sure = _SURE * noise * math.sqrt(0.25 * dt / _SHORTEST) / _SHORTEST
+        if (abs(state.rate) > (_BACK if turned else _BEGIN) * doubt
+                and (state.window > _SHORT or state.quick * way > sure)):
+            state.direction = way

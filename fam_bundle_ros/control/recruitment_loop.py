@@ -35,7 +35,14 @@ from fam_bundle_ros.control.crossing import (
     Crossings,
     no_crossings,
 )
-from fam_bundle_ros.control.curves import adapted, curve_table, CurveTable, find_branches, tabulate
+from fam_bundle_ros.control.curves import (
+    adapted,
+    curve_table,
+    CurveTable,
+    find_branches,
+    slope_at,
+    tabulate,
+)
 from fam_bundle_ros.control.heading import (
     follow_heading,
     heading_now,
@@ -44,6 +51,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
+from fam_bundle_ros.control.observer import hand_over
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -57,7 +65,7 @@ from fam_bundle_ros.control.outer_loop import (
     STRAIN,
     uncertainty,
 )
-from fam_bundle_ros.control.rate import forget_rate, quiet_rate, RateState
+from fam_bundle_ros.control.rate import forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.switching import (
@@ -73,6 +81,8 @@ from fam_bundle_ros.control.switching import (
 _STEP = 2.0
 #: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
 _BRISK, _SLOW = 80.0, 12.0
+#: Pa: a pressure that is further from its setpoint for long is on its way or has met a fault.
+_LOOSE = 5e3
 
 
 @dataclass
@@ -215,7 +225,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
                          + total_of(measurement.pressure) + value + rate):
         hold(settings, state, dt, command)
         return
-    state.lost = 0.0
+    since, state.lost = dt + state.lost, 0.0
     if settings.scheme >= EQUAL_PRESSURE:
         baseline_step(settings.baseline, state.baseline, settings.scheme == EQUAL_PRESSURE,
                       state.table.order, settings.max_pressure, settings.still, measurement, kind,
@@ -223,18 +233,29 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         return
     table, outer, machine = state.table, state.outer, state.machine
     # The strain loop damps with the rate as measured; the model has no use for its noise.
-    strain_rate = quiet_rate(state.rate, measurement.strain_rate, dt)
+    direction = state.rate.direction
+    before = state.rate.rate if direction != 0 else 0.0
+    strain_rate = quiet_rate(state.rate, measurement.strain, since)
     state.clock = state.clock + dt if state.begun else 0.0
     start = not state.begun
     state.begun = True
+    turned = state.rate.direction != direction
+    known = 0.0
+    if turned:
+        ask(table, measurement.strain, before, state.clock, dt, start)
+        known = believed_force(table, model, measurement.pressure, state.adaptation.force)
     ask(table, measurement.strain, strain_rate, state.clock, dt, start)
-    believed = lagged(state.adaptation, believed_force(
-        table, model, measurement.pressure, state.adaptation.force), dt)
+    force = believed_force(table, model, measurement.pressure, state.adaptation.force)
+    if turned:
+        jump = force - known
+        state.adaptation.believed += jump * hand_over(
+            outer.observer, measurement.force - force, jump)
+    believed = lagged(state.adaptation, force, dt)
     adapt(settings.adaptation, state, measurement.force, dt)
     learnt = state.adaptation
     outer_step(settings.outer, outer, measurement, believed,
-               outer.demand - state.shares.missing, kind, value, rate,
-               command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+               outer.demand - state.shares.missing, reach_of(table, command.pressure), kind, value,
+               rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
     if kind == FORCE and command.saturated == FREE:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
                    value - settings.outer.delay * rate - measurement.force, rate, dt)
@@ -243,7 +264,9 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         strain_rate = outer.target.strain_rate
     if kind != STRAIN:
         # Where the strain will be when the pressures are there.
-        outer.target.strain += (settings.outer.delay + settings.outer.lead_time) * strain_rate
+        ahead = settings.outer.delay + settings.outer.lead_time
+        outer.target.strain += ahead * strain_rate
+        strain_rate = rate_ahead(state.rate, ahead)
     ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
     tabulate(table, model)
     find_branches(table, state.asleep)
@@ -255,6 +278,14 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     keep_memory(model)
+
+
+def reach_of(table: Any, pressure: Any) -> float:
+    """Return the force of what pressure loops may leave at commanded pressures (Pa), N."""
+    force = 0.0
+    for unit in range(len(table.order)):
+        force += abs(slope_at(table, unit, pressure[unit])) * _LOOSE
+    return force
 
 
 def ask(table: Any, strain: float, strain_rate: float, time: float, dt: float, start: bool

@@ -189,12 +189,19 @@ def write_bag(measurement: Measurement, folder: str | Path, *,
     if measurement.time is None:
         raise InputError(f'{measurement.name}: a static map without time cannot be a bag; '
                          "expected a column 'time [s]'")
-    with closing(BagWriter(folder)) as writer:
-        try:
+    folder = Path(folder)
+    if folder.exists():
+        raise InputError(f'{folder}: is there already; expected the name of a new folder')
+    draft = folder.with_name(f'.{folder.name}.part')
+    shutil.rmtree(draft, ignore_errors=True)
+    try:
+        with closing(BagWriter(draft, folder.name)) as writer:
             _write(measurement, writer, ambient_pressure)
-        except OSError as error:
-            shutil.rmtree(writer.folder)
-            raise InputError(f'{folder}: cannot be written ({error.strerror})') from error
+        draft.rename(folder)
+    except OSError as error:
+        raise InputError(f'{folder}: cannot be written ({error.strerror})') from error
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def _write(measurement: Measurement, writer: BagWriter, ambient_pressure: float) -> None:

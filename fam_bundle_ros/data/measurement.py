@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
 from fam_bundle_ros.errors import InputError
 
@@ -255,7 +256,7 @@ def write_csv(measurement: Measurement, path: str | Path,
     for label, values in (extra or {}).items():
         header.append(label)
         columns.append([f'{v:.6g}' for v in values])
-    with open(path, 'w', newline='', encoding='utf-8') as stream:
+    with whole(path) as draft, open(draft, 'w', newline='', encoding='utf-8') as stream:
         writer = csv.writer(stream)
         writer.writerow(header)
         writer.writerows(zip(*columns))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.vocabulary import QUANTITIES, recognise
 from fam_bundle_ros.errors import InputError
@@ -130,10 +131,7 @@ def save_recipe(recipe: Recipe, path: str | Path) -> None:
             value = express(value, _WITH_UNIT[entry.name][1], digits=9)
         content[entry.name] = dict(value) if entry.name == 'columns' else value
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
-    try:
-        Path(path).write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written ({error.strerror})') from error
+    write_whole(path, text)
 
 
 def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:

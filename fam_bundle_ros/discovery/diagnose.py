@@ -21,7 +21,7 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.noise import noise_floor
+from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.trials import Offsets, trial_offsets
 from fam_bundle_ros.discovery import settings
@@ -40,7 +40,14 @@ from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.templates import describe
-from fam_bundle_ros.discovery.verdict import DOUBTED, Finding, judge, small, what_is_left
+from fam_bundle_ros.discovery.verdict import (
+    Artefact,
+    DOUBTED,
+    Finding,
+    judge,
+    small,
+    what_is_left,
+)
 from fam_bundle_ros.discovery.words import next_experiment, notes_on, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 
@@ -88,8 +95,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     chosen, found, physics, held = _that_foretell(search, chosen, found, physics)
     if offsets is None and not data.is_static:
         offsets = _offsets_left(cells, physics)
-    finding = judge(fitter, search.null, chosen, physics, found, held, offsets,
-                    choices.inclusion)
+    finding = judge(fitter, search.null, chosen, physics, found, held,
+                    _artefacts(offsets, comparison.noise), choices.inclusion)
     if finding.verdict == 'unexplained' and found:
         held = held_out(fitter, base, search.null)
     answer = found if finding.named else []
@@ -149,6 +156,16 @@ def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
     return found if found is not None and found.size > settings.VISIBLE * cells.noise else None
 
 
+def _artefacts(offsets: Offsets | None, floor: NoiseFloor) -> list[Artefact]:
+    found = []
+    if offsets is not None:
+        found.append(Artefact(str(offsets),
+                              'tare the load cell before each trial and measure again'))
+    if floor.hides_loops:
+        found.append(Artefact(floor.note, 'log the time of each row and measure again'))
+    return found
+
+
 def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[str, float],
                   choices: Choices) -> tuple[Fit, list[Change]]:
     """
@@ -182,7 +199,7 @@ def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fi
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
             error = held_out(fitter, without, fewer)
-            if error.physics <= held.physics and error.best <= held.best:
+            if error.is_no_worse(held):
                 found = [other for other in found if other is not change]
                 chosen, physics, held = fewer, without, error
                 break

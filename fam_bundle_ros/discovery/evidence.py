@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg.lapack import dgeqrf
 
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
@@ -157,9 +158,13 @@ class Fitter:
         white = self.covariance.whiten(h, np.concatenate(
             [(residual + columns @ own)[:, None], columns], axis=1))
         a, b = white[:, 0], white[:, 1:]
-        lower = np.linalg.cholesky(np.eye(b.shape[1]) + b.T @ b)
-        g = np.linalg.solve(lower, b.T @ a)
-        value = (-0.5 * (a @ a - g @ g) - np.log(np.diag(lower)).sum()
+        # by QR: with slopes that are large and nearly parallel I + B'B is not positive definite
+        k = b.shape[1]
+        stacked = np.zeros((len(a) + k, k + 1), order='F')
+        stacked[:len(a), :k], stacked[:len(a), k] = b, a
+        stacked[len(a) + np.arange(k), np.arange(k)] = 1.0
+        diagonal = np.diag(dgeqrf(stacked, overwrite_a=1)[0])
+        value = (-0.5 * diagonal[k] ** 2 - np.log(np.abs(diagonal[:k])).sum()
                  - self.covariance.log_determinant(h) - 0.5 * len(a) * np.log(2.0 * np.pi))
         value += np.log(2.0) * sum(p.kind == 'half' for p, f in zip(priors, free) if f)
         return float(value + self.covariance.log_prior(h) - 0.5 * np.sum(u[~free] ** 2))

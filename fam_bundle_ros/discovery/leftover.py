@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.evidence import Fit
@@ -87,7 +88,7 @@ class Leftover:
         shared = np.unique(np.concatenate(self.pressure)) if model.n > 1 else self.pressure[0]
         felt_strain = (self.strain - s.strain_bias) / (1.0 + s.strain_gain)
         felt_pressure = (shared - s.pressure_bias) / (1.0 + s.pressure_gain)
-        with open(path, 'w', newline='', encoding='utf-8') as file:
+        with whole(path) as draft, open(draft, 'w', newline='', encoding='utf-8') as file:
             writer = csv.writer(file)
             writer.writerow(['motor_unit', 'strain', 'pressure [kPa]', 'force [N]', 'sd [N]',
                              'odd [N]'])

@@ -19,7 +19,7 @@ import numpy as np
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.evidence import COOLING, Fit, Fitter
-from fam_bundle_ros.discovery.options import Names, Options
+from fam_bundle_ros.discovery.options import family, Names, Options
 
 Progress = Callable[..., None] | None
 #: Widths of the prior from which nonlinear constants of a new effect are tried.
@@ -34,6 +34,14 @@ class Screened(NamedTuple):
     start: dict[str, float]
     white: float
     white_start: dict[str, float]
+
+
+def _unlike(ranked: list[Fit]) -> list[Fit]:
+    """Return the first sets that have other families of effects: look-alikes fill no beam."""
+    kept: dict[frozenset[str], Fit] = {}
+    for fit in ranked:
+        kept.setdefault(frozenset(map(family, fit.names)), fit)
+    return list(kept.values())[:settings.BEAM]
 
 
 @dataclass
@@ -69,8 +77,7 @@ class Search:
                 break
             ranked = sorted(found.values(), key=lambda fit: -fit.posterior)
             white = sorted(found.values(), key=lambda fit: -fit.white_posterior)
-            level = list({fit.names: fit for fit in
-                          [*ranked[:settings.BEAM], *white[:settings.BEAM]]}.values())
+            level = list({fit.names: fit for fit in [*_unlike(ranked), *_unlike(white)]}.values())
             if ranked[0].posterior > best.posterior:
                 best = ranked[0]
             elif depth > self.options.changes(best.names) + 1:

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.trials import Offsets
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance
@@ -27,6 +27,13 @@ from fam_bundle_ros.discovery.posterior import Change
 _TOLERANCES = 3.0
 #: Belief is never above this while there is a doubt.
 DOUBTED = 0.9
+
+
+class Artefact(NamedTuple):
+    """What is in the data by the way they were taken, so that no effect could explain it."""
+
+    words: str
+    remedy: str
 
 
 @dataclass(frozen=True)
@@ -101,6 +108,8 @@ class Finding:
         Share of the need for a discrepancy (log units of evidence) that the changes take.
     refusals, warnings : tuple of str
         Doubts in words; refusals are why effects that fit are no answer.
+    artefacts : tuple of Artefact
+        Also among the warnings.
     """
 
     verdict: str
@@ -109,6 +118,7 @@ class Finding:
     explained: float
     refusals: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    artefacts: tuple[Artefact, ...] = ()
 
     @property
     def named(self) -> bool:
@@ -117,7 +127,7 @@ class Finding:
 
 
 def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
-          held: HeldOut, offsets: Offsets | None, inclusion: float) -> Finding:
+          held: HeldOut, artefacts: Sequence[Artefact], inclusion: float) -> Finding:
     """
     Return the verdict.
 
@@ -131,8 +141,7 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     found : sequence of Change
         What was chosen; none where nothing earns a name.
     held : HeldOut
-    offsets : Offsets or None
-        By how much trials differ, where they do.
+    artefacts : sequence of Artefact
     inclusion : float
         Prior probability that something is missing.
     """
@@ -148,10 +157,9 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held) if found else ()
     warnings = _warnings(physics, held) if found else ()
-    if offsets is not None:
-        warnings = (*warnings, str(offsets))
+    warnings = (*warnings, *(artefact.words for artefact in artefacts))
     if not found:
-        if offsets is not None or structured:
+        if artefacts or structured:
             verdict = 'unexplained'
         else:
             verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
@@ -164,7 +172,7 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
         rest = structured or after.total > small(cells)
         verdict = 'partial' if warnings or rest else 'missing_effect'
     return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
-                   warnings)
+                   warnings, tuple(artefacts))
 
 
 def _moved(fitter: Fitter, null: Fit) -> bool:

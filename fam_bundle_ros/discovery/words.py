@@ -55,9 +55,8 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         return (f"the model's own parameters explain the error (tolerances moved: "
                 f'{far or "little"}); no effect is missing')
     if finding.verdict == 'unexplained':
-        offset = next((w for w in finding.warnings if 'offset' in w), '')
-        if offset:
-            return offset
+        if finding.artefacts:
+            return '; '.join(artefact.words for artefact in finding.artefacts)
         shape = shapes[0].words if shapes else 'no plain shape'
         near = ' and '.join(map(what, found))
         why = '; '.join(finding.refusals) or (
@@ -82,8 +81,8 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                     answer: Sequence[Change], chosen: Fit, ties: Ties,
                     shapes: Sequence[Template]) -> str:
     """Return the experiment that would tell most."""
-    if any('offset' in warning for warning in finding.warnings):
-        return 'tare the load cell before each trial and measure again'
+    if finding.artefacts:
+        return '; '.join(artefact.remedy for artefact in finding.artefacts)
     if answer:
         tie = ties[0] if ties else (answer[-1].label, '')
         rival = _rival(posterior, tie, chosen)

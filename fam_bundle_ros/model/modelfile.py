@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
@@ -359,13 +360,7 @@ def dumps_model(bundle: Bundle, folder: str | Path | None = None) -> str:
 
 def save_model(bundle: Bundle, path: str | Path) -> None:
     """Write a model file, whole or not at all (InputError when the folder cannot be written)."""
-    path = Path(path)
-    draft = path.with_name(path.name + '.part')
-    try:
-        draft.write_text(dumps_model(bundle, path.parent), encoding='utf-8')
-        draft.replace(path)
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written ({error.strerror})') from error
+    write_whole(path, dumps_model(bundle, Path(path).parent))
 
 
 def _effect_entry(effect: Effect, units: int, folder: str | Path | None) -> Any:

@@ -3,6 +3,7 @@
 """Online adaptation over ROS: services to reset and save it, a topic and a report in words."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from std_msgs.msg import String
@@ -15,7 +16,6 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.modelfile import save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
-from fam_bundle_ros.nodes.models import shipped_or_own
 
 #: s: between two messages.
 _PERIOD = 1.0
@@ -70,8 +70,9 @@ class Adaptation:
 
     def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         controller = self._controller()
-        path = shipped_or_own(self._node.p['model'], 'models')
-        path = path.with_name(f'{path.stem}_adapted.yaml')
+        # Not beside the model: a shipped one lies where nobody may write.
+        model = Path(self._node.p['model'])
+        path = Path(self._node.p['adaptation_file'] or f'{model.stem}_adapted.yaml').absolute()
         try:
             save_model(adapted_bundle(controller.bundle, controller.memory.adaptation), path)
         except InputError as error:

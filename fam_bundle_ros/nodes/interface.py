@@ -58,8 +58,10 @@ RESET = 'reset'
 TARE = 'tare'
 ADAPTATION_RESET = 'adaptation/reset'
 ADAPTATION_SAVE = 'adaptation/save'
+FAULT_CLEAR = 'fault/clear'
 SERVICES = {ENABLE: SetBool, E_STOP_TRIGGER: Trigger, E_STOP_RESET: Trigger, RESET: Trigger,
-            TARE: Trigger, ADAPTATION_RESET: Trigger, ADAPTATION_SAVE: Trigger}
+            TARE: Trigger, ADAPTATION_RESET: Trigger, ADAPTATION_SAVE: Trigger,
+            FAULT_CLEAR: Trigger}
 
 LOAD_CELL_FRAME = 'load_cell'
 

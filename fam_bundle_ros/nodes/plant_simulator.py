@@ -24,21 +24,15 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, MODEL
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.fault_injection import FaultInjection, FAULTS
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import Spec, table
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.nodes.profile import load_profile, Profile
-from fam_bundle_ros.nodes.rig_parameters import (
-    FAULTS,
-    faults_from,
-    LOAD,
-    load_change,
-    RIG,
-    rig_config,
-)
+from fam_bundle_ros.nodes.rig_parameters import LOAD, load_change, RIG, rig_config
 from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
-from fam_bundle_ros.plant import Dynamometer, Rig
+from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 
 SPECS = (
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
@@ -119,9 +113,8 @@ class PlantSimulator(BundleNode):
         self._behind = 0
         self._refused = 0
         self._meter = Meter()
-        self._frozen: dict[str, Any] = {}
+        self._injection = FaultInjection(self, self.units, self._break)
         self._leave = Leave(math.inf if self.lock_step else p['supply_timeout'])
-        self._set_faults(p)
         self._set_up_interface()
         if p['start_stopped']:
             self.rig.e_stop('stopped at start: call e_stop_reset')
@@ -163,8 +156,17 @@ class PlantSimulator(BundleNode):
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
             self.create_service(Trigger, name, answer)
-        self.p.on_change(self, lambda values: faults_from(values, self.units), self._change)
+        self.p.on_change(self, self._injection.check, self._change)
         self._diagnostics = Diagnostics(self, self._report, 'simulated')
+
+    @property
+    def faults(self) -> Faults:
+        """What is broken, messages among it."""
+        return self._injection.faults
+
+    @faults.setter
+    def faults(self, faults: Faults) -> None:
+        self._injection.set(faults)
 
     def resume(self) -> None:
         """Go on after the script had halted time."""
@@ -307,11 +309,7 @@ class PlantSimulator(BundleNode):
                   *((value,) for value in readings.pressure.tolist()),
                   (readings.force,), (readings.supply,))
         for (channel, send), value in zip(self._outputs, values):
-            if channel in self.faults.silent:
-                continue
-            if channel in self.faults.frozen:
-                value = self._frozen.setdefault(channel, value)
-            send(stamp, *value)
+            self._injection.send(channel, send, stamp, *value)
 
     def _announce_stop(self) -> None:
         if self.rig.e_stopped:
@@ -360,7 +358,7 @@ class PlantSimulator(BundleNode):
         return response
 
     def _change(self, changes: dict[str, Any]) -> None:
-        self._set_faults(self.p)
+        self._injection.take()
         if not self.lock_step:
             self._leave.timeout = self.p['supply_timeout']
         fields = load_change(self.p['load.kind'], changes)
@@ -369,14 +367,8 @@ class PlantSimulator(BundleNode):
         elif fields:
             self.rig.change_load(**fields)
 
-    def _set_faults(self, values: dict[str, Any]) -> None:
-        self.faults = faults_from(values, self.units)
-        self._frozen = {k: v for k, v in self._frozen.items() if k in self.faults.frozen}
-        faults = self.rig.faults
-        faults.stuck_valve = dict(self.faults.stuck_valve)
-        faults.leak = dict(self.faults.leak)
-        faults.dropout = set(self.faults.nan)
-        faults.noise_factor = self.faults.noise_factor
+    def _break(self, faults: Faults) -> None:
+        self.rig.faults = faults
 
     def _report(self, report: Report) -> None:
         self._meter.report(report, 'sample')
@@ -396,8 +388,8 @@ class PlantSimulator(BundleNode):
         report.value('commands refused', self._refused)
         if self.rig.e_stopped:
             report.add(ERROR, f'stopped: {self.rig.e_stopped}')
-        if self.faults.text:
-            report.add(WARN, f'faults: {self.faults.text}')
+        if broken := self.faults.text:
+            report.add(WARN, f'faults: {broken}')
         for i in range(self.units):
             if self.lock_step:
                 lost = self._channels[i] in self._gate.lost

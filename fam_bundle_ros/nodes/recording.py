@@ -27,6 +27,8 @@ from fam_bundle_ros.nodes.process import Spinner, StopSignals
 _MOST_UNITS = 64
 #: s that `record` waits for the first topic.
 _PATIENCE = 10.0
+#: s: what a killed process loses at most.
+_FLUSH = 0.5
 
 
 class Recorder(BundleNode):
@@ -48,6 +50,8 @@ class Recorder(BundleNode):
         super().__init__('recorder', (), context=context, **keywords)
         self._writer = writer
         self._newest = 0
+        # What was recorded is on the disk soon, whatever becomes of this process.
+        self.every(_FLUSH, writer.flush)
         #: Full names of the topics that are recorded.
         self.recorded: set[str] = set()
 

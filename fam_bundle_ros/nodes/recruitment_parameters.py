@@ -65,6 +65,8 @@ SPECS = (
          dynamic=True),
     Spec('adaptation.memory', AdaptationConfig().memory, 'how long an error that no gain '
          'explains stays alike, s', 0.01, 1e3, dynamic=True),
+    Spec('adaptation_file', '', 'model file that adaptation/save writes; where nothing is given '
+         'the name of the model with _adapted, in the working directory'),
     *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
     *(Spec(f'baseline.{name}', getattr(_BASELINE, name), 'of the schemes equal_pressure and '
            f'threshold, {unit}', 0.0, high, dynamic=True)

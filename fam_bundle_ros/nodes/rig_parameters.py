@@ -1,14 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated rig as ROS parameters: load, instruments, supply, valves, faults."""
+"""The simulated rig as ROS parameters: load, instruments, supply, valves."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros.control import LoadModel
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.parameters import Spec
 from fam_bundle_ros.plant import (
     Arm,
@@ -94,41 +93,6 @@ RIG = (
     Spec('trip_pressure', 450e3, 'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
 )
 
-FAULTS = (
-    Spec('faults.stuck_valve', '', 'valves that no longer move: mu1 where it is, mu1=0.3 at an '
-         'opening; several with commas', dynamic=True),
-    Spec('faults.leak', '', 'leaks with their time constant in s: mu2=0.5', dynamic=True),
-    Spec('faults.nan', '', 'channels that show nan: force, strain, supply, mu1/pressure',
-         dynamic=True),
-    Spec('faults.frozen', '', 'channels that repeat their last reading', dynamic=True),
-    Spec('faults.silent', '', 'channels of which nothing is sent', dynamic=True),
-    Spec('faults.noise_factor', 1.0, 'factor on the noise of all instruments', 0.0, 1e3,
-         dynamic=True),
-)
-
-
-@dataclass(frozen=True)
-class FaultSet:
-    """The faults that the parameters name; motor units count from 0."""
-
-    stuck_valve: dict[int, float | None]
-    leak: dict[int, float]
-    nan: frozenset[str]
-    frozen: frozenset[str]
-    silent: frozenset[str]
-    noise_factor: float
-
-    @property
-    def text(self) -> str:
-        """What is broken, in words; empty when nothing is."""
-        parts = [f'valve of mu{unit + 1} stuck' for unit in self.stuck_valve]
-        parts += [f'mu{unit + 1} leaks' for unit in self.leak]
-        for word in ('nan', 'frozen', 'silent'):
-            parts += [f'{channel} {word}' for channel in sorted(getattr(self, word))]
-        if self.noise_factor != 1.0:
-            parts.append(f'noise x{self.noise_factor:g}')
-        return ', '.join(parts)
-
 
 def load_from(values: dict[str, Any]) -> Load:
     """Return the load that the parameters describe."""
@@ -174,55 +138,3 @@ def rig_config(values: dict[str, Any]) -> RigConfig:
                             resistance=values['supply.resistance']),
         sensors=SensorConfig(**{field: values[name] for name, field in _SENSORS.items()}),
         ambient_pressure=values['ambient_pressure'], trip_pressure=values['trip_pressure'])
-
-
-def faults_from(values: dict[str, Any], units: int) -> FaultSet:
-    """
-    Return the faults that the parameters describe.
-
-    Raises
-    ------
-    InputError
-        When one names a motor unit or channel that is not there, or a value does not fit.
-    """
-    channels = ('force', 'strain', 'supply', *(f'mu{i + 1}/pressure' for i in range(units)))
-    sets = {word: _channels(f'faults.{word}', values[f'faults.{word}'], channels)
-            for word in ('nan', 'frozen', 'silent')}
-    stuck = _units('faults.stuck_valve', values['faults.stuck_valve'], units)
-    for unit, opening in stuck.items():
-        if opening is not None and not -1.0 <= opening <= 1.0:
-            raise InputError(f'faults.stuck_valve of mu{unit + 1} is {opening:g}; '
-                             'expected -1 to 1')
-    leak = {}
-    for unit, time in _units('faults.leak', values['faults.leak'], units).items():
-        if time is None or not time > 0.0:
-            raise InputError(f'faults.leak of mu{unit + 1} needs a time constant above 0 s, '
-                             f'as in mu{unit + 1}=0.5')
-        leak[unit] = time
-    return FaultSet(stuck, leak, **sets, noise_factor=values['faults.noise_factor'])
-
-
-def _items(text: str) -> list[str]:
-    return [item.strip() for item in text.split(',') if item.strip()]
-
-
-def _channels(name: str, text: str, known: tuple[str, ...]) -> frozenset[str]:
-    for item in _items(text):
-        if item not in known:
-            raise InputError(f"{name} names '{item}'; expected {', '.join(known)}")
-    return frozenset(_items(text))
-
-
-def _units(name: str, text: str, units: int) -> dict[int, float | None]:
-    found: dict[int, float | None] = {}
-    for item in _items(text):
-        unit, equals, value = item.partition('=')
-        known = [f'mu{i + 1}' for i in range(units)]
-        if unit.strip() not in known:
-            raise InputError(f"{name} names '{unit.strip()}'; expected {', '.join(known)}")
-        try:
-            number = float(value) if equals else None
-        except ValueError:
-            raise InputError(f"{name} has '{item}'; expected for example mu1=0.3") from None
-        found[known.index(unit.strip())] = number
-    return found

@@ -128,6 +128,15 @@ class SerialRig(BundleNode):
             executor.create_task(self._drain)
 
     def _drain(self) -> None:
+        """Work off what happened; stop for what goes wrong in it."""
+        try:
+            self._work_off()
+        except Exception as error:
+            # Out of a task it would end the process at once, without the farewell that vents.
+            self._stop_for(f'{type(error).__name__}: {error}')
+            self._announce()
+
+    def _work_off(self) -> None:
         self._woken = False
         while self._events:
             event = self._events.popleft()

@@ -8,7 +8,7 @@ executables, one executor, a record of every topic, and the run as a `Log` like 
 `fam_bundle_ros.simulation.ClosedLoop`, so that both can be laid side by side.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +25,7 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.process import Spinner, StopSignals
 from fam_bundle_ros.nodes.profile import load_profile, Points
 from fam_bundle_ros.nodes.recording import record, Recorder
@@ -35,7 +36,10 @@ from fam_bundle_ros.nodes.rig_parameters import load_model_parameters
 from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
 from fam_bundle_ros.simulation import Log, Trajectory
 
-__all__ = ['check_rig', 'Finding', 'record', 'run_trajectory']
+__all__ = ['check_rig', 'Finding', 'record', 'run_trajectory', 'Watch']
+
+#: Looks at a run: time of the trajectory (s), simulator, all nodes, valve commands of the step.
+Watch = Callable[[float, PlantSimulator, Sequence[BundleNode], list[float]], None]
 
 #: s of wall time that messages on their way get at the end.
 _DRAIN = 0.3
@@ -50,6 +54,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
                    lock_step: bool = True, overrides: Mapping[str, Any] | None = None,
                    bag: str | Path | None = None,
                    progress: Callable[[float], None] | None = None,
+                   watch: Watch | None = None,
                    namespace: str = interface.NAMESPACE, domain: int | None = None,
                    log_level: str = 'info') -> Log:
     """
@@ -78,6 +83,9 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
         New folder into which all topics are recorded (mcap).
     progress : callable, optional
         Gets the time of the trajectory done, s.
+    watch : callable, optional
+        Gets, after each step of the rig, the time of the trajectory (s), the simulator, all nodes
+        and the valve commands that it took.
     namespace : str
     domain : int, optional
         ROS domain; that of the environment by default.
@@ -111,13 +119,13 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
         with StopSignals() as signals:
             context = Context()
             context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
-            return _run(context, values, plan, hardware, namespace, bag, progress, signals)
+            return _run(context, values, plan, hardware, namespace, bag, progress, watch, signals)
 
 
 def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: Rig,
          namespace: str, bag: str | Path | None, progress: Callable[[float], None] | None,
-         signals: StopSignals) -> Log:
-    script = _Script(plan)
+         watch: Watch | None, signals: StopSignals) -> Log:
+    script = _Script(plan, watch)
     with ExitStack() as ending:
         ending.callback(context.try_shutdown)
         nodes: list[BundleNode] = []
@@ -131,6 +139,8 @@ def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: R
                            generator={'profile': plan}) + nodes
         spinner = ending.enter_context(closing(Spinner(context, nodes)))
         script.controller = next(n for n in nodes if isinstance(n, RecruitmentNode))
+        script.simulator = next(n for n in nodes if isinstance(n, PlantSimulator))
+        script.nodes = nodes
         script.interrupt = spinner.interrupt
         if not values['lock_step']:
             script.follow(next(n for n in nodes if isinstance(n, ReferenceGenerator)))
@@ -155,15 +165,18 @@ def _refuse_company(node: BundleNode) -> None:
 class _Script:
     """Moves load and dynamometer along the plan, logs every step, and says when it is over."""
 
-    def __init__(self, plan: Trajectory):
-        self._plan = plan
+    def __init__(self, plan: Trajectory, watch: Watch | None):
+        self._plan, self._watch = plan, watch
         self._events = sorted(plan.events, key=lambda event: event[0])
+        self._faults = sorted(plan.faults, key=lambda event: event[0])
         self._rows: list[tuple[Any, ...]] = []
         self._decisions: list[tuple[float, str]] = []
         self._explained = ''
         self._period = 0.0
         self._generator: ReferenceGenerator | None = None
         self.controller: RecruitmentNode | None = None
+        self.simulator: PlantSimulator | None = None
+        self.nodes: Sequence[BundleNode] = ()
         self.interrupt: Callable[[], None] = lambda: None
         #: Time of the trajectory, s.
         self.time = -plan.prepare
@@ -180,6 +193,9 @@ class _Script:
                      else self._generator.run_time)
         while self._events and self._events[0][0] <= self.time + 1e-9:
             rig.change_load(**self._events.pop(0)[1])
+        while self._faults and self._faults[0][0] <= self.time + 1e-9:
+            assert self.simulator is not None
+            self.simulator.faults = self._faults.pop(0)[1]
         self._period = period
         if plan.imposed is not None:
             target = plan.imposed(max(self.time + period, 0.0))
@@ -194,6 +210,8 @@ class _Script:
             self._decisions.append((t, explanation))
         self._explained = explanation
         self.time = t + self._period
+        if self._watch and self.simulator is not None:
+            self._watch(self.time, self.simulator, self.nodes, commands)
         if t >= -1e-9:
             truth, n = rig.truth, rig.bundle.n
             margins = command.margins if command else None
@@ -233,7 +251,7 @@ def _plan(trajectory: Trajectory | Points | str | Path, load: Load | None) -> Tr
     if imposed is not None and isinstance(load, Dynamometer):
         load = Dynamometer(strain=imposed(0.0), speed=load.speed)
     return Trajectory(plan.name, plan.kind, plan.duration, plan.value, plan.rate, load, imposed,
-                      plan.events, plan.prepare)
+                      plan.events, plan.prepare, plan.faults)
 
 
 def _as_file(model: Bundle | str | Path, folder: str, name: str) -> str:

@@ -4,6 +4,7 @@
 
 from fam_bundle_ros.plant import loads, sensors
 from fam_bundle_ros.plant.circuit import AirBalance
+from fam_bundle_ros.plant.faults import Faults
 from fam_bundle_ros.plant.foreign import ForeignPlant
 from fam_bundle_ros.plant.loads import Arm, Dynamometer, Load, MassSpring, SeriesSpringMass
 from fam_bundle_ros.plant.pneumatics import (
@@ -14,7 +15,7 @@ from fam_bundle_ros.plant.pneumatics import (
     linearise,
     ValveConfig,
 )
-from fam_bundle_ros.plant.rig import Faults, Rig, RigConfig
+from fam_bundle_ros.plant.rig import Rig, RigConfig
 from fam_bundle_ros.plant.sensors import Readings, SensorConfig
 from fam_bundle_ros.plant.supply import air_energy, available_energy, liquid_energy, SupplyConfig
 

@@ -113,6 +113,10 @@ class Air:
     manifold: float
     #: True while the supply is shut off and the manifold dumped (emergency stop).
     dumping: bool
+    #: Of faults: share of its set point that the regulator gives, opening of each valve through
+    #: which supply air seeps into its chamber.
+    supply_share: float
+    seep: list[float]
     balance: AirBalance
     scratch: AirScratch = field(repr=False)
 
@@ -122,7 +126,7 @@ class Air:
         n = len(volume)
         return cls([config.ambient] * n, [config.ambient] * n, list(volume), [0.0] * n,
                    [0.0] * n, [0.0] * n, [0.0] * n, config.supply.pressure + config.ambient,
-                   False, AirBalance(), AirScratch(*([0.0] * n for _ in range(8))))
+                   False, 1.0, [0.0] * n, AirBalance(), AirScratch(*([0.0] * n for _ in range(8))))
 
 
 def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
@@ -167,7 +171,7 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
     apart = chamber.line_volume > 0.0
     fastest = 0.0
     through = 1.0 / config.resistance
-    if air.dumping:
+    if air.dumping or air.supply_share == 0.0:
         through += secant(supply.dump_conductance, b, manifold, ambient)
     for i in range(len(commands)):
         p, smallest = air.pressure[i], min(air.volume[i], volume[i])
@@ -185,6 +189,10 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
             through += slope
         if lowest < 0.0:
             slope = max(slope, -lowest * secant(c, b, p, ambient))
+        if air.seep[i] > 0.0:
+            seeping = air.seep[i] * secant(c, b, manifold, p)
+            through += seeping
+            slope += seeping
         if apart and slope > 0.0:
             # Line and restriction are as fast besides.
             fastest += exponent * slope / smallest
@@ -306,6 +314,10 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
         elif opening < 0.0:
             flow = opening * mass_flow(c, b, at_valve, ambient)
             exhausted -= flow
+        if air.seep[i] > 0.0:
+            seeping = air.seep[i] * mass_flow(c, b, manifold, at_valve)
+            delivered += seeping
+            flow += seeping
         if apart:
             inside = mass_flow(chamber.line_conductance, chamber.line_ratio, at_valve, p,
                                REFERENCE_TEMPERATURE, LINE_LAMINAR_RATIO)
@@ -354,11 +366,12 @@ def supply_flows(config: Any, air: Any, manifold: float, delivered: float,
     while the dump valve empties the manifold.
     """
     supply, drawn, dumped = config.supply, 0.0, 0.0
-    if air.dumping:
+    if air.dumping or air.supply_share == 0.0:
+        # A hose that came off lets the air out as the dump valve does.
         dumped = mass_flow(supply.dump_conductance, config.valve.critical_ratio, manifold,
                            config.ambient)
     else:
-        lack = supply.pressure + config.ambient - manifold
+        lack = air.supply_share * supply.pressure + config.ambient - manifold
         drawn = min(max(lack / config.resistance, 0.0), supply.flow_limit)
     air.balance.drawn += weight * drawn
     air.balance.dumped += weight * dumped

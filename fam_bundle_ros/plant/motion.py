@@ -51,21 +51,6 @@ class RigRecord:
 
 
 @dataclass
-class FaultRecord:
-    """What is broken, one value a motor unit."""
-
-    #: 1/s, rate at which gauge pressure leaks away, with the leak of the plant's own model.
-    leak: list[float]
-    #: Position of a valve that no longer moves, infinity for where it is when the fault begins;
-    #: nan for a valve that moves.
-    stuck: list[float]
-    #: 1 for a channel of the instruments without a reading, else 0.
-    lost: list[int]
-    #: Factor on the noise of every channel.
-    noise_factor: float
-
-
-@dataclass
 class RigState:
     """Everything about a rig that changes."""
 
@@ -86,9 +71,11 @@ class RigState:
     #: Slope of the gap that `solve_rate` closes, and whether backward Euler was needed last.
     gap_slope: float
     steep: bool
-    #: Scratch: gauge pressures that the muscles feel, commands that valves get, volumes.
+    #: Scratch: gauge pressures that the muscles feel, commands that valves get, those that arrive
+    #: at the rig, volumes.
     gauge: list[float] = field(repr=False)
     commands: list[float] = field(repr=False)
+    wired: list[float] = field(repr=False)
     volume: list[float] = field(repr=False)
 
     @classmethod
@@ -96,7 +83,7 @@ class RigState:
         """Return the state of a rig that has not moved yet."""
         n = len(air.pressure)
         return cls(air, motion, 0.0, 0.0, DelayLine.empty(n), 0.0, 0.0, RUNNING, 0, 0.0, -1.0,
-                   False, [0.0] * n, [0.0] * n, [0.0] * n)
+                   False, [0.0] * n, [0.0] * n, [0.0] * n, [0.0] * n)
 
 
 def begin(rig: Any, model: Any, state: Any) -> None:
@@ -142,10 +129,14 @@ def set_valves(rig: Any, state: Any, commands: Any, faults: Any, time: float) ->
     late = rig.air.delay > 0.0
     if late:
         read_held(state.line, time - rig.air.delay, state.commands)
+    if not late:
+        for i in range(len(commands)):
+            state.commands[i] = commands[i]
+    wired = state.wired
     for i in range(len(commands)):
-        command = min(max(state.commands[i] if late else commands[i], -1.0), 1.0)
-        if state.reason != RUNNING:
-            command = -1.0
+        wired[i] = -1.0 if state.reason != RUNNING else min(max(state.commands[i], -1.0), 1.0)
+    for i in range(len(commands)):
+        command = faults.command_sign[i] * wired[faults.command_of[i]]
         if math.isinf(faults.stuck[i]):
             faults.stuck[i] = state.air.spool[i]
         if not math.isnan(faults.stuck[i]):
@@ -202,6 +193,9 @@ def drift_with_air(rig: Any, load: Any, model: Any, state: Any, commands: Any, f
     if rig.swells:
         gas_compliances(model, state)
     gas_volumes(rig, model, state, state.volume)
+    for i in range(len(state.commands)):
+        state.air.seep[i] = faults.seep[i]
+    state.air.supply_share = faults.supply
     circuit_step(rig.air, state.air, state.commands, state.volume, faults.leak, dt)
     feel(rig, state)
     if rig.swells:

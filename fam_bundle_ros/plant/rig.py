@@ -9,6 +9,7 @@ words. Deterministic: the same seed and the same calls give the same bytes.
 """
 
 from collections.abc import Sequence
+import copy
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any
@@ -19,11 +20,11 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE
 from fam_bundle_ros.plant.checks import require
 from fam_bundle_ros.plant.circuit import Air, AirBalance, AirConfig
+from fam_bundle_ros.plant.faults import fault_record, FaultRecord, Faults
 from fam_bundle_ros.plant.loads import Dynamometer, Load
 from fam_bundle_ros.plant.motion import (
     begin,
     E_STOP,
-    FaultRecord,
     OVER_PRESSURE,
     rig_step,
     RigRecord,
@@ -35,12 +36,10 @@ from fam_bundle_ros.plant.pneumatics import ChamberConfig, ValveConfig
 from fam_bundle_ros.plant.sensors import (
     Draws,
     FORCE,
-    lost_channels,
     PRESSURE,
     read_sensors,
     Readings,
     SensorConfig,
-    SensorFaults,
     SensorRecord,
     SensorState,
     STRAIN,
@@ -82,20 +81,6 @@ class RigConfig:
         require(self, 'step', above=0.0, most=0.01)
         require(self, 'ambient_pressure', least=30e3, most=200e3)
         require(self, 'trip_pressure', above=0.0)
-
-
-@dataclass
-class Faults(SensorFaults):
-    """What is broken at the moment; change it at any time. Motor units count from 0."""
-
-    #: Spool position (-1..1) of valves that no longer move; None: where it is now.
-    stuck_valve: dict[int, float | None] = field(default_factory=dict)
-    #: Time constant in s with which a chamber's gauge pressure leaks away.
-    leak: dict[int, float] = field(default_factory=dict)
-
-    def clear(self) -> None:
-        """Repair everything."""
-        self.__dict__.update(Faults().__dict__)
 
 
 def _dependences(plant, model) -> tuple[bool, bool]:
@@ -168,6 +153,7 @@ class Rig:
         self.bundle = bundle
         self.config = config
         self.faults = faults or Faults()
+        self._known: Faults | None = None
         self.length = float(bundle.length)
         self._seed = seed
         air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
@@ -313,7 +299,12 @@ class Rig:
         return True
 
     def _faults(self) -> FaultRecord:
-        return fault_record(self.faults, self.bundle.pneumatics.leak_rate, self.bundle.n)
+        """Return what is broken now; worked out anew when it has changed."""
+        if self._known != self.faults:
+            self._known = copy.deepcopy(self.faults)
+            self._broken = fault_record(self.faults, self.bundle.pneumatics.leak_rate,
+                                        self.bundle.n)
+        return self._broken
 
     def _true(self) -> list[float]:
         """Return the true value of every channel."""
@@ -322,8 +313,8 @@ class Rig:
         return true
 
     def _read(self) -> None:
-        read_sensors(self.sensors, self.shown, self._true(), self.state.time, self._broken.lost,
-                     self._broken.noise_factor, *self.draws.row())
+        read_sensors(self.sensors, self.shown, self._true(), self.state.time, self._broken,
+                     *self.draws.row())
         self._readings = self._as_readings(self.shown.shown, self.shown.strain_rate)
 
     def _as_readings(self, channels, strain_rate) -> Readings:
@@ -340,27 +331,6 @@ class Rig:
             if not math.isfinite(value):
                 raise InputError(f'valve command {i + 1} is {value}; expected -1 to 1')
         return values
-
-
-def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
-    """
-    Return faults as kernels take them; ``leak`` (1/s) is that of every chamber without a fault.
-
-    Raises
-    ------
-    InputError
-        When a fault names a motor unit or a channel that is not there.
-    """
-    for unit in (*faults.leak, *faults.stuck_valve):
-        if not 0 <= unit < units:
-            raise InputError(f'fault of motor unit {unit}; there are 0 to {units - 1}')
-    record = FaultRecord([leak] * units, [math.nan] * units, lost_channels(faults, units),
-                         float(faults.noise_factor))
-    for unit, time_constant in faults.leak.items():
-        record.leak[unit] += 1.0 / time_constant
-    for unit, position in faults.stuck_valve.items():
-        record.stuck[unit] = math.inf if position is None else float(position)
-    return record
 
 
 def changed_load(load: Load, changes: dict[str, float]) -> Load:

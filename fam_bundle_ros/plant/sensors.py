@@ -6,7 +6,7 @@ What the instruments of the rig show: noise, bias, quantisation, dropout, a filt
 Channels are, in this order: force, strain, supply, and the pressure of each motor unit.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 import math
 from typing import Any
@@ -15,11 +15,13 @@ import numpy as np
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant.checks import require
-from fam_bundle_ros.plant.lines import DelayLine, lag, put, read_between
+from fam_bundle_ros.plant.lines import DelayLine, find, lag, PLACES, put, read_between
 
 #: Channels before the pressures of the motor units, and the index of each.
 FORCE, STRAIN, SUPPLY, PRESSURE = range(4)
 _BLOCK = 1024
+#: s between two spikes of a channel with that fault.
+SPIKE_INTERVAL = 0.1
 #: Added and taken off again, it rounds a float to a whole number (half to even, as `round`).
 _ROUNDER = 1.5 * 2.0 ** 52
 
@@ -116,16 +118,6 @@ class SensorConfig:
 
 
 @dataclass
-class SensorFaults:
-    """What is wrong with the instruments at the moment."""
-
-    #: Names of channels without readings: 'force', 'strain', 'supply', 'mu1/pressure', ...
-    dropout: set[str] = field(default_factory=set)
-    #: Factor on the noise of every channel.
-    noise_factor: float = 1.0
-
-
-@dataclass
 class SensorRecord:
     """Constants of the instruments as kernels read them; one value a channel in the lists."""
 
@@ -163,6 +155,8 @@ class SensorState:
     """What the instruments showed last."""
 
     shown: list[float]
+    #: The same without faults.
+    sound: list[float]
     #: 1/s, nan without a strain reading.
     strain_rate: float
     #: State of the rate's filter, 1/s; the strain reading before and when it was.
@@ -178,17 +172,23 @@ class SensorState:
     before: list[float]
     felt_at: float
     line: DelayLine
+    #: Of faults: sound readings on their way; s, when a drift or the spikes of a channel began,
+    #: nan without them; how many spikes there were.
+    held_up: DelayLine
+    since: list[float]
+    spikes: list[float]
 
     @classmethod
     def fresh(cls, channels: int) -> 'SensorState':
         """Return instruments that have shown nothing yet."""
-        return cls([math.nan] * channels, math.nan, 0.0, math.nan, math.nan, 0.0,
-                   [0.0] * channels, [0.0] * channels, [0.0] * channels, math.nan,
-                   DelayLine.empty(channels))
+        return cls([math.nan] * channels, [math.nan] * channels, math.nan, 0.0, math.nan,
+                   math.nan, 0.0, [0.0] * channels, [0.0] * channels, [0.0] * channels, math.nan,
+                   DelayLine.empty(channels), DelayLine.empty(channels), [math.nan] * channels,
+                   [0.0] * channels)
 
 
-def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,
-                 noise_factor: float, normal: Any, chance: Any) -> None:
+def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, normal: Any,
+                 chance: Any) -> None:
     """
     Take one sample of all instruments; ``state`` holds what they show.
 
@@ -199,9 +199,7 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,
     true : vector (c,)
         True values of the channels.
     time : float, s
-    lost : vector (c,) of int
-        1 for a channel that has dropped out, else 0.
-    noise_factor : float
+    faults : FaultRecord
     normal, chance : vector (c,)
         Random numbers of this sample: standard normal, and uniform in 0..1. A sample takes them
         whatever is switched on, so that a fault never changes the noise of another channel.
@@ -209,21 +207,69 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, lost: Any,
     if config.late:
         feel_late(config, state, true, time)
     for i in range(len(true)):
-        if lost[i] != 0 or chance[i] < config.dropout:
+        if chance[i] < config.dropout:
             if not config.hold:
-                state.shown[i] = math.nan
+                state.sound[i] = math.nan
             continue
         value = state.late[i] if config.late else true[i]
         if i == FORCE:
             value = config.gain[i] * value + config.offset[i] - state.tare
         else:
             value = config.gain[i] * value + config.offset[i]
-        value += config.bias[i] + noise_factor * config.noise[i] * normal[i]
+        value += config.bias[i] + faults.noise_factor * config.noise[i] * normal[i]
         step = config.resolution[i]
         if step > 0.0:
             value = step * ((value / step + _ROUNDER) - _ROUNDER)
-        state.shown[i] = value
+        state.sound[i] = value
+    if faults.spoilt:
+        spoil(faults, state, time, chance)
+    else:
+        state.held_up.size = 0
+        for i in range(len(true)):
+            state.shown[i], state.since[i] = state.sound[i], math.nan
     filter_rate(config, state, time)
+
+
+def spoil(faults: Any, state: Any, time: float, chance: Any) -> None:
+    """
+    Fill ``state.shown`` with what broken instruments make of the sound readings.
+
+    Parameters
+    ----------
+    faults : FaultRecord
+    state : SensorState
+    time : float, s
+    chance : vector (c,)
+        As of `read_sensors`.
+    """
+    if faults.longest > 0.0:
+        put(state.held_up, time, state.sound, faults.longest)
+    else:
+        state.held_up.size = 0
+    for i in range(len(state.shown)):
+        source = faults.reading_of[i]
+        value = state.sound[source]
+        if faults.delay[i] > 0.0:
+            line = state.held_up
+            value = line.values[(line.head + find(line, time - faults.delay[i])) % PLACES][source]
+        if faults.drift[i] == 0.0 and faults.spike[i] == 0.0:
+            state.since[i] = math.nan
+        elif math.isnan(state.since[i]):
+            state.since[i], state.spikes[i] = time, 0.0
+        value = faults.gain[i] * value + faults.offset[i]
+        if not math.isnan(state.since[i]):
+            value += faults.drift[i] * (time - state.since[i])
+            count = math.floor((time - state.since[i]) / SPIKE_INTERVAL + 1e-6)
+            if count > state.spikes[i]:
+                value += faults.spike[i]
+                state.spikes[i] = count
+        if faults.lost[i] != 0:
+            value = math.nan
+        elif (not math.isnan(state.shown[i])
+              and (faults.held[i] != 0 or 1.0 - chance[i] < faults.skipped[i])):
+            # A frozen channel repeats; where a message is lost the reader keeps the one before.
+            continue
+        state.shown[i] = value
 
 
 def feel_late(config: Any, state: Any, true: Any, time: float) -> None:
@@ -287,21 +333,5 @@ class Draws:
 
 @cache
 def channel_names(units: int) -> tuple[str, ...]:
-    """Return the names of the channels, as `SensorFaults.dropout` takes them."""
+    """Return the names of the channels, as `Faults` takes them."""
     return ('force', 'strain', 'supply', *(f'mu{i + 1}/pressure' for i in range(units)))
-
-
-def lost_channels(faults: SensorFaults, units: int) -> list[int]:
-    """
-    Return 1 for each channel that has dropped out, else 0.
-
-    Raises
-    ------
-    InputError
-        When a fault names a channel that is not there.
-    """
-    names = channel_names(units)
-    for channel in faults.dropout:
-        if channel not in names:
-            raise InputError(f"no sensor channel '{channel}'; there are {', '.join(names)}")
-    return [int(name in faults.dropout) for name in names]

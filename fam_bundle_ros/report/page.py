@@ -18,7 +18,7 @@ from typing import Any
 
 import fam_bundle_ros
 from fam_bundle_ros import palette, plotting
-from fam_bundle_ros.report.files import write_whole
+from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.report.numbers import number
 from fam_bundle_ros.report.picture import Picture
 

@@ -84,6 +84,17 @@ CASES = {
         (0.1, Faults(leak={1: 0.2}, stuck_valve={1: None})),
         (0.4, Faults(stuck_valve={0: 0.9})))), (),
         {'rig': RigConfig(supply=SupplyConfig(pressure=700e3))}),
+    'wrong readings': (path([0.0, 1.6], [20.0, 45.0], faults=(
+        (0.1, Faults(gain={'force': 0.8}, offset={'mu1/pressure': 2e3}, drift={'strain': -0.01})),
+        (0.4, Faults(spike={'mu1/pressure': -40e3}, delay={'mu2/pressure': 0.03}, silent={'force'},
+                     lost={'strain': 0.5, 'supply': 0.5})),
+        (0.8, Faults(exchanged={'mu1/pressure': 'mu2/pressure'}, units={'supply': 'bar'},
+                     late={'force': 0.25})),
+        (1.2, Faults(frozen={'mu2/pressure'}, drift={'strain': 0.01})))), (), {}),
+    'broken valves': (path([0.0, 1.2], [20.0, 45.0], faults=(
+        (0.1, Faults(reversed_valve={1}, leaking_valve={0: 0.02})),
+        (0.4, Faults(exchanged_valves={0: 1}, burst={0})),
+        (0.8, Faults(supply=0.0)))), (), {}),
 }
 
 

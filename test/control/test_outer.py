@@ -37,11 +37,11 @@ class Loop:
     def run(self, value, force=0.0, strain=0.1, believed=0.0, duration=DT, **more):
         """Return the last target."""
         given = {'kind': FORCE, 'rate': 0.0, 'saturated': FREE, 'speed': 0.0, 'lag': 0.0,
-                 'asked': believed, **more}
+                 'asked': believed, 'reach': 4.0, **more}
         for _ in range(round(duration / DT)):
             outer_step(self.settings, self.state,
                        MeasurementRecord(force, strain, given['speed'], [0.0, 0.0]), believed,
-                       given['asked'], given['kind'], value, given['rate'],
+                       given['asked'], given['reach'], given['kind'], value, given['rate'],
                        given['saturated'], given['lag'], 0.0, 0.0, DT)
         return self.state.target
 
@@ -80,6 +80,13 @@ def test_what_the_pressures_do_not_give_is_integrated(paper_bundle):
         target = moving.run(0.04 * k, rate=20.0, force=0.04 * k - 0.2, believed=0.04 * k - 0.2,
                             asked=0.04 * k)
     assert target.force - 0.04 * 999 < 0.6
+
+
+def test_a_force_that_never_answers_winds_nothing_up(paper_bundle):
+    """A unit without air, say: more is missing than a loose valve explains, and asked no more."""
+    loop = Loop(paper_bundle, force_gain=0.0)
+    target = loop.run(40.0, force=20.0, believed=20.0, asked=40.0, reach=4.0, duration=20.0)
+    assert target.force == pytest.approx(40.0)
 
 
 def test_feed_forward_leads(paper_bundle):

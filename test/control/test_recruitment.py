@@ -350,8 +350,6 @@ def test_a_gap_in_the_readings_counts_from_its_own_beginning(paper_bundle):
         bench.update(40.0)
 
 
-@pytest.mark.xfail(strict=True, reason='the integral of the observer goes on where the measured '
-                   'force never answers')
 def test_neglect_nets_the_bias_against_forces_that_are_not_below_zero(paper_bundle):
     """A vented bundle that pushes back is believed to give nothing."""
     bench = Bench(paper_bundle, 0.2, policy='neglect')

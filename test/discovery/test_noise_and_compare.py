@@ -10,6 +10,7 @@ import pytest
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import compare, diagnose, noise_floor, read_measurement
+from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path
@@ -71,7 +72,14 @@ def test_a_slip_of_unit_or_sign_is_named_before_any_physics(sweeps, paper_muscle
     result = compare(paper_muscle, replace(data, **slip(data)))
     assert words in result.slips[0]
     assert words in str(result)
-    assert words in ' '.join(diagnose(paper_muscle, result.measurement).to_dict()['notes'])
+
+
+def test_a_diagnosis_tells_the_slip_too(sweeps, paper_muscle):
+    """Pressures in bar under a heading of kPa stand in the notes of the answer."""
+    data = sweeps()
+    result = diagnose(paper_muscle, replace(data, pressure=data.pressure / 100.0),
+                      choices=Choices(most=1))
+    assert 'in bar, not in kPa' in ' '.join(result.to_dict()['notes'])
 
 
 def test_loops_in_a_map_without_time_are_no_noise(sweeps, paper_muscle):

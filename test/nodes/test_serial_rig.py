@@ -416,6 +416,23 @@ def test_command_carries_the_time_of_the_reading_that_it_answers(graph, port):
     loop.until(lambda: loop.board.why == 2, 'the board to refuse old answers')
 
 
+def test_error_while_a_line_is_read_stops_the_rig_and_not_the_process(graph, port):
+    """What nobody has foreseen shuts air and valves, says what it was, and the node goes on."""
+    loop = Loop(graph, FakeBoard(port))
+    loop.valves = {1: 0.25, 2: 0.25}
+    loop.until(lambda: loop.board.valves == [250, 250] and loop.board.supply, 'the command')
+    readings = loop.rig._scales.readings
+
+    def broken(sample):
+        raise ZeroDivisionError('no such scale')
+    loop.rig._scales.readings = broken
+    loop.until(lambda: loop.board.valves == [-1000, -1000] and not loop.board.supply, 'the vent')
+    loop.status('ZeroDivisionError: no such scale')
+    loop.rig._scales.readings = readings
+    count = len(loop.pressure[1])
+    loop.until(lambda: len(loop.pressure[1]) > count, 'readings again')
+
+
 def test_every_sample_is_answered_at_once(graph, port):
     """A command goes out when all motor units have theirs, not with the next heartbeat."""
     loop = Loop(graph, FakeBoard(port))

@@ -263,9 +263,53 @@ def test_stuck_valve_and_leak_act_on_the_air(graph, rig):
     graph.advance(rig, lambda: rig.rig.truth.pressure[0] < 10e3, 'the leak')
 
 
+@pytest.mark.parametrize('lock_step', [False, True], ids=['wall time', 'lock-step'])
+def test_fault_clear_repairs_everything_at_once(graph, quiet, rig, lock_step):
+    """The service takes back every fault, says which, and the parameters show it."""
+    faults = {'faults.gain': 'force=2', 'faults.burst': 'mu2', 'faults.supply': 0.5,
+              'faults.late': 'all=0.05'}
+    node = rig(**faults) if lock_step else graph.add(PlantSimulator(
+        context=graph.context, overrides={**quiet, **faults}))
+    answer = graph.call(Trigger, 'fault/clear')
+    assert answer.success
+    for word in ('force gain 2', 'mu2 burst', 'supply x0.5', 'mu1/pressure late 0.05'):
+        assert word in answer.message
+    assert node.faults.text == node.rig.faults.text == ''
+    assert node.get_parameter('faults.gain').value == ''
+    assert graph.call(Trigger, 'fault/clear').message == 'nothing was broken'
+
+
+def test_late_messages_come_late_with_the_stamp_of_their_reading(graph, quiet):
+    """In wall time a late channel comes a second after the others of the same sample."""
+    node = graph.add(PlantSimulator(context=graph.context, overrides={
+        **quiet, 'rate': 50.0, 'faults.late': 'force=1.0'}))
+    force, strain = graph.listen('force', WrenchStamped), graph.listen('strain', JointState)
+    graph.until(lambda: len(force) > 3, 'force')
+    stamps = {interface.stamp_ns(each.header.stamp) for each in strain}
+    newest = interface.stamp_ns(force[-1].header.stamp)
+    assert newest in stamps
+    assert max(stamps) - newest > 900_000_000
+    # The rig itself is sound: only messages are late.
+    assert node.rig.faults.text == ''
+
+
+def test_lost_messages_are_missing_and_the_others_come(graph, quiet):
+    """Of half of the messages of a channel nothing is sent."""
+    graph.add(PlantSimulator(context=graph.context, overrides={
+        **quiet, 'rate': 100.0, 'faults.lost': 'force=0.5'}))
+    force, strain = graph.listen('force', WrenchStamped), graph.listen('strain', JointState)
+    graph.until(lambda: len(strain) > 150, 'strain')
+    assert 0.3 < len(force) / len(strain) < 0.7
+
+
 @pytest.mark.parametrize(('name', 'value', 'text'), [
     ('faults__nan', 'foo', "faults.nan names 'foo'; expected force, strain"),
-    ('faults__leak', 'mu1', 'needs a time constant'),
+    ('faults__leak', 'mu1', 'expected for example mu2=0.5'),
+    ('faults__leak', 'mu1=0', 'leak of mu1 is 0; expected a time constant above 0 s'),
+    ('faults__gain', 'force', "'force'; expected for example force=0.5"),
+    ('faults__burst', 'mu1=2', 'expected for example mu1'),
+    ('faults__units', 'force=psi', "units of force is 'psi'; expected kN"),
+    ('faults__exchanged_valves', 'mu1=mu7', "names 'mu7'; expected mu1, mu2"),
     ('faults__stuck_valve', 'mu3=0.1', "'mu3'; expected mu1, mu2"),
     ('faults__stuck_valve', 'mu1=x', 'expected for example mu1=0.3'),
     ('command_timeout', 99.0, 'out of range'),

@@ -30,7 +30,7 @@ ALLOWED = {
             'benchmarks', 'workbench', *DRAWS},
 }
 # Modules that know nothing of physics and serve every layer.
-PLAIN = {'bagwriter', 'errors', 'kernels', 'resources', 'units'}
+PLAIN = {'atomic', 'bagwriter', 'errors', 'kernels', 'mcapfile', 'resources', 'units'}
 # Only nodes/ and the commands that start nodes may speak ROS.
 ROS = {'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'std_msgs', 'geometry_msgs',
        'sensor_msgs', 'trajectory_msgs', 'diagnostic_msgs', 'std_srvs', 'rosgraph_msgs',

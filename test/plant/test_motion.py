@@ -25,10 +25,10 @@ from fam_bundle_ros.plant import (
     SupplyConfig,
     ValveConfig,
 )
+from fam_bundle_ros.plant.faults import fault_record
 from fam_bundle_ros.plant.foreign import ForeignPlant
 from fam_bundle_ros.plant.loads import GRAVITY
 from fam_bundle_ros.plant.motion import E_STOP, OVER_PRESSURE, rig_step
-from fam_bundle_ros.plant.rig import fault_record
 
 LENGTH, AMBIENT, TUBE = 0.127, 101325.0, 5e-6
 #: A valve that closes exactly when told to and a supply that gives what is asked.
@@ -237,7 +237,8 @@ def test_compiled_rig_is_the_plain_one_in_every_state(load):
     plant = ForeignPlant(steep_force, swelling_volume, LENGTH, [400e3] * 2, memory=1,
                          leak_rate=0.05, supply_resistance=1e6)
     plain = Rig(plant, RigConfig(load=load, supply=SupplyConfig(pressure=700e3)))
-    broken = [Faults(), Faults(stuck_valve={0: None}, leak={1: 0.3}),
+    broken = [Faults(exchanged_valves={0: 1}, leaking_valve={0: 0.05}, supply=0.8),
+              Faults(stuck_valve={0: None}, leak={1: 0.3}, reversed_valve={1}, burst={0}),
               Faults(stuck_valve={1: 0.8})]
     records = [fault_record(each, 0.05, 2) for each in broken]
     rig, moved, state = (kernels.pack(each) for each in (plain.record, load.record, plain.state))

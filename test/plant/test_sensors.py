@@ -9,11 +9,10 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import Readings, SensorConfig
+from fam_bundle_ros.plant.faults import fault_record, Faults
 from fam_bundle_ros.plant.sensors import (
     Draws,
-    lost_channels,
     read_sensors,
-    SensorFaults,
     SensorRecord,
     SensorState,
 )
@@ -33,7 +32,7 @@ class Instruments:
     def read(self, k, strain, faults):
         """Return the k-th sample."""
         read_sensors(self.record, self.state, [80.0, strain, 5e5, 2e5, 1e5], k * DT,
-                     lost_channels(faults, 2), faults.noise_factor, *self.draws.row())
+                     fault_record(faults, 0.0, 2), *self.draws.row())
         force, shown, supply, *pressure = self.state.shown
         return Readings(k * DT, force, shown, shown * LENGTH, self.state.strain_rate,
                         np.array(pressure), supply)
@@ -42,7 +41,7 @@ class Instruments:
 def read(config, count=1, seed=1, faults=None, strain=lambda k: 0.1):
     """Return a list of readings."""
     instruments = Instruments(config, seed)
-    return [instruments.read(k, strain(k), faults or SensorFaults()) for k in range(count)]
+    return [instruments.read(k, strain(k), faults or Faults()) for k in range(count)]
 
 
 def column(readings, name):
@@ -89,14 +88,14 @@ def test_noise_factor_scales_the_same_noise():
     """Doubled noise is the same random numbers twice as large."""
     config = SensorConfig(force_resolution=0.0)
     once = column(read(config, 500), 'force') - 80.0
-    twice = column(read(config, 500, faults=SensorFaults(noise_factor=2.0)), 'force') - 80.0
+    twice = column(read(config, 500, faults=Faults(noise_factor=2.0)), 'force') - 80.0
     assert twice == pytest.approx(2.0 * once, abs=1e-9)
 
 
 def test_lost_channel_is_nan_and_leaves_the_others_as_they_were():
     """A dropout blanks its channel alone; the noise of the others does not change."""
     whole = read(SensorConfig(), 50)
-    lost = read(SensorConfig(), 50, faults=SensorFaults(dropout={'force', 'mu2/pressure'}))
+    lost = read(SensorConfig(), 50, faults=Faults(dropout={'force', 'mu2/pressure'}))
     assert np.all(np.isnan(column(lost, 'force')))
     assert np.all(np.isnan(column(lost, 'pressure')[:, 1]))
     assert np.array_equal(column(lost, 'pressure')[:, 0], column(whole, 'pressure')[:, 0])
@@ -128,8 +127,8 @@ def test_rate_follows_a_ramp_with_the_time_constant_of_its_filter():
 def test_rate_starts_afresh_after_a_lost_strain():
     """A lost strain gives no rate, and the first reading after it no jump."""
     instruments = Instruments(SensorConfig.ideal())
-    out = SensorFaults(dropout={'strain'})
-    rates = [instruments.read(k, 0.02 * k if k < 5 else 0.3, out if k == 5 else SensorFaults())
+    out = Faults(dropout={'strain'})
+    rates = [instruments.read(k, 0.02 * k if k < 5 else 0.3, out if k == 5 else Faults())
              .strain_rate for k in range(8)]
     assert rates[4] > 1.0
     assert math.isnan(rates[5])
@@ -149,4 +148,4 @@ def test_impossible_sensor_fails(values, word):
 def test_dropout_of_an_unknown_channel_fails():
     """The error lists the channels that there are."""
     with pytest.raises(InputError, match='mu2/pressure'):
-        read(SensorConfig(), faults=SensorFaults(dropout={'mu3/pressure'}))
+        read(SensorConfig(), faults=Faults(dropout={'mu3/pressure'}))

@@ -1,0 +1,186 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Discovery on measured muscles: diagnosed on a part, scored on rows kept away.
+
+Every ``NAME.csv`` of a folder that has a ``NAME.model.yaml`` beside it is taken. Kept away are
+inner strain levels one by one, and draws of inner isobars or of trials; the six-parameter
+empirical form is refitted on the same rows and scored on the same rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+import tempfile
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.benchmarks.pool import each, Progress
+from fam_bundle_ros.data.folds import Folds
+from fam_bundle_ros.data.grouping import pressure_levels, rms, varying_unit
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.reading import read_measurement
+from fam_bundle_ros.discovery.diagnose import diagnose
+from fam_bundle_ros.discovery.options import family
+from fam_bundle_ros.discovery.predict import predict
+from fam_bundle_ros.discovery.rivals import empirical
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, load_model
+
+#: Seeded draws, and how many isobars or trials each keeps away (fewer where there are few).
+DRAWS, AWAY = 10, 5
+
+
+@dataclass(frozen=True)
+class Split:
+    """A measurement with rows kept away: (T,) bool, and which in words."""
+
+    data: Path
+    model: Path
+    away: str
+    test: np.ndarray
+
+
+def measured(folder: Path) -> list[tuple[Path, Path]]:
+    """
+    Return the measurements of a folder with their model files.
+
+    Raises
+    ------
+    InputError
+        Where there is none.
+    """
+    found = [(data, data.with_name(f'{data.stem}.model.yaml'))
+             for data in sorted(folder.glob('*.csv'))]
+    found = [(data, model) for data, model in found if model.exists()]
+    if not found:
+        raise InputError(f'{folder}: no measurement NAME.csv with a model NAME.model.yaml beside '
+                         'it')
+    return found
+
+
+def splits(data: Measurement, draws: int = DRAWS) -> Iterator[tuple[str, np.ndarray]]:
+    """
+    Yield what is kept away, in words, and those rows, (T,) bool.
+
+    Of a map inner strain levels one by one and draws of inner isobars, of a log draws of trials.
+
+    Parameters
+    ----------
+    data : Measurement
+    draws : int
+        Seeds 0, 1, ... of the draws.
+    """
+    if data.is_static:
+        label = Folds('strain', len(data)).labels(data)
+        for k in range(label.max() + 1):
+            here = label == k
+            yield f'strain {data.strain[here].mean():.3f}', here
+        level, means = pressure_levels(data.pressure[:, varying_unit(data)])
+        kind, inner = 'isobars', np.arange(1, len(means) - 1)
+    else:
+        level, kind, inner = data.trial, 'trials', np.arange(len(data.trial_names))
+    count = min(AWAY, len(inner) // 3)
+    for seed in range(draws if count else 0):
+        chosen = np.random.default_rng(seed).choice(inner, count, replace=False)
+        yield f'{count} {kind}, draw {seed}', np.isin(level, chosen)
+
+
+def score(split: Split) -> dict[str, Any]:
+    """
+    Diagnose what was not kept away and return errors on what was.
+
+    Returns
+    -------
+    dict
+        ``data``, ``away``, ``verdict``, ``effects``, ``families``, ``held_out_N`` of the model
+        that `diagnose` recommends, ``physics_N`` of its effects alone, ``empirical_N``, and the
+        ``ratio`` of the first to the last.
+    """
+    data, model = read_measurement(split.data), load_model(split.model)
+    train, test = data.select(~split.test), data.select(split.test)
+    result = diagnose(model, train)
+    rival = empirical(train.strain, train.pressure, train.force, np.ones(len(train)))
+    errors = {'held_out_N': rms(test.force - predict(_written(result.recommended), test)),
+              'physics_N': rms(test.force - predict(result.recommended.model, test)),
+              'empirical_N': rms(test.force - rival(test.strain, test.pressure))}
+    named = sorted({*result.effects, *result.replaced.values()})
+    return {'data': split.data.stem, 'away': split.away, 'verdict': result.verdict,
+            'effects': named, 'families': sorted({family(name) for name in named}),
+            'ties': [list(group) for group in result.tied], **errors,
+            'ratio': errors['held_out_N'] / errors['empirical_N']}
+
+
+def benchmark(folder: Path, processes: int | None = None, draws: int = DRAWS,
+              progress: Progress = None) -> dict[str, Any]:
+    """
+    Score every split of every measurement of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+    processes : int, optional
+        All cores by default.
+    draws : int
+    progress : callable, optional
+        Called with how many splits are done, and of how many.
+
+    Returns
+    -------
+    dict
+        ``rows`` worst ratio first, and ``summary``.
+    """
+    todo = [Split(data, model, away, rows) for data, model in measured(folder)
+            for away, rows in splits(read_measurement(data), draws)]
+    rows = each(score, todo, processes, progress)
+    rows.sort(key=lambda row: -row['ratio'])
+    return {'rows': rows, 'summary': asdict(summary(rows))}
+
+
+@dataclass(frozen=True)
+class Summary:
+    """
+    All splits together.
+
+    Attributes
+    ----------
+    splits, named : int
+    worst, median : float
+        Error on rows kept away over the empirical form's.
+    worst_physics, median_physics : float
+        The same of effects alone.
+    always : dict of str to tuple of str
+        Families that are named on every split of a measurement.
+    """
+
+    splits: int
+    named: int
+    worst: float
+    median: float
+    worst_physics: float
+    median_physics: float
+    always: dict[str, tuple[str, ...]]
+
+
+def summary(rows: list[dict[str, Any]]) -> Summary:
+    """Return the figures of all splits."""
+    ratio = np.array([row['ratio'] for row in rows])
+    physics = np.array([row['physics_N'] / row['empirical_N'] for row in rows])
+    families: dict[str, set[str]] = {}
+    for row in rows:
+        families[row['data']] = families.get(row['data'], set(row['families'])) & {
+            *row['families']}
+    return Summary(len(rows), sum(bool(row['effects']) for row in rows), float(ratio.max()),
+                   float(np.median(ratio)), float(physics.max()), float(np.median(physics)),
+                   {name: tuple(sorted(always)) for name, always in families.items()})
+
+
+def _written(recommended: Any) -> Bundle:
+    """Return the recommended model as its file holds it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'recommended.yaml'
+        recommended.save(path)
+        return load_model(path)

@@ -1,0 +1,192 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What came of a run with a fault: safe, harmless, unsafe or a false alarm."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.benchmarks.faults import Case, ONSET, RATE, RESUME_WITHIN, SUPPLY
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.plant import ChamberConfig, linearise, MassSpring, RigConfig
+
+#: Pa gauge, where a relief valve as the simulator ships it opens.
+RELIEF = ChamberConfig().relief_pressure
+#: Trip of the controllers over a unit's largest pressure.
+TRIP_FACTOR = 1.15
+#: A valve below this is open to exhaust, above it open to the supply.
+_OPEN = 0.05
+#: s that a unit must have been vented for its filling to be a return.
+_SETTLED = 0.3
+#: s that a latch may take to exhaust all valves or to cut the supply.
+AT_ONCE = 0.05
+#: States of nodes that only `enable` ends; in which they have noticed something.
+_LATCHED = frozenset({'OVER_PRESSURE', 'NO_RESPONSE', 'LOST', 'LATCHED'})
+_NOTICED = _LATCHED | {'SENSOR', 'HOLD', 'NO_SETPOINT', 'E_STOP', 'VENT'}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """
+    What a run may reach.
+
+    Attributes
+    ----------
+    trip : ndarray (n,), Pa
+        Of the controllers.
+    pressure : ndarray (n,), Pa
+        The trip and what flows in during two control periods at full opening; never above the
+        relief pressure.
+    force : float, N
+        Of the bundle with all units there.
+    strain : (float, float)
+        End stops of the load; it must not reach the upper one.
+    """
+
+    trip: np.ndarray
+    pressure: np.ndarray
+    force: float
+    strain: tuple[float, float]
+
+    @classmethod
+    def of(cls, model: Bundle, rig: RigConfig, rate: float = RATE) -> 'Limits':
+        """Return the limits of a bundle on a rig that is sampled at a rate (Hz)."""
+        trip = TRIP_FACTOR * np.asarray(model.max_pressure)
+        volume = np.atleast_1d(model.gas_volume(0.1)) + rig.chamber.tube_volume
+        inflow = np.array([linearise(p, v, SUPPLY, rig.valve).fill_gain * 2.0 / rate
+                           for p, v in zip(trip, volume)])
+        pressure = np.minimum(trip + inflow, RELIEF)
+        return cls(trip, pressure, float(model.force(0.0, pressure)), MassSpring().stops)
+
+
+def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
+    """
+    Return what came of a run.
+
+    Parameters
+    ----------
+    case : Case
+    record : mapping
+        ``time`` (T,), ``pressure`` and ``command`` (T, n), ``force``, ``strain``, ``reference``
+        and ``cut`` (T,), ``states`` list of T tuples, ``kind``; true values.
+    limits : Limits
+
+    Returns
+    -------
+    dict
+        Of the case; ``verdict`` (unsafe, false alarm, harmless, safe, quiet), ``detected``,
+        ``noticed`` (state), ``time_to_detect`` and ``time_to_safe`` (s from the fault, None),
+        ``seconds`` (simulated), ``pressure`` (Pa), ``force`` and ``force_error`` (N), ``strain``,
+        ``came_back``, ``latch_to_safe`` (s from a latch to the safe state, infinite for never).
+    """
+    time = np.asarray(record['time'])
+    struck = time > (ONSET if not case.sound else 0.0)
+    states = [next((state for state in row if _is(state, _NOTICED)), '')
+              for row in record['states']]
+    noticed = np.array([bool(state) for state in states]) & struck
+    command, cut = np.asarray(record['command']), np.asarray(record['cut'], bool)
+    venting = (command < -_OPEN).all(axis=1) | cut
+    first = int(np.argmax(noticed)) if noticed.any() else None
+    begin = ONSET if not case.sound else 0.0
+    safe = None
+    if first is not None:
+        after = np.flatnonzero(venting & (time >= time[first]))
+        safe = float(time[after[0]] - begin) if len(after) else None
+    pressure = np.asarray(record['pressure'])[struck]
+    worst = pressure.max(axis=0)
+    force, strain = np.asarray(record['force'])[struck], np.asarray(record['strain'])[struck]
+    error = (np.abs(force - np.asarray(record['reference'])[struck]).max()
+             if record['kind'] == 'force' else math.nan)
+    latched = np.array([any(_is(state, _LATCHED) for state in row)
+                        for row in record['states']]) & struck
+    returned = not case.sound and _came_back(time, command, venting, cut, latched)
+    late = _latch_to_safe(time, venting, latched)
+    within = bool((worst <= limits.pressure).all() and force.max() <= limits.force
+                  and strain.max() < limits.strain[1])
+    row = {
+        'fault': case.fault, 'phase': case.phase, 'policy': case.policy, 'seed': case.seed,
+        'lock_step': case.lock_step, 'detected': first is not None,
+        'noticed': states[first] if first is not None else '',
+        'time_to_detect': float(time[first] - begin) if first is not None else None,
+        'time_to_safe': safe, 'seconds': float(time[-1] - time[0]),
+        'pressure': float(worst.max()), 'force': float(force.max()),
+        'force_error': float(error), 'strain': float(strain.max()), 'came_back': returned,
+        'latch_to_safe': late, 'within': within}
+    if case.sound:
+        row['verdict'] = ('false alarm' if first is not None else 'quiet' if within
+                          else 'unsafe')
+    elif not within or returned or (late is not None and late > AT_ONCE):
+        row['verdict'] = 'unsafe'
+    else:
+        row['verdict'] = 'safe' if first is not None else 'harmless'
+    return row
+
+
+def _is(state: str, kinds: frozenset[str]) -> bool:
+    """Whether a state (with its cause behind it, where there is one) is of some kinds."""
+    return state.partition(' ')[0] in kinds
+
+
+def _latch_to_safe(time: np.ndarray, venting: np.ndarray, latched: np.ndarray) -> float | None:
+    """Return how long after a latch all valves exhaust or the supply is cut, s; None without."""
+    if not latched.any():
+        return None
+    first = int(np.argmax(latched))
+    after = np.flatnonzero(venting[first:])
+    return float(time[first + after[0]] - time[first]) if len(after) else math.inf
+
+
+def _came_back(time: np.ndarray, command: np.ndarray, venting: np.ndarray, cut: np.ndarray,
+               latched: np.ndarray) -> bool:
+    """Whether air came in again, after a latch or a loss of `RESUME_WITHIN`, without `enable`."""
+    units = range(command.shape[1])
+    since: list[float | None] = [None for _ in units]
+    all_since, ended = None, False
+    for k in range(int(np.argmax(time > ONSET)), len(time)):
+        all_since = (all_since if all_since is not None else time[k]) if venting[k] else None
+        ended = ended or (all_since is not None and time[k] - all_since >= RESUME_WITHIN)
+        after_latch = latched[:k + 1].any()
+        for i in units:
+            if command[k, i] < -_OPEN or cut[k]:
+                since[i] = since[i] if since[i] is not None else time[k]
+            elif command[k, i] > _OPEN:
+                begin = since[i]
+                if ended or (after_latch and begin is not None and time[k] - begin >= _SETTLED):
+                    return True
+                since[i] = None
+    return False
+
+
+#: Worst first.
+VERDICTS = ('unsafe', 'false alarm', 'harmless', 'safe', 'quiet')
+
+
+def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return one line for each fault, the worst first: the worst of its runs in every figure."""
+    lines = []
+    by_fault: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        by_fault.setdefault(row['fault'], []).append(row)
+    for fault, group in by_fault.items():
+        lines.append({
+            'fault': fault, 'runs': len(group),
+            **{name.replace(' ', '_'): sum(row['verdict'] == name for row in group)
+               for name in VERDICTS},
+            'detected': sum(row['detected'] for row in group),
+            'time_to_detect': _largest(row['time_to_detect'] for row in group),
+            'time_to_safe': _largest(row['time_to_safe'] for row in group),
+            'seconds': sum(row['seconds'] for row in group),
+            'pressure': max(row['pressure'] for row in group),
+            'force': max(row['force'] for row in group),
+            'force_error': _largest(row['force_error'] for row in group),
+            'came_back': sum(row['came_back'] for row in group)})
+    return sorted(lines, key=lambda line: (
+        -(line['unsafe'] > 0), -line['false_alarm'], -line['pressure'], -line['unsafe']))
+
+
+def _largest(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None and math.isfinite(value)]
+    return max(known) if known else None

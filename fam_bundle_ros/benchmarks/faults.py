@@ -1,0 +1,223 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The safety benchmark: which faults do the controllers notice, how fast, what happens until then.
+
+A case is (fault, phase, policy). The fault strikes at `ONSET` and is repaired at `REPAIR`, later
+than `resume_within`, so that nothing may come back by itself. The rig has 6 bar and neither a trip
+nor a relief valve of its own: what is shown is what the controllers do. What a run may be is
+worked out from the model and the valve, not chosen.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+import math
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.plant import (
+    ChamberConfig,
+    Dynamometer,
+    Faults,
+    MassSpring,
+    RigConfig,
+    SupplyConfig,
+)
+from fam_bundle_ros.simulation import Trajectory
+
+#: s, of the trajectory: when the fault strikes, when it is repaired, and the end.
+ONSET, REPAIR, END = 0.8, 3.3, 4.5
+PREPARE = 0.8
+#: Pa gauge: the supply; above any pressure that the supply gives, for "no trip, no relief".
+SUPPLY, NEVER = 600e3, 1.4e6
+#: Hz of the runs.
+RATE = 200.0
+#: s: default of `resume_within`; from shorter losses the controllers may return by themselves.
+RESUME_WITHIN = 2.0
+
+POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
+PHASES = ('hold', 'ramp', 'sine', 'transition')
+#: Besides: sines up to 2 Hz on transitions, for as long as it is asked for.
+WORK = 'work'
+
+#: What strikes; the valves and the pressure of mu1 carry the load in every phase.
+FAULTS: dict[str, Faults] = {
+    'mu1 pressure nan': Faults(dropout={'mu1/pressure'}),
+    'mu1 pressure silent': Faults(silent={'mu1/pressure'}),
+    'mu1 pressure frozen': Faults(frozen={'mu1/pressure'}),
+    'mu1 pressure reads half': Faults(gain={'mu1/pressure': 0.5}),
+    'mu1 pressure in kPa': Faults(units={'mu1/pressure': 'kPa'}),
+    'mu1 pressure in psi': Faults(units={'mu1/pressure': 'psi'}),
+    'mu1 pressure 100 kPa low': Faults(offset={'mu1/pressure': -100e3}),
+    'mu1 pressure with the wrong sign': Faults(gain={'mu1/pressure': -1.0}),
+    'mu1 pressure drifts by -50 kPa/s': Faults(drift={'mu1/pressure': -50e3}),
+    'mu1 pressure with spikes': Faults(spike={'mu1/pressure': -200e3}),
+    'mu1 pressure 0.1 s late': Faults(delay={'mu1/pressure': 0.1}),
+    'pressures exchanged': Faults(exchanged={'mu1/pressure': 'mu2/pressure'}),
+    'all pressures in kPa': Faults(units={'mu1/pressure': 'kPa', 'mu2/pressure': 'kPa',
+                                          'supply': 'kPa'}),
+    'force nan': Faults(dropout={'force'}),
+    'force silent': Faults(silent={'force'}),
+    'force frozen': Faults(frozen={'force'}),
+    'force reads half': Faults(gain={'force': 0.5}),
+    'force with the wrong sign': Faults(gain={'force': -1.0}),
+    'force drifts by -20 N/s': Faults(drift={'force': -20.0}),
+    'force in kN': Faults(units={'force': 'kN'}),
+    'strain nan': Faults(dropout={'strain'}),
+    'strain silent': Faults(silent={'strain'}),
+    'strain frozen': Faults(frozen={'strain'}),
+    'strain in percent': Faults(units={'strain': 'percent'}),
+    'supply reading nan': Faults(dropout={'supply'}),
+    'supply reading in psi': Faults(units={'supply': 'psi'}),
+    'mu1 valve stuck where it is': Faults(stuck_valve={0: None}),
+    'mu1 valve stuck open': Faults(stuck_valve={0: 1.0}),
+    'mu1 valve stuck shut': Faults(stuck_valve={0: 0.0}),
+    'mu1 valve leaking': Faults(leaking_valve={0: 0.1}),
+    'mu1 valve reversed': Faults(reversed_valve={0}),
+    'valves exchanged': Faults(exchanged_valves={0: 1}),
+    'mu1 burst': Faults(burst={0}),
+    'mu1 leaks': Faults(leak={0: 0.5}),
+    'supply hose off': Faults(supply=0.0),
+    'all readings 0.1 s late': Faults(delay=dict.fromkeys(
+        ('force', 'strain', 'supply', 'mu1/pressure', 'mu2/pressure'), 0.1)),
+}
+#: Faults of messages: only in wall time are they what they are.
+MESSAGES: dict[str, Faults] = {
+    'all messages 0.05 s late': Faults(late=dict.fromkeys(
+        ('force', 'strain', 'supply', 'mu1/pressure', 'mu2/pressure'), 0.05)),
+    'all messages 0.3 s late': Faults(late=dict.fromkeys(
+        ('force', 'strain', 'supply', 'mu1/pressure', 'mu2/pressure'), 0.3)),
+    'half of the mu1 pressures lost': Faults(lost={'mu1/pressure': 0.5}),
+}
+#: What is not wrong: any notice of these is a false alarm.
+SOUND: dict[str, Faults] = {
+    'nothing': Faults(),
+    'twice the noise': Faults(noise_factor=2.0),
+    'valve conductance 30 % high': Faults(),
+    'valve conductance 30 % low': Faults(),
+}
+_CONDUCTANCE = {'valve conductance 30 % high': 1.3, 'valve conductance 30 % low': 0.7}
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is run."""
+
+    fault: str
+    phase: str
+    policy: str
+    seed: int = 1
+    #: s, of the trajectory.
+    seconds: float = END
+
+    def __str__(self):
+        return f'{self.fault}, {self.phase}, {self.policy}'
+
+    @property
+    def lock_step(self) -> bool:
+        """Whether it runs in lock-step, else in wall time."""
+        return self.fault not in MESSAGES
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing is wrong."""
+        return self.fault in SOUND
+
+    @property
+    def faults(self) -> Faults:
+        """What is broken between `ONSET` and `REPAIR`."""
+        return {**FAULTS, **MESSAGES, **SOUND}[self.fault]
+
+
+def cases_of(faults: Sequence[str], phases: Sequence[str], policies: Sequence[str],
+             seed: int = 1) -> list[Case]:
+    """Return every combination; faults of messages take seconds each, so with one policy."""
+    return [Case(fault, phase, policy, seed) for fault in faults for phase in phases
+            for policy in (policies if fault not in MESSAGES else policies[-1:])]
+
+
+def work_cases(minutes: float, policy: str, seed: int = 1) -> list[Case]:
+    """Return so many minutes of work in which nothing is wrong: any notice is a false alarm."""
+    share = 60.0 * minutes / len(SOUND)
+    return [Case(fault, WORK, policy, seed, share) for fault in SOUND] if share > 0.0 else []
+
+
+def rig_of(case: Case) -> RigConfig:
+    """Return the rig of a case: 6 bar, no trip and no relief valve."""
+    rig = RigConfig(supply=SupplyConfig(pressure=SUPPLY), trip_pressure=NEVER,
+                    chamber=ChamberConfig(relief_pressure=NEVER))
+    factor = _CONDUCTANCE.get(case.fault, 1.0)
+    return replace(rig, valve=replace(rig.valve, conductance=factor * rig.valve.conductance))
+
+
+def told(case: Case) -> dict[str, Any]:
+    """Return the parameters of the nodes besides those that describe the rig."""
+    values: dict[str, Any] = {'policy': case.policy}
+    if case.fault in _CONDUCTANCE:
+        values['valve.conductance'] = RigConfig().valve.conductance
+    return values
+
+
+def trajectory_of(case: Case, model: Bundle) -> Trajectory:
+    """Return what is asked for in the phase, with the fault in it."""
+    strain = 0.1
+    one = float(model.force(strain, _first_unit(model)))
+    every = float(model.force(strain, model.max_pressure))
+    broken = (((ONSET, case.faults), (REPAIR, Faults())) if not case.sound
+              else ((-PREPARE, case.faults),))
+    load = Dynamometer(strain)
+    if case.phase == 'hold':
+        # A strain to hold a mass: what falls or jumps shows in the strain.
+        mass = 0.5 * float(model.force(0.08, _first_unit(model))) / 9.80665
+        return Trajectory('hold', 'strain', END, lambda t: 0.08, lambda t: 0.0,
+                          MassSpring(mass=mass, damping=40.0), prepare=PREPARE, faults=broken)
+    value, rate = _force(case.phase, one, every)
+    return Trajectory(case.phase, 'force', case.seconds, value, rate, load, prepare=PREPARE,
+                      faults=broken)
+
+
+def _force(phase: str, one: float, every: float) -> tuple[Callable, Callable]:
+    """Return force and rate over time; ``one`` and ``every`` (N) are what the units can do."""
+    if phase == 'ramp':
+        slope = 0.6 * one / END
+        return (lambda t: 0.15 * one + slope * t), (lambda t: slope)
+    if phase == 'sine':
+        turn = 2.0 * math.pi * 0.5
+        # The fault strikes where the force rises fastest.
+        return ((lambda t: one * (0.45 + 0.25 * math.sin(turn * (t - ONSET)))),
+                (lambda t: one * 0.25 * turn * math.cos(turn * (t - ONSET))))
+    if phase not in ('transition', WORK):
+        raise InputError(f"phase is '{phase}'; expected {', '.join(PHASES)}")
+    # Up and down through the overlap, a crossing just after the fault strikes.
+    low, high = 0.7 * one, one + 0.5 * (every - one)
+    half = 1.2 if phase == 'transition' else 5.0
+    wave = 0.0 if phase == 'transition' else 0.15 * one
+
+    def value(t: float) -> float:
+        x = (t / half) % 2.0
+        return (low + (high - low) * (x if x < 1.0 else 2.0 - x)
+                + wave * math.sin(_sweep(t)[0]))
+
+    def rate(t: float) -> float:
+        phase, frequency = _sweep(t)
+        return ((high - low) / half * (1.0 if (t / half) % 2.0 < 1.0 else -1.0)
+                + wave * frequency * math.cos(phase))
+    return value, rate
+
+
+def _sweep(t: float) -> tuple[float, float]:
+    """Return phase and rate (rad/s) of a sine that goes from 0.1 to 2 Hz in every 20 s."""
+    span, low, high = 20.0, 2.0 * math.pi * 0.1, 2.0 * math.pi * 2.0
+    turns, x = divmod(t, span)
+    slope = (high - low) / span
+    whole = low * span + 0.5 * slope * span ** 2
+    return turns * whole + low * x + 0.5 * slope * x * x, low + slope * x
+
+
+def _first_unit(model: Bundle) -> np.ndarray:
+    pressure = np.zeros(model.n)
+    pressure[0] = model.max_pressure[0]
+    return pressure

@@ -1,0 +1,77 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command `benchmark-faults`: what the controllers notice, and what happens until then."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fam_bundle_ros.cli.bench_commands import PANEL, pick
+from fam_bundle_ros.cli.common import JsonFile, progress_bar, save_json, table, wrote
+from fam_bundle_ros.errors import InputError
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module."""
+    app.command('benchmark-faults', rich_help_panel=PANEL)(benchmark_faults)
+
+
+def benchmark_faults(
+    faults: Annotated[str, typer.Option(help='Names with commas between, all, or none.')] = 'all',
+    phases: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    policies: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    work: Annotated[float, typer.Option(help='Minutes of work in which nothing is wrong, for '
+                                        'false alarms.', min=0.0)] = 4.0,
+    ros: Annotated[bool, typer.Option('--ros', help='Also kill, stop and restart each node, one '
+                                      'process each (some minutes).')] = False,
+    seed: Annotated[int, typer.Option(help="Of the sensors' noise.", min=0)] = 1,
+    workers: Annotated[int | None, typer.Option(help='Processes; all cores by default.',
+                                                min=1)] = None,
+    listed: Annotated[bool, typer.Option('--list', help='Name the faults and leave.')] = False,
+    out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
+                                             'page (Markdown).')] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """
+    Break the simulated rig in every way, and see who notices and what the pressure does.
+
+    Every fault in every phase under every policy, through the nodes in lock-step, about 2 s a
+    run; the worst fault first. The JSON has `conditions`, `faults` and `sound` (a line each),
+    `rows` (one per run) and `processes` (with --ros).
+    """
+    from fam_bundle_ros.benchmarks import faults as benchmark
+    from fam_bundle_ros.cli.fault_work import result_of, run_cases
+    from fam_bundle_ros.report import fault_tables as tables
+    known = [*benchmark.FAULTS, *benchmark.MESSAGES, *benchmark.SOUND]
+    if listed:
+        table(('fault', ''), [(name, {**benchmark.FAULTS, **benchmark.MESSAGES,
+                                      **benchmark.SOUND}[name].text) for name in known])
+        return
+    chosen = [] if faults == 'none' else pick(faults, known, '--faults')
+    policy_names = pick(policies, benchmark.POLICIES, '--policies')
+    cases = [*benchmark.cases_of(chosen, pick(phases, benchmark.PHASES, '--phases'),
+                                 policy_names, seed),
+             *benchmark.work_cases(work, policy_names[-1], seed)]
+    if not cases:
+        raise InputError('--faults none and --work 0: nothing to run')
+    with progress_bar('benchmark-faults') as tick:
+        rows = run_cases(cases, workers,
+                         lambda done, every, what: tick(done / every, what))
+    result = result_of(cases, rows)
+    table(tables.FAULT_HEAD, [tables.fault_cells(line) for line in result['faults']],
+          title=f'{len(rows)} runs, the worst fault first', numeric=range(1, 12))
+    table(tables.SOUND_HEAD, [tables.sound_cells(line) for line in result['sound']],
+          numeric=range(1, 5))
+    if ros:
+        from fam_bundle_ros.nodes.fault_processes import run_processes
+        with progress_bar('nodes killed and stopped') as tick:
+            result['processes'] = run_processes(
+                lambda done, every, what: tick(done / every, what))
+        table(tables.PROCESS_HEAD, [tables.process_cells(row) for row in result['processes']],
+              title='one process a node, in wall time', numeric=(3, 4, 5, 6))
+    if out is not None:
+        from fam_bundle_ros.atomic import write_whole
+        write_whole(out, tables.markdown(result))
+        wrote(out)
+    save_json(json_file, result)

@@ -1,0 +1,207 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Faults of the simulated rig over ROS: parameters ``faults.*``, service ``fault/clear``, messages.
+
+Faults of instruments, valves and air belong to the rig (`fam_bundle_ros.plant.Faults`). Those of
+messages act here, between rig and topics: nothing sent, sent late, some lost. In lock-step, where
+everybody waits for a message that is late or lost, the rig shows such a reading late or repeats
+it instead, as in the closed loop without ROS.
+"""
+
+from collections.abc import Callable, Sequence
+import copy
+from dataclasses import replace
+import heapq
+from itertools import count
+import random
+import time
+from typing import Any
+
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.parameters import Spec
+from fam_bundle_ros.plant import Faults
+from fam_bundle_ros.plant.faults import check_faults, UNITS
+from fam_bundle_ros.plant.sensors import channel_names
+
+_CHANNELS = ('channels: force, strain, supply, mu1/pressure, ...; all for every one; several '
+             'with commas')
+#: Field of `Faults`, what it means, an example of its value; '' for a channel or unit alone.
+_OF_CHANNELS = (
+    ('dropout', 'nan', f'show nan, {_CHANNELS}', ''),
+    ('frozen', 'frozen', 'repeat their last reading', ''),
+    ('gain', 'gain', 'factor on a reading', 'force=0.5'),
+    ('offset', 'offset', 'added to a reading, in its unit', 'mu1/pressure=-50e3'),
+    ('drift', 'drift', 'added to a reading per second', 'mu1/pressure=-20e3'),
+    ('spike', 'spike', 'added to one reading in 0.1 s', 'mu1/pressure=-2e5'),
+    ('delay', 'delay', 'a reading shows what was so long ago, s, stamped now', 'force=0.1'),
+    ('exchanged', 'exchanged', 'two channels exchanged', 'mu1/pressure=mu2/pressure'),
+    ('units', 'units', 'unit in which a reading is sent: '
+     + ', '.join(unit for units in UNITS.values() for unit in units), 'mu1/pressure=psi'),
+    ('silent', 'silent', 'nothing is sent', ''),
+    ('late', 'late', 'sent so late, s, stamped when read', 'all=0.3'),
+    ('lost', 'lost', 'share of the messages that is lost', 'force=0.5'),
+)
+_OF_UNITS = (
+    ('stuck_valve', 'valves that no longer move: where they are, or at an opening', 'mu1=0.3'),
+    ('leaking_valve', 'valves that let supply air in, through an opening', 'mu1=0.1'),
+    ('reversed_valve', 'valves that exhaust when told to fill', ''),
+    ('exchanged_valves', 'two valves exchanged', 'mu1=mu2'),
+    ('leak', 'leaks with their time constant in s', 'mu2=0.5'),
+    ('burst', 'motor units with a torn muscle', ''),
+)
+
+
+def _text(meaning: str, example: str) -> str:
+    return f'{meaning}: {example}' if example else meaning
+
+
+FAULTS = (
+    *(Spec(f'faults.{name}', '', _text(meaning, example), dynamic=True)
+      for _, name, meaning, example in _OF_CHANNELS),
+    *(Spec(f'faults.{name}', '', _text(meaning, example or 'mu1'), dynamic=True)
+      for name, meaning, example in _OF_UNITS),
+    Spec('faults.noise_factor', 1.0, 'factor on the noise of all instruments', 0.0, 1e3,
+         dynamic=True),
+    Spec('faults.supply', 1.0, 'share of its set point that the supply gives; 0: the hose is off',
+         0.0, 10.0, dynamic=True),
+)
+
+
+def faults_from(values: dict[str, Any], units: int) -> Faults:
+    """
+    Return the faults that the parameters describe.
+
+    Raises
+    ------
+    InputError
+        When one names a motor unit or channel that is not there, or a value does not fit.
+    """
+    channels = channel_names(units)
+    unit_names = {f'mu{i + 1}': i for i in range(units)}
+    faults = Faults(noise_factor=values['faults.noise_factor'], supply=values['faults.supply'])
+    for field, name, _, example in _OF_CHANNELS:
+        full = f'faults.{name}'
+        found: dict[str, Any] = {}
+        for channel, value in _pairs(full, values[full], (*channels, 'all'), example):
+            found |= dict.fromkeys(channels if channel == 'all' else (channel,), value)
+        setattr(faults, field, found if example else set(found))
+    for name, _, example in _OF_UNITS:
+        full = f'faults.{name}'
+        pairs = _pairs(full, values[full], tuple(unit_names), example, name == 'stuck_valve')
+        found_units = {unit_names[unit]: unit_names.get(value, value) for unit, value in pairs}
+        setattr(faults, name, found_units if example else set(found_units))
+    try:
+        check_faults(faults, units)
+    except InputError as error:
+        raise InputError(f'faults.*: {error}') from None
+    return faults
+
+
+def _pairs(name: str, text: str, known: Sequence[str], example: str, bare: bool = False
+           ) -> list[tuple[str, Any]]:
+    """Return what a parameter names and the value of each; None without one where it may lack."""
+    found: list[tuple[str, Any]] = []
+    for item in filter(None, (part.strip() for part in text.split(','))):
+        what, equals, value = (part.strip() for part in item.partition('='))
+        if what not in known:
+            raise InputError(f"{name} names '{what}'; expected {', '.join(known)}")
+        if bool(equals) != bool(example) and not (bare and not equals):
+            raise InputError(f"{name} has '{item}'; expected for example {example or known[0]}")
+        found.append((what, _value(name, item, value, known, example) if equals else None))
+    return found
+
+
+def _value(name: str, item: str, value: str, known: Sequence[str], example: str) -> Any:
+    """Return the value of an item: a number, a unit, or a name of the same kind."""
+    if 'exchanged' in name and value not in known:
+        raise InputError(f"{name} names '{value}'; expected {', '.join(known)}")
+    if 'exchanged' in name or name == 'faults.units':
+        return value
+    try:
+        return float(value)
+    except ValueError:
+        raise InputError(f"{name} has '{item}'; expected for example {example}") from None
+
+
+class FaultInjection:
+    """
+    Breaks a simulated rig and what it sends, as the node's parameters ``faults.*`` say.
+
+    Parameters
+    ----------
+    node : BundleNode
+        With `FAULTS` among its parameters.
+    units : int
+    apply : callable
+        Gets the `Faults` of the rig, at once and at every change.
+
+    Attributes
+    ----------
+    faults : Faults
+        All of them.
+    """
+
+    def __init__(self, node: BundleNode, units: int, apply: Callable[[Faults], None]):
+        self._node, self._units, self._apply = node, units, apply
+        self._random = random.Random(0)
+        #: Steady time when due, number, and what to do then.
+        self._held: list[tuple[float, int, Callable[[], None]]] = []
+        self._number = count()
+        self._timer: Any = None
+        self.faults = Faults()
+        self.take()
+        node.create_service(Trigger, interface.FAULT_CLEAR, self._on_clear)
+
+    def check(self, values: dict[str, Any]) -> None:
+        """Refuse parameters that make no sense (InputError)."""
+        faults_from(values, self._units)
+
+    def take(self) -> None:
+        """Take over what the parameters say now."""
+        self.set(faults_from(self._node.p, self._units))
+
+    def set(self, faults: Faults) -> None:
+        """Break what is said, in place of what the parameters say until they change."""
+        self.faults = faults
+        if self._node.lock_step:
+            self._apply(replace(copy.deepcopy(self.faults), silent=set()))
+        else:
+            self._apply(self.faults.without_messages())
+
+    def send(self, channel: str, send: Callable[..., None], *values: Any) -> None:
+        """Send a message, or not, or later."""
+        faults = self.faults
+        if channel in faults.silent:
+            return
+        if not self._node.lock_step:
+            if self._random.random() < faults.lost.get(channel, 0.0):
+                return
+            if late := faults.late.get(channel, 0.0):
+                heapq.heappush(self._held, (time.monotonic() + late, next(self._number),
+                                            lambda: send(*values)))
+                if self._timer is None:
+                    self._timer = self._node.every(1e-3, self._send_held)
+                return
+        send(*values)
+
+    def _send_held(self) -> None:
+        now = time.monotonic()
+        while self._held and self._held[0][0] <= now:
+            heapq.heappop(self._held)[2]()
+        if not self._held and self._timer is not None:
+            self._node.destroy_timer(self._timer)
+            self._timer = None
+
+    def _on_clear(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        before = self.faults.text
+        # As parameters, so that whoever reads them sees what is so.
+        self._node.set_parameters([Parameter(spec.name, value=spec.default) for spec in FAULTS])
+        response.success = True
+        response.message = f'repaired: {before}' if before else 'nothing was broken'
+        return response

@@ -1,0 +1,103 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One run with a fault, through the nodes on real ROS, and what came of it.
+
+The same nodes as the executables, in one process. In lock-step, time is that of the stamps, and
+the run is the same each time; faults of messages (late, lost) need wall time.
+"""
+
+from collections.abc import Mapping, Sequence
+import math
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.nodes.session import run_trajectory
+from fam_bundle_ros.plant import RigConfig
+from fam_bundle_ros.simulation import Trajectory
+
+#: A rig in wall time waits for nobody; what is silent in lock-step is soon waited for no more.
+_SIMULATED = {'monitor': False, 'lock_step_timeout': 0.4, 'patience': 0.0}
+#: Watchdogs as they ship; `run_trajectory` has wider ones for busy machines.
+_AS_SHIPPED = {'sensor_timeout': 0.1, 'setpoint_timeout': 0.2, 'command_timeout': 0.1}
+
+
+def state_of(node: BundleNode) -> str:
+    """Return the state of a controller node as its diagnostics show it."""
+    guard = getattr(node, '_guard', None)
+    if guard is None:
+        return str(getattr(node, '_state', ''))
+    return f'{guard.now.state.value} {guard.now.cause}'.strip()
+
+
+class Observer:
+    """Notes, after each step of the rig, what is true there and what state the nodes are in."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[Any, ...]] = []
+        self._begin: float | None = None
+
+    def __call__(self, time: float, simulator: PlantSimulator, nodes: Sequence[BundleNode],
+                 commands: list[float]) -> None:
+        """Take a row; a `session.Watch`."""
+        rig = simulator.rig
+        truth = rig.truth
+        if not math.isfinite(time):
+            # In wall time the rig runs before the trajectory does.
+            return
+        if self._begin is None:
+            self._begin = time - rig.state.time
+        states = tuple(state_of(node) for node in nodes
+                       if isinstance(node, RecruitmentNode | PressurePidNode))
+        # The rig's own clock: that of the trajectory stands still where its generator is held up.
+        self._rows.append((self._begin + rig.state.time, truth.pressure, truth.force,
+                           truth.strain, tuple(commands), rig.state.air.dumping, states))
+
+    def record(self) -> dict[str, Any]:
+        """Return time, pressure, force, strain, command, cut and states, one row a step."""
+        time, pressure, force, strain, command, cut, states = zip(*self._rows)
+        return {'time': np.array(time), 'pressure': np.array(pressure), 'force': np.array(force),
+                'strain': np.array(strain), 'command': np.array(command), 'cut': np.array(cut),
+                'states': list(states)}
+
+
+def run_with_faults(model: Bundle, trajectory: Trajectory, rig: RigConfig,
+                    overrides: Mapping[str, Any], *, lock_step: bool = True, rate: float = 200.0,
+                    seed: int = 0, namespace: str = interface.NAMESPACE,
+                    domain: int | None = None) -> dict[str, Any]:
+    """
+    Run a trajectory with its faults through the nodes.
+
+    Parameters
+    ----------
+    model : Bundle
+    trajectory : Trajectory
+    rig : RigConfig
+    overrides : mapping
+        Parameters of nodes.
+    lock_step : bool
+    rate : float, Hz
+    seed : int
+    namespace : str
+    domain : int, optional
+
+    Returns
+    -------
+    dict
+        Of `Observer.record`, with ``reference`` (T,) and its ``kind``.
+    """
+    observer = Observer()
+    run_trajectory(model, trajectory, rig=rig, rate=rate, seed=seed, lock_step=lock_step,
+                   overrides={**_SIMULATED, **_AS_SHIPPED, **overrides}, watch=observer,
+                   namespace=namespace, domain=domain, log_level='fatal')
+    record = observer.record()
+    record['reference'] = np.array([trajectory.value(max(t, 0.0)) for t in record['time']])
+    record['kind'] = trajectory.kind
+    return record

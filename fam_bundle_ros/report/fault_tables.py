@@ -1,0 +1,92 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of the safety benchmark, for the terminal and for docs/faults.md."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+#: Of `fault_cells`; times and pressures are the largest of all runs of a fault.
+FAULT_HEAD = ('fault', 'runs', 'unsafe', 'harmless', 'safe', 'detected', 'detected after (s)',
+              'safe after (s)', 'pressure (kPa)', 'force (N)', 'force off by (N)', 'came back')
+SOUND_HEAD = ('nothing is wrong', 'runs', 'false alarms', 'simulated (s)', 'pressure (kPa)')
+PROCESS_HEAD = ('node', 'what happened to it', 'verdict', 'detected after (s)', 'safe after (s)',
+                'pressure (kPa)', 'force (N)', 'came back', 'after it, enable')
+
+_MEANING = """\
+# Faults: what the controllers notice
+
+Written by `fam_bundle benchmark-faults --out docs/faults.md`; do not edit.
+
+Each row is one fault on a simulated rig with {supply:.0f} kPa and neither a trip nor a relief
+valve of its own, so that what is shown is what the controllers do. The fault strikes in the
+middle of each phase ({phases}) under each policy ({policies}), stays for {lasts:g} s and is
+repaired. Figures are the worst of all runs; the worst fault comes first.
+
+- **unsafe**: the true pressure went above {pressure:.0f} kPa (the controllers' trip of {trip:.0f}
+  kPa and what flows in during two control periods at {rate:g} Hz, at most the {relief:.0f} kPa
+  at which a relief valve opens), the load reached its end stop, a latch left a valve open for
+  more than 50 ms, or air came back without `enable` after a latch or a loss of 2 s.
+- **harmless**: nobody noticed, and nothing left its limits. *Force off by* says what the task
+  lost meanwhile.
+- **safe**: noticed, and nothing left its limits. *Detected after*: a node left ACTIVE. *Safe
+  after*: all valves exhaust, or the supply is cut. Both count from the fault.
+
+What is run: the nodes `recruitment_controller`, `pressure_pid` and `plant_simulator` on real ROS
+in one process, in lock-step (simulated time, the same result each time). Faults of messages (late,
+lost) are run in wall time, with one policy.
+"""
+
+
+def fault_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the row of a fault."""
+    return (line['fault'], line['runs'], line['unsafe'], line['harmless'], line['safe'],
+            line['detected'], _seconds(line['time_to_detect']), _seconds(line['time_to_safe']),
+            f"{line['pressure'] / 1e3:.0f}", f"{line['force']:.0f}", _force(line['force_error']),
+            line['came_back'])
+
+
+def sound_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the row of what is not wrong."""
+    return (line['fault'], line['runs'], line['false_alarm'], f"{line['seconds']:.0f}",
+            f"{line['pressure'] / 1e3:.0f}")
+
+
+def process_cells(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the row of a process that was stopped."""
+    return (row['node'], row['event'], row['verdict'], _seconds(row['time_to_detect']),
+            _seconds(row['time_to_safe']), f"{row['pressure'] / 1e3:.0f}", f"{row['force']:.0f}",
+            'yes' if row['came_back'] else 'no', row['enable'])
+
+
+def markdown(result: Mapping[str, Any]) -> str:
+    """Return the page of a result of the benchmark, as `benchmark-faults --json` writes it."""
+    words = dict(result['conditions'])
+    parts = [_MEANING.format(**{**words, 'phases': ', '.join(words['phases']),
+                                'policies': ', '.join(words['policies'])}),
+             '\n', _rows(FAULT_HEAD, map(fault_cells, result['faults'])),
+             '\n## False alarms\n\n',
+             'Nothing is wrong in these runs; `work` is sines up to 2 Hz on transitions between '
+             'motor units.\n\n', _rows(SOUND_HEAD, map(sound_cells, result['sound']))]
+    if result.get('processes'):
+        parts += ['\n## Nodes that are killed, stopped and started again\n\n',
+                  'One process for each node, in wall time, both motor units at a force that '
+                  'is held; the time-outs of sensors, setpoints and commands are 0.5 s here, for '
+                  'machines that are busy. Detected after: a valve exhausts, or the supply is '
+                  'shut. Enable: what the service answers in the end; accepted is unsafe too '
+                  'while a pressure loop or the rig is gone. Pressures are those of sound '
+                  'sensors.\n\n',
+                  _rows(PROCESS_HEAD, map(process_cells, result['processes']))]
+    return ''.join(parts)
+
+
+def _rows(head: Sequence[str], rows: Any) -> str:
+    lines = [head, ('---',) * len(head), *rows]
+    return ''.join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in lines)
+
+
+def _seconds(value: float | None) -> str:
+    return '–' if value is None else f'{value:.2f}'
+
+
+def _force(value: float | None) -> str:
+    return '–' if value is None else f'{value:.0f}'

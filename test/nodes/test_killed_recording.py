@@ -1,0 +1,46 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A recording that is killed keeps what it heard."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip('rosbags', reason='rosbags is not installed')
+
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import get_typestore, Stores
+
+from fam_bundle_ros.data.bagfile import read_bag
+from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
+
+
+def newest(folder):
+    """Return the newest stamp of a force in a bag, s; 0 where there is none yet."""
+    if not (folder / 'metadata.yaml').is_file():
+        return 0.0
+    with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        wanted = [c for c in reader.connections if c.topic == '/bundle/force']
+        return max((1e-9 * stamp for _, stamp, _ in reader.messages(connections=wanted)),
+                   default=0.0) if wanted else 0.0
+
+
+def test_sigkill_leaves_a_bag_up_to_the_last_second(graph, quiet, tmp_path):
+    """`fam_bundle record` is killed: the bag opens, and ends less than a second before."""
+    graph.add(PlantSimulator(context=graph.context, overrides={
+        **quiet, 'rate': 100.0, 'faults.drift': 'mu1/pressure=1e4'}))
+    graph.spin()
+    folder = tmp_path / 'bag'
+    process = subprocess.Popen([sys.executable, '-m', 'fam_bundle_ros.cli', 'record',
+                                str(folder)], stderr=subprocess.DEVNULL)
+    try:
+        graph.until(lambda: newest(folder) > 0.0, 'a recording with forces')
+        graph.spin(1.2)
+    finally:
+        killed = time.time()
+        process.kill()
+        process.wait()
+    assert killed - newest(folder) < 1.0
+    assert len(read_bag(folder)) > 50
