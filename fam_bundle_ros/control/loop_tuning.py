@@ -9,15 +9,16 @@ gain on the force error sees all of it. python-control (the extra ``control``) g
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 import math
 from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
-from fam_bundle_ros.control.outer_loop import outer_settings
+from fam_bundle_ros.control.outer_loop import muscle_stiffness, outer_settings
 from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
+from fam_bundle_ros.control.strain_gains import GAIN_ERRORS, RATE_LAG, STIFFNESSES
 from fam_bundle_ros.control.tuning import python_control
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -39,13 +40,16 @@ class LoopPoint:
     gain_error : float
         Change of the bundle's force over that of the model, minus 1.
     gain_margin_db, phase_margin_deg, crossover_hz : float
-        Infinite margins and no crossover (nan) where the loop never reaches a gain of 1.
+        The smallest; below 0 where the loop is unstable. Infinite margins and no crossover (nan)
+        where the loop never reaches a gain of 1.
     delay_margin : float, s
         Dead time that may come on top.
     overshoot : float
         Of a step of the reference, relative.
     settling : float, s
         Until it stays within 5 %.
+    stiffness : float
+        Of the muscles, over that of the model; 1 where it does not matter.
     """
 
     gain_error: float
@@ -55,6 +59,7 @@ class LoopPoint:
     delay_margin: float
     overshoot: float
     settling: float
+    stiffness: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -122,8 +127,7 @@ def tune_force(config: OuterConfig = OuterConfig(), sample_period: float = 4e-3,
 
 
 def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConfig(),
-                sample_period: float = 4e-3, strains: Sequence[float] = (0.05, 0.1, 0.15)
-                ) -> LoopResult:
+                sample_period: float = 4e-3) -> LoopResult:
     """
     Return margins and steps of the strain loop on a load.
 
@@ -136,8 +140,12 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
         Its ``inertia`` (more than 0), ``stiffness`` and ``damping``.
     config : OuterConfig
     sample_period : float, s
-    strains : sequence of float
-        Where the stiffness of the muscles is taken, at half of their largest pressures.
+
+    Returns
+    -------
+    LoopResult
+        At stiffnesses of the muscles of 0.6, 1 and 1.5 times that at half of their largest
+        pressures, and errors of the force's change of 30 %.
     """
     ct = python_control()
     _check(sample_period, 0.0)
@@ -147,18 +155,16 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
                          'strain loop')
     whole = config.delay + config.lead_time + sample_period
     dead = ct.tf(*ct.pade(whole, 4))
-    control = ct.tf([settings.strain_damping, settings.strain_gain, settings.strain_integral],
-                    [1e-3, 1.0, 0.0])
-    half, points = 0.5 * bundle.max_pressure, []
-    for strain in strains:
-        muscle = max(float(bundle.force(strain - 0.01, half) - bundle.force(strain + 0.01, half))
-                     / 0.02, 0.0)
-        for e in (-config.gain_error, 0.0, config.gain_error):
-            plant = ct.tf([1.0 + e], [load.inertia, load.damping, load.stiffness + muscle])
+    control = (ct.tf([settings.strain_gain, settings.strain_integral], [1.0, 0.0])
+               + ct.tf([settings.strain_damping, 0.0], [RATE_LAG, 1.0]))
+    stiffness, points = muscle_stiffness(bundle), []
+    for share in STIFFNESSES:
+        for e in GAIN_ERRORS:
+            plant = ct.tf([1.0 + e], [load.inertia, load.damping,
+                                      load.stiffness + share * stiffness])
             loop = control * dead * plant
-            closed = ct.feedback(loop, 1)
-            times = np.linspace(0.0, 2.0, 4000)
-            points.append(_point(ct, loop, e, ct.step_response(closed, times)))
+            step = _strain_step(ct, control, dead, plant)
+            points.append(replace(_point(ct, loop, e, step), stiffness=share))
     return LoopResult({name: getattr(settings, name) for name in (
         'strain_gain', 'strain_integral', 'strain_damping')}, whole, tuple(points))
 
@@ -231,15 +237,33 @@ def _force_step(whole, observer, gain, e):
     return np.arange(count) * dt, (1.0 + e) * late[:count]
 
 
+def _strain_step(ct, control, dead, plant):
+    """
+    Return times and strain of a reference that steps by 1.
+
+    The muscles are asked for its force at once: their stiffness pulls too (`strain_reach`).
+    """
+    ahead = 1.0 / ct.dcgain(plant)
+    closed = (ahead + control * dead) * plant / (1.0 + control * dead * plant)
+    return ct.step_response(ct.minreal(closed, verbose=False), np.linspace(0.0, 2.0, 4000))
+
+
 def _point(ct, loop, e, response):
-    gain_margin, phase_margin, _, crossover = ct.margin(loop)
+    gains, phases, _, _, crossovers, _ = ct.stability_margins(loop, returnall=True)
     times, values = response
     outside = np.flatnonzero(np.abs(values - 1.0) > _BAND)
     settling = float(times[outside[-1]]) if len(outside) else 0.0
-    reached = math.isfinite(crossover) and crossover > 0.0
+    # A loop on a resonance crosses 1 more than once: the nearest counts, on either side.
+    reached = len(crossovers) > 0
+    nearest = int(np.argmin(np.abs(phases))) if reached else 0
+    gain_margin = min((abs(20.0 * math.log10(gain)) for gain in gains if gain > 0.0),
+                      default=math.inf)
+    stable = bool(np.all(ct.feedback(loop, 1).poles().real < 0.0))
+    sign = 1.0 if stable else -1.0
     return LoopPoint(
-        e, 20.0 * math.log10(gain_margin) if 0.0 < gain_margin < math.inf else math.inf,
-        float(phase_margin), float(crossover) / (2.0 * math.pi) if reached else math.nan,
-        math.radians(float(phase_margin)) / float(crossover) if reached else math.inf,
+        e, sign * gain_margin, sign * abs(float(phases[nearest])) if reached else math.inf,
+        float(crossovers[nearest]) / (2.0 * math.pi) if reached else math.nan,
+        sign * min(math.radians(float(phase) % 360.0) / float(crossover)
+                   for phase, crossover in zip(phases, crossovers)) if reached else math.inf,
         max(float(values.max()) - 1.0, 0.0),
         settling if settling < 0.98 * float(times[-1]) else math.inf)

@@ -72,12 +72,12 @@ class OuterConfig:
         By how much the bundle's force may change more than the model's, relative.
     force_integral : float, 1/s
         On the force error, without feed-forward (with it, the bias estimate does this).
-    strain_gain : float, N
-        Per unit of strain error.
-    strain_integral : float, N/s
+    strain_gain : float, N, optional
+        Per unit of strain error; by default, as the next two, as large as ``delay`` and load
+        allow: see `strain_gains`. Late feedback is turned back by a gain below 0.
+    strain_integral : float, N/s, optional
     strain_damping : float, N s, optional
-        On the error of the strain rate; by default what damps the load's inertia on the muscles'
-        stiffness by a ratio of 0.5.
+        On the error of the strain rate.
     still : float, N
         Corrections of a strain loop change only by more than this, or by more than the noise
         that is found in them, up to three times this: no air for sensor noise.
@@ -101,8 +101,8 @@ class OuterConfig:
     force_gain: float | None = None
     gain_error: float = 0.5
     force_integral: float = 12.0
-    strain_gain: float = 400.0
-    strain_integral: float = 2000.0
+    strain_gain: float | None = None
+    strain_integral: float | None = None
     strain_damping: float | None = None
     still: float = 0.2
     filter_time: float = 0.02

@@ -20,6 +20,7 @@ from fam_bundle_ros.control.observer import (
     ObserverState,
 )
 from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
+from fam_bundle_ros.control.strain_gains import strain_gains, StrainGains
 
 #: Kinds of references.
 KINDS = ('force', 'strain')
@@ -27,8 +28,8 @@ FORCE, STRAIN = 0, 1
 #: What keeps integrals from going on; the names of the others are for people.
 SATURATION = ('', 'high', 'low', 'gap')
 FREE, HIGH, LOW, GAP = 0, 1, 2, 3
-#: Damping that the strain loop adds, of critical.
-_DAMPING_RATIO = 0.5
+#: s: sample time that the strain loop is laid out for.
+USUAL_PERIOD = 4e-3
 #: Inertia reckoned with where none is known, N s^2: about 2.5 kg on a muscle of 127 mm.
 _USUAL_INERTIA = 0.3
 #: s: filter of the acceleration of a reference; in which noise is learnt.
@@ -143,24 +144,33 @@ class OuterState:
 
 def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSettings:
     """Return the record that `outer_step` takes."""
-    damping = config.strain_damping
-    if damping is None:
-        inertia = load.inertia or _USUAL_INERTIA
-        damping = 2.0 * _DAMPING_RATIO * math.sqrt(_stiffness(bundle) * inertia)
+    found = default_strain_gains(config, load, bundle)
     bias_time = math.nan if config.bias_time is None else config.bias_time
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain
     strains, forces = map(list, zip(*load.table)) if load.table else ([], [])
     spare = [0.0] * (-len(strains) % _TABLE if strains else _TABLE)
     return OuterSettings(**{
-        **vars(config), 'strain_damping': damping, 'bias_time': bias_time, 'force_gain': gain,
+        **vars(config), 'bias_time': bias_time, 'force_gain': gain,
+        'strain_gain': found.gain, 'strain_integral': found.integral,
+        'strain_damping': found.damping,
         'model_error': bundle.error,
         'load_known': load.known, 'load_force': load.force, 'load_stiffness': load.stiffness,
         'load_inertia': load.inertia, 'load_damping': load.damping, 'load_points': len(strains),
         'load_strains': strains + spare, 'load_forces': forces + spare})
 
 
-def _stiffness(bundle):
+def default_strain_gains(config: OuterConfig, load: LoadModel, bundle: Any) -> StrainGains:
+    """Return the gains of the strain loop: those given, the others worked out."""
+    lag = config.delay + config.lead_time + USUAL_PERIOD
+    found = strain_gains(max(muscle_stiffness(bundle) + load.stiffness, 1.0),
+                         load.inertia or _USUAL_INERTIA, load.damping, lag)
+    given = (config.strain_gain, config.strain_integral, config.strain_damping)
+    return StrainGains(*(worked if value is None else value for value, worked in zip(
+        given, (found.gain, found.integral, found.damping))))
+
+
+def muscle_stiffness(bundle: Any) -> float:
     """Return -dF/de in N, all units at half of their largest pressure, at a middling strain."""
     half = 0.5 * bundle.max_pressure
     return max(float(bundle.force(0.09, half) - bundle.force(0.11, half)) / 0.02, 0.0)

@@ -92,6 +92,10 @@ class PidConfig:
     filter_time : float, s
         Of the reading, before the derivative and the quiet band.
     feed_forward, dead_band_compensation : bool
+    ceiling : float, Pa (gauge)
+    reach : float, s
+        The valve is opened so little that a command which is held for ``reach`` fills to
+        ``ceiling`` at most: the loop may be held up. 0 for no such limit.
     """
 
     valve: ValveFlow = field(default_factory=ValveFlow)
@@ -108,6 +112,8 @@ class PidConfig:
     filter_time: float = 4e-3
     feed_forward: bool = True
     dead_band_compensation: bool = True
+    ceiling: float = 1.5e6
+    reach: float = 0.0
 
     def __post_init__(self):
         """Refuse what cannot be meant."""
@@ -118,7 +124,7 @@ class PidConfig:
                      'setpoint_bandwidth'):
             if not getattr(self, name) > 0.0:
                 raise InputError(f'{name} is {getattr(self, name)}; expected more than 0')
-        for name in ('transport_delay', 'quiet_error', 'filter_time', 'flow_lag'):
+        for name in ('transport_delay', 'quiet_error', 'filter_time', 'flow_lag', 'reach'):
             value = getattr(self, name)
             if value is not None and not value >= 0.0:
                 raise InputError(f'{name} is {value}; expected 0 or more')

@@ -75,6 +75,8 @@ class PidSettings:
     filter_time: float
     feed_forward: bool
     dead_band_compensation: bool
+    ceiling: float
+    reach: float
 
 
 @dataclass
@@ -153,6 +155,13 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     venting = valve_flow(settings.valve, -1.0, absolute, source, settings.ambient)
     fastest = pressure_rate(absolute, volume, volume_rate, filling)
     slowest = pressure_rate(absolute, volume, volume_rate, venting)
+    widest = 1.0
+    if settings.reach > 0.0:
+        # A command that is held for longer than meant must not fill above the ceiling.
+        shut = pressure_rate(absolute, volume, volume_rate, 0.0)
+        allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, shut)
+        if fastest > allowed:
+            widest, fastest = (allowed - shut) / (fastest - shut), allowed
     if not state.started:
         start(settings, state, pressure, source, volume, volume_rate)
     rate = follow(settings, state, setpoint, pressure, dt, fastest, slowest)
@@ -178,7 +187,7 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     if not at_rest:
         flow = flow_for(absolute, volume, volume_rate if settings.feed_forward else 0.0, wanted)
         limit = filling if flow >= 0.0 else -venting
-        opening = min(max(flow / max(limit, 1e-12), -1.0), 1.0)
+        opening = min(max(flow / max(limit, 1e-12), -1.0), widest)
         possible = min(max(wanted, slowest), fastest)
     # The integral makes up for what the model of the rate leaves out: it moves nothing.
     send(state, (0.0 if at_rest else possible - state.integral) * dt)

@@ -176,8 +176,10 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
                 release_level(settings, table, state + 1, margin, band) - least, 0.0)
             switch(machine, 1)
             return
-    if state > 0 and demand.force < release and (free or machine.direction == -1):
-        why = why_release(settings, machine, table, demand)
+    # Margins are for doubts of the model; a force that the state cannot give is beyond doubt.
+    level = release if settings.policy == NEGLECT else max(release, table.floor[state])
+    if state > 0 and demand.force < level and (free or machine.direction == -1):
+        why = why_release(settings, machine, table, demand, release)
         if why != NONE:
             explain(reason, machine, table, demand, why, release)
             machine.ahead = 0.0
@@ -249,15 +251,17 @@ def rise_within(demand: Any, horizon: float) -> float:
     return turn * (demand.rate + turn * (slowing / 2.0 + turn * jerk / 6.0))
 
 
-def why_release(settings: Any, machine: Any, table: Any, demand: Any) -> int:
+def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: float) -> int:
     """Return the code of the reason to release the last unit, `NONE` for no."""
     last = machine.state - 1
     if settings.policy != REVERSAL_AWARE:
-        return BELOW
+        return BELOW if demand.force < release else UNREACHABLE
     if demand.rate > settings.rest_rate * (table.top[-1] - table.top[0]):
         return NONE
     if demand.force < table.floor[machine.state]:
         return UNREACHABLE
+    if not demand.force < release:
+        return NONE
     if machine.calm >= settings.rest_time:
         return AT_REST
     if machine.absent >= settings.absence_time:

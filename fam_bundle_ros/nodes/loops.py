@@ -112,6 +112,10 @@ class PressureLoops:
         return [unit for unit, heard in enumerate(self._heard)
                 if heard is None or now - heard > patience]
 
+    def excuse(self, seconds: float) -> None:
+        """Count no silence for a time in which this process itself heard nothing, s."""
+        self._heard = [None if heard is None else heard + seconds for heard in self._heard]
+
     def troubled(self, patience: float) -> str:
         """Return which loop has been venting by itself for so long (s), and why."""
         now = time.monotonic()

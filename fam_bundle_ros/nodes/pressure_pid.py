@@ -11,17 +11,18 @@ parameter, and late readings vent and latch, until `supply_enable` goes from fal
 `enable` of the recruitment controller does). A setpoint of ambient means exhaust.
 """
 
+from dataclasses import replace
 import math
 import time
 from typing import Any
 
-import numpy as np
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
-from fam_bundle_ros.control import PressurePid
-from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch, SupplyWatch
+from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
+from fam_bundle_ros.control.agreement import SupplyWatch
+from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch
 from fam_bundle_ros.control.safety import (
     Change,
     Guard,
@@ -45,6 +46,7 @@ from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
+from fam_bundle_ros.nodes.pid_readings import Latest, Stretch, Volume
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 
@@ -93,8 +95,8 @@ class PressurePidNode(BundleNode):
                              f'{bundle.n}')
         self._length = float(bundle.motor_units[0].geometry.length)
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
-        self._volumes = _Volume(bundle, self.unit - 1, p['tube_volume'])
-        self.pid = PressurePid(*settings(p))
+        self._volumes = Volume(bundle, self.unit - 1, p['tube_volume'])
+        self.pid = PressurePid(*self._settings())
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(
             low=-50e3, high=1.6e6, timeout=p['sensor_timeout'], hold_time=p['hold_time'],
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
@@ -105,11 +107,11 @@ class PressurePidNode(BundleNode):
         self._leave_since = -math.inf
         self._setpoint: tuple[int, float] | None = None
         self._setpoint_received = 0.0
-        self._strain, self._supply = _Latest('strain'), _Latest('supply')
+        self._strain, self._supply = Latest('strain'), Latest('supply')
         self._guard = Guard(self._on_state)
         #: Pa, that was last answered by the loop.
         self._pressure = 0.0
-        self._off = _Stretch()
+        self._off = Stretch()
         self._command = -1.0
         self._answered = -1
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
@@ -133,6 +135,17 @@ class PressurePidNode(BundleNode):
     @property
     def _state(self) -> str:
         return self._guard.word
+
+    def _settings(self) -> tuple[PidGains, PidConfig]:
+        """Return gains and settings, with a valve that stays safe when this loop is held up."""
+        gains, config = settings(self.p)
+        if self.lock_step:
+            # There time stands still with it.
+            return gains, config
+        late = self.max_latency if math.isfinite(self.max_latency) else _SAMPLES / self.p['rate']
+        return gains, replace(
+            config, reach=late + 2.0 / self.p['rate'],
+            ceiling=trip_pressure(self._max_pressure, self.p['over_pressure_factor']))
 
     def _inflow_config(self) -> InflowConfig:
         p = self.p
@@ -275,7 +288,7 @@ class PressurePidNode(BundleNode):
         forced = self._judge(self._now(stamp), pressure, new, latency)
         if forced is not None:
             self.pid.reset()
-            self._off = _Stretch()
+            self._off = Stretch()
             self._command = forced
         elif new:
             assert self._setpoint is not None
@@ -407,9 +420,9 @@ class PressurePidNode(BundleNode):
     # --- parameters and diagnostics ------------------------------------------------------------
 
     def _change(self, changes: dict[str, Any]) -> None:
-        if set(changes) <= {'over_pressure_factor', 'setpoint_timeout', 'auxiliary_timeout'}:
+        if set(changes) <= {'setpoint_timeout', 'auxiliary_timeout'}:
             return
-        self.pid.gains, self.pid.config = settings(self.p)
+        self.pid.gains, self.pid.config = self._settings()
         self._inflow.change(self._inflow_config())
 
     def _report(self, report: Report) -> None:
@@ -443,61 +456,6 @@ class PressurePidNode(BundleNode):
         elif self._off.lasted > _SETTLING:
             report.add(WARN, f'{self._seen} for {self._off.lasted:.1f} s: supply, valve, tube or '
                        'sensor?')
-
-
-class _Latest:
-    """The last reading (value, rate) of what the loop can do without, until it is too old."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self._value, self._received = (math.nan, math.nan), -math.inf
-        self._seen = False
-
-    def take(self, value: float, rate: float = math.nan) -> None:
-        self._value, self._received = (value, rate), time.monotonic()
-        self._seen = self._seen or math.isfinite(value)
-
-    def value(self, patience: float) -> tuple[float, float]:
-        """Return value and rate, nan where they are older than ``patience`` (s)."""
-        fresh = time.monotonic() - self._received <= patience
-        return self._value if fresh else (math.nan, math.nan)
-
-    def lost(self, patience: float) -> bool:
-        """Whether it was there once and is no more."""
-        return self._seen and not math.isfinite(self.value(patience)[0])
-
-
-class _Stretch:
-    """How long a value has been far to one side."""
-
-    def __init__(self) -> None:
-        self.lasted = 0.0
-        self._side, self._since = 0, 0.0
-
-    def see(self, now: float, value: float, far: float) -> None:
-        side = (value > far) - (value < -far)
-        if side != self._side or now < self._since:
-            self._side, self._since = side, now
-        self.lasted = now - self._since if side else 0.0
-
-
-class _Volume:
-    """Gas volume and its slope over strain, tabulated: the model itself is too slow per tick."""
-
-    def __init__(self, bundle: Any, index: int, tube: float):
-        self._grid = np.linspace(-0.15, 0.5, 651)
-        volume = np.maximum(bundle.gas_volume(self._grid)[:, index], 0.0) + max(tube, 1e-7)
-        self._volume = volume.tolist()
-        self._slope = np.gradient(volume, self._grid).tolist()
-        #: Least and largest volume that the muscle can have at work, m^3.
-        self.ends = min(self._volume[150:451]), max(self._volume[150:451])
-
-    def at(self, strain: float) -> tuple[float | None, float]:
-        """Return volume (m^3) and dV/dstrain; (None, 0) where the strain is not known."""
-        if not -0.15 <= strain <= 0.5:
-            return None, 0.0
-        k = round((strain + 0.15) * 1000.0)
-        return self._volume[k], self._slope[k]
 
 
 def main(args: list[str] | None = None) -> int:

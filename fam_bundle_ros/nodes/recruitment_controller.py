@@ -17,7 +17,6 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
-import numpy as np
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import UInt8
@@ -29,22 +28,7 @@ from fam_bundle_ros.control import (
     RecruitmentController,
     Reference,
 )
-from fam_bundle_ros.control.plausibility import ForceWatch
-from fam_bundle_ros.control.safety import (
-    Change,
-    FORCE,
-    Guard,
-    Health,
-    kilopascals,
-    LOST,
-    OVER_PRESSURE,
-    PID_LOST,
-    SensorWatch,
-    State,
-    STOPPED,
-    trip_pressure,
-    WatchConfig,
-)
+from fam_bundle_ros.control.safety import Guard, Health, State
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
@@ -52,9 +36,8 @@ from fam_bundle_ros.nodes.adaptation import Adaptation
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
 from fam_bundle_ros.nodes.doubts import OffTarget, ReferenceTally
-from fam_bundle_ros.nodes.e_stop import EmergencyStop
-from fam_bundle_ros.nodes.loops import PressureLoops
 from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.oversight import Oversight
 from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.nodes.recruitment_parameters import (
@@ -63,21 +46,14 @@ from fam_bundle_ros.nodes.recruitment_parameters import (
 )
 from fam_bundle_ros.nodes.references import MovingReference, ReferenceRate
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
-from fam_bundle_ros.nodes.supply_enable import SupplyEnable, TIMEOUT
+from fam_bundle_ros.nodes.supply_enable import SupplyEnable
 
-#: Pa: pressures that have moved by this since a force or strain last changed must move it.
-_MOVED = 30e3
 #: s: a gap between samples is no reason to integrate over all of it.
 _LONGEST = 0.1
 #: s: a stamp that goes back by less is a channel's clock beside another's; else it was set.
 _CLOCK_SET = 0.5
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
-#: Share of the largest pressure below which one that was latched may be enabled again: readings
-#: that drifted are not held against it.
-_EMPTY = 0.1
-#: s that pressure loops get to hear of `enable`.
-_HEAR = 0.5
 #: 1/s: no muscle contracts that fast (all of its way in 0.03 s).
 _FASTEST = 10.0
 #: Errors of force (share of the blocked force) and strain up to which a reference is reached.
@@ -108,12 +84,8 @@ class RecruitmentNode(BundleNode):
         #: Whether to enable as soon as nothing speaks against it; in lock-step at once.
         self._automatic: bool = p['start_enabled'] and not self.lock_step
         self._enabled: bool = p['start_enabled'] and self.lock_step
-        self._enabled_at = 0.0
-        self._guard = Guard(self._on_state)
-        self._alive = time.monotonic()
         #: Whether to begin from the pressures as they are; None before the first sample.
         self._take_over: bool | None = None
-        self._lost_since: float | None = None
         self._reference = MovingReference()
         #: State while there is no reference.
         self._without_reference = 'WAITING'
@@ -129,10 +101,6 @@ class RecruitmentNode(BundleNode):
         self._setpoints = [0.0] * n
         self._command: Command | None = None
         self._published_state = -1
-        self._watches = self._make_watches()
-        self._moved_from: dict[str, tuple[float, list[float]]] = {}
-        self._force_watch = self._make_force_watch()
-        self._pressure = [math.nan] * n
         self._set_up_interface()
 
     def _set_up_interface(self) -> None:
@@ -146,13 +114,12 @@ class RecruitmentNode(BundleNode):
                                              interface.recruitment_writer(n))
         self._publish_state(0)
         self._supply = SupplyEnable(self)
-        self._loops = PressureLoops(self, n, self._latch)
+        self._oversight = Oversight(self, self.bundle, self._now, self._on_latch, self._on_e_stop)
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
-                                self._on_sample, extra, self._look_at_pressure)
+                                self._on_sample, extra, self._oversight.look_at_pressure)
         self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._tallied(self._on_force))
         self.subscribe(interface.REFERENCE_STRAIN, JointState, self._tallied(self._on_strain))
-        self._e_stop = EmergencyStop(self, self._on_e_stop)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self._adaptation = Adaptation(self, lambda: self.controller)
         if self.bundle.unusual_order:
@@ -162,29 +129,9 @@ class RecruitmentNode(BundleNode):
         self._diagnostics = Diagnostics(self, self._report)
         self.every(max(1.0 / self.p['rate'], 2e-3), self._check_time)
 
-    def _make_watches(self) -> list[SensorWatch]:
-        p = self.p
-
-        def config(low: float, high: float, stuck: float) -> WatchConfig:
-            return WatchConfig(low, high, p['sensor_timeout'], p['hold_time'],
-                               p['recovery_time'], stuck, self.max_latency)
-        return [
-            SensorWatch('force', 'N', config(p['force_low'], p['force_high'], p['stuck_time'])),
-            SensorWatch('strain', '', config(p['strain_low'], p['strain_high'],
-                                             p['strain_stuck_time'])),
-            *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0))
-              for i in range(self.bundle.n))]
-
-    def _make_force_watch(self) -> ForceWatch:
-        model = self.bundle.model(False)
-
-        def unit_force(unit: int, strain: float, pressure: float) -> float:
-            # A fresh memory: friction and the like are within the tolerance.
-            return float(model.force(unit, strain, 0.0, [pressure] * self.bundle.n, 0.0, 0.0, True,
-                                     model.shape, model.parameters, model.tables, model.memory,
-                                     model.after))
-        largest = float(self.bundle.blocked_force(self.bundle.max_pressure))
-        return ForceWatch(unit_force, _REACHED_FORCE * largest, 3.0 / self.p['rate'])
+    @property
+    def _guard(self) -> Guard:
+        return self._oversight.guard
 
     @property
     def _state(self) -> str:
@@ -242,7 +189,7 @@ class RecruitmentNode(BundleNode):
     # --- the tick ------------------------------------------------------------------------------
 
     def _on_sample(self, sample: Sample) -> None:
-        self._notice_stop()
+        self._oversight.notice_stop(self._enabled)
         dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
         now = time.monotonic()
         if not self.lock_step and -_CLOCK_SET < dt <= 0.0:
@@ -259,14 +206,14 @@ class RecruitmentNode(BundleNode):
 
     def _decide(self, sample: Sample, dt: float) -> None:
         """Work out setpoints and state for a sample."""
-        measurement = self._trusted(sample)
-        self._pressure = sample.pressure
-        self._look_for_latches(sample)
-        if self._automatic and not self._refusal():
+        oversight = self._oversight
+        measurement = oversight.trusted(sample, self._sensing)
+        oversight.look(sample, self._enabled, bool(self._off_target.text))
+        if self._automatic and not oversight.refusal():
             self._enable()
         self._control(sample, measurement, dt)
         # While pressures ramp down after switching off, the valves still need the supply.
-        self._supply.set(not (self._e_stop.on or self._guard.latched)
+        self._supply.set(not (oversight.e_stop.on or oversight.guard.latched)
                          and (self._enabled or any(self._setpoints)))
 
     def _control(self, sample: Sample, measurement: Measurement, dt: float) -> None:
@@ -278,12 +225,11 @@ class RecruitmentNode(BundleNode):
                 self._take_over = True
             self._command = None
             self._off_target.reset()
-            self._force_watch.begin()
-            self._ramp_down(dt, at_once=self._guard.latched or self._e_stop.on)
+            self._ramp_down(dt, at_once=self._guard.latched or self._oversight.e_stop.on)
             return
         reference = self._reference.at(self._now())
         assert reference is not None
-        readable = all(watch.health == Health.GOOD for watch in self._watches)
+        readable = self._oversight.readable
         if dt < 0.0:
             # The clock was set: what filters and memory hold belongs to another time.
             self._take_over = True
@@ -294,7 +240,7 @@ class RecruitmentNode(BundleNode):
             self.controller.enable(measurement)
             self._take_over = False
         elif self._take_over:
-            self._guard.enter(self._now(), State.VENT, 'SENSOR', self._unreadable)
+            self._guard.enter(self._now(), State.VENT, 'SENSOR', self._oversight.unreadable)
             self._ramp_down(dt, at_once=True)
             return
         command = self.controller.update(min(dt, _LONGEST), measurement, reference)
@@ -310,54 +256,18 @@ class RecruitmentNode(BundleNode):
         # Once the air is out, switching on anew must start from the pressures as they are.
         self._take_over = not any(self._setpoints)
         self._guard.enter(self._now(), *((State.VENT, 'SENSOR') if self._take_over else
-                                         (State.HOLD, 'HOLD')), self._unreadable)
-        for watch in self._watches:
+                                         (State.HOLD, 'HOLD')), self._oversight.unreadable)
+        for watch in self._oversight.watches:
             if watch.health != Health.GOOD:
                 self.say(f'{watch.name} {self._state}', f'{watch.reason}: '
                          + ('vented' if self._take_over else 'pressures held'))
-
-    @property
-    def _unreadable(self) -> str:
-        """Why readings cannot be trusted."""
-        return '; '.join(watch.reason for watch in self._watches
-                         if watch.health != Health.GOOD and watch.reason)
-
-    def _trusted(self, sample: Sample) -> Measurement:
-        """Return the readings with nan for those that cannot be trusted."""
-        now = self._now()
-        values = [sample.force, sample.strain, *sample.pressure]
-        sensing = self._sensing
-        for watch, (channel, meter), value in zip(self._watches, sensing.meters.items(), values):
-            last = meter.last
-            if self.lock_step:
-                watch.see(now, value, self._must_move(watch.name, value, sample.pressure))
-            elif last is not None and last != watch.age:
-                watch.see(last, value, self._must_move(watch.name, value, sample.pressure),
-                          sensing.latency[channel])
-                watch.check(now)
-            else:
-                watch.check(now)
-        force, strain, *pressure = (
-            value if watch.health == Health.GOOD else math.nan
-            for watch, value in zip(self._watches, values))
-        return Measurement(force, strain, sample.rate, np.array(pressure))
 
     def _now(self) -> float:
         """Return the time that watches run on: stamps in lock-step, else the steady clock."""
         return self._answered * 1e-9 if self.lock_step else time.monotonic()
 
-    def _must_move(self, name: str, value: float, pressure: list[float]) -> bool:
-        """Whether pressures have moved so far that this reading cannot have stayed the same."""
-        if name not in ('force', 'strain'):
-            return False
-        before = self._moved_from.get(name)
-        if before is None or before[0] != value:
-            self._moved_from[name] = (value, pressure)
-            return False
-        return any(abs(a - b) > _MOVED for a, b in zip(pressure, before[1]))
-
     def _reason_to_be_off(self) -> tuple[State, str] | None:
-        if self._e_stop.on:
+        if self._oversight.e_stop.on:
             return State.VENT, 'E_STOP'
         if self._guard.latched:
             return State.VENT, ''
@@ -377,122 +287,21 @@ class RecruitmentNode(BundleNode):
                 return State.READY, 'NO_REFERENCE'
         return None
 
-    # --- what latches --------------------------------------------------------------------------
-
-    def _look_at_pressure(self, unit: int, pressure: float) -> None:
-        """Latch at once where a pressure is too high; called for every reading."""
-        limit = trip_pressure(self._limit[unit], self.p['over_pressure_factor'])
-        if pressure > limit:
-            self._latch(OVER_PRESSURE, f'mu{unit + 1} at {kilopascals(pressure)}, above '
-                        f'{kilopascals(limit)}')
-
-    def _look_for_latches(self, sample: Sample) -> None:
-        for unit, pressure in enumerate(sample.pressure):
-            self._look_at_pressure(unit, pressure)
-        if not self._enabled:
-            self._lost_since = None
-            return
-        self._look_for_loss()
-        for watch in self._watches:
-            if watch.cause:
-                self._latch(watch.cause, watch.reason)
-        if silent := self._loops.silent(self._loop_patience):
-            self._latch(PID_LOST, self._silence(silent))
-        if self._guard.now.state is State.ACTIVE and all(
-                watch.health == Health.GOOD for watch in self._watches):
-            if wrong := self._force_watch.see(self._now(), sample.force, sample.strain,
-                                              sample.pressure, bool(self._off_target.text)):
-                self._latch(FORCE, wrong)
-        if self._now() - self._enabled_at > _HEAR:
-            for unit in range(self.bundle.n):
-                if latched := self._loops.latched(unit):
-                    self._latch(latched.partition(': ')[0], f'mu{unit + 1} stays latched after '
-                                f'enable, {latched}')
-
-    def _look_for_loss(self) -> None:
-        """Latch after a loss so long that nobody expects pressure to come back."""
-        now, patience = self._now(), self.p['resume_within']
-        lost = [watch.reason for watch in self._watches if watch.health == Health.VENT]
-        if not lost:
-            self._lost_since = None
-        elif self._lost_since is None:
-            self._lost_since = now
-        if self._lost_since is not None and now - self._lost_since >= patience:
-            self._latch(LOST, f"{'; '.join(lost)}: vented for {patience:g} s")
-        if trouble := self._loops.troubled(patience):
-            self._latch(LOST, f'{trouble}, for {patience:g} s')
-
     def _check_time(self) -> None:
-        self._notice_stop()
+        self._oversight.notice_stop(self._enabled)
         self._sensing.check_time()
 
-    def _notice_stop(self) -> None:
-        """Latch when this process stood still for so long that the driver has cut the air."""
-        before, self._alive = self._alive, time.monotonic()
-        if self._enabled and not self.lock_step and (
-                self._alive - before > max(TIMEOUT, self.p['sensor_timeout'])):
-            self._latch(STOPPED, f'this process stood still for {self._alive - before:.2f} s')
-
-    def _latch(self, cause: str, reason: str) -> None:
+    def _on_latch(self) -> None:
         """Vent all, cut the supply, and stay off until somebody enables again."""
-        if not self._guard.latch(self._now(), cause, reason):
-            return
         self._enabled = self._automatic = False
         self._forget_reference()
         self._command = None
         self._setpoints = [0.0] * self.bundle.n
         self._supply.set(False)
-        self.get_logger().error(f'{cause}: {reason}; off until enabled again')
-
-    def _on_state(self, change: Change) -> None:
-        self.get_logger().debug(f'{change.state.value} {change.cause} {change.reason}')
-
-    @property
-    def _loop_patience(self) -> float:
-        """Silence of a pressure loop that is taken, s."""
-        return 2.0 * float(self.p['sensor_timeout'])
-
-    def _silence(self, units: list[int]) -> str:
-        return '; '.join(f'the pressure loop of mu{unit + 1} is silent' for unit in units)
-
-    def _refusal(self) -> str:
-        """Return why the bundle cannot be enabled now; empty when it can."""
-        reasons = []
-        if self._e_stop.on:
-            reasons.append(': '.join(part for part in ('the emergency stop is on',
-                                                       self._e_stop.doubt) if part))
-        elif self.p['e_stop_required'] and not self.publisher_count(interface.E_STOP):
-            reasons.append('nobody publishes e_stop (for a rig that has none: e_stop_required '
-                           'false)')
-        silent = self._loops.silent(self._loop_patience)
-        for unit, pressure in enumerate(self._pressure):
-            name, limit = f'mu{unit + 1}', trip_pressure(self._limit[unit],
-                                                         self.p['over_pressure_factor'])
-            if unit in silent:
-                reasons.append(self._silence([unit]))
-            watch = self._watches[2 + unit]
-            if not self.lock_step and watch.health in (Health.WAITING, Health.VENT):
-                reasons.append(watch.reason)
-            elif pressure > limit:
-                reasons.append(f'{name} is at {kilopascals(pressure)}, above '
-                               f'{kilopascals(limit)}')
-            elif (why := self._loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
-                reasons.append(f'{name} is latched ({why}) and still shows '
-                               f'{kilopascals(pressure)}')
-        return '; '.join(reasons)
 
     def _enable(self) -> None:
-        self._automatic = False
-        self._enabled = True
-        self._enabled_at = self._now()
-        self._alive = time.monotonic()
-        self._guard.release(self._now())
-        # Sensors that are still out get the time anew, and a repeat may have been true.
-        self._lost_since = None
-        self._moved_from.clear()
-        self._force_watch.begin()
-        for watch in self._watches:
-            watch.forgive_repeats()
+        self._automatic, self._enabled = False, True
+        self._oversight.release()
 
     def _forget_reference(self, state: str = 'WAITING') -> None:
         """Wait for a new one: what was asked for before may not be wanted when it goes on."""
@@ -550,7 +359,7 @@ class RecruitmentNode(BundleNode):
                 self._forget_reference()
             self._enabled = self._automatic = False
             response.success, response.message = True, 'off; pressures ramp down'
-        elif why := self._refusal():
+        elif why := self._oversight.refusal():
             response.success, response.message = False, why
             self.get_logger().warning(f'not enabled: {why}')
         else:
@@ -584,7 +393,7 @@ class RecruitmentNode(BundleNode):
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
         self._limit = self.bundle.max_pressure.tolist()
-        self._force_watch = self._make_force_watch()
+        self._oversight.believe(self.bundle)
         before = self.controller
         self.controller = RecruitmentController(self.bundle, controller_config(self.p))
         if before.bundle is self.bundle:
@@ -601,9 +410,9 @@ class RecruitmentNode(BundleNode):
         if now.state is not State.ACTIVE:
             urgent = now.state is State.LATCHED or now.cause in ('E_STOP', 'SENSOR')
             text = f'{now.reason}: off until enabled again' if self._guard.latched else (
-                self._unreadable)
+                self._oversight.unreadable)
             report.add(ERROR if urgent else WARN, f'{self._state} {text}'.strip())
-        self._e_stop.report(report)
+        self._oversight.e_stop.report(report)
         report.value('model', self.bundle.name)
         report.value('policy', self.p['policy'])
         report.value('scheme', self.p['scheme'])

@@ -2,42 +2,82 @@
 # SPDX-License-Identifier: Apache-2.0
 """How references move: between messages, and where the message has no room to say it."""
 
+from collections import deque
 from dataclasses import replace
+import math
 
 from fam_bundle_ros.control import Reference
 
 #: References that come less often than this, s, are steps.
 _PAUSE = 0.5
 #: Messages late by more than this share of their interval have stopped.
-_LATE = 1.5
+_LATE = 2.0
+#: A reference is moved on for so many intervals at most.
+_AHEAD = 1.4
+#: Share of a new interval in their mean.
+_SHARE = 0.25
+#: ns: values that are further apart than this say nothing of a rate.
+_APART = 100_000_000
+#: So many values at most make a line.
+_LINE = 8
+#: sd of the stamps' jitter, as a share of their interval; slopes agree within so many sd.
+_JITTER, _AGREE = 0.2, 2.0
 
 
 class ReferenceRate:
-    """Works out how fast a force reference moves: a wrench has no room to say it."""
+    """
+    Works out how fast a force reference moves: a wrench has no room to say it.
+
+    Lines through the last values: the longest whose slope agrees with those of all shorter ones
+    within what jitter of the stamps explains. So a ramp is not read faster than it is, and one
+    that ends is read as ended at the next value.
+    """
 
     def __init__(self, step: float):
         self._step = step
-        self._last: tuple[int, float] | None = None
+        self._values: deque[tuple[int, float]] = deque(maxlen=_LINE)
         self._rate = 0.0
 
     def update(self, stamp: int, value: float) -> float:
         """Return the rate, N/s; 0 after a step or a pause."""
-        last, self._last = self._last, (stamp, value)
-        if last is None or not 0 < stamp - last[0] <= 100_000_000:
-            if last is None or stamp != last[0]:
-                self._rate = 0.0
+        values = self._values
+        if values and stamp == values[-1][0]:
+            values[-1] = stamp, value
             return self._rate
-        dt = (stamp - last[0]) * 1e-9
-        change = value - last[1]
-        self._rate = change / dt if abs(change - self._rate * dt) <= self._step else 0.0
+        if not (values and 0 < stamp - values[-1][0] <= _APART):
+            values.clear()
+        elif abs(value - values[-1][1] - self._rate * (stamp - values[-1][0]) * 1e-9) > self._step:
+            values.clear()
+        values.append((stamp, value))
+        self._rate = self._slope()
         return self._rate
+
+    def _slope(self) -> float:
+        """Return the slope of the line that is believed, N/s."""
+        last, value = self._values[-1]
+        times = [(stamp - last) * 1e-9 for stamp, _ in self._values]
+        changes = [each - value for _, each in self._values]
+        believed, low, high = 0.0, -math.inf, math.inf
+        jitter = _JITTER * -times[0] / max(len(times) - 1, 1)
+        for count in range(2, len(times) + 1):
+            middle, mean = sum(times[-count:]) / count, sum(changes[-count:]) / count
+            spread = sum((time - middle) ** 2 for time in times[-count:])
+            slope = sum((time - middle) * (change - mean) for time, change in zip(
+                times[-count:], changes[-count:])) / spread
+            doubt = _AGREE * jitter * abs(slope) / math.sqrt(spread)
+            low, high = max(low, slope - doubt), min(high, slope + doubt)
+            if low > high:
+                break
+            believed = slope
+        return believed
 
 
 class MovingReference:
     """
     The last reference, moved on while the next one is under way.
 
-    Controllers tick more often than references come: held, a ramp would be stairs.
+    Controllers tick more often than references come: held, a ramp would be stairs. Messages do
+    not come exactly when they were meant: taken as they come, the ramp would jump with each.
 
     Attributes
     ----------
@@ -48,11 +88,21 @@ class MovingReference:
     def __init__(self) -> None:
         self.last: Reference | None = None
         self._came = self._interval = 0.0
+        #: By how much the reference was ahead of the new one when that came.
+        self._ahead = 0.0
 
     def take(self, reference: Reference, now: float) -> None:
         """Take a reference that came ``now``, s."""
-        interval = now - self._came
-        self._interval = interval if self.last and 0.0 < interval <= _PAUSE else 0.0
+        interval, before = now - self._came, self.at(now)
+        self._ahead = 0.0
+        if (self.last and before and self._interval > 0.0 and before.kind == reference.kind
+                and abs(before.value - reference.value) < abs(reference.rate) * self._interval):
+            self._ahead = before.value - reference.value
+        if not (self.last and 0.0 < interval <= _PAUSE):
+            interval = 0.0
+        elif self._interval > 0.0:
+            interval = self._interval + _SHARE * (interval - self._interval)
+        self._interval = interval
         self.last, self._came = reference, now
 
     def at(self, now: float) -> Reference | None:
@@ -62,5 +112,7 @@ class MovingReference:
             return reference
         if age > _LATE * self._interval:
             return replace(reference, rate=0.0)
-        ahead = reference.rate * min(age, self._interval)
+        ahead = reference.rate * min(age, _AHEAD * self._interval)
+        if self._interval > 0.0:
+            ahead += self._ahead * max(1.0 - age / self._interval, 0.0)
         return replace(reference, value=reference.value + ahead)

@@ -27,6 +27,8 @@ _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
 _MOST_UNITS = 64
+#: s: no network delays a reading by so much; clocks do.
+_APART = 1.0
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,8 @@ class _Listener(BundleNode):
     def __init__(self, context: Context, namespace: str, length: float):
         super().__init__('check_rig', (), context=context, namespace=namespace)
         self._length = length
-        self.rows: dict[str, list[tuple[float, int, float]]] = {}
+        #: Steady time (s), stamp (ns), latency (s) and value of each reading.
+        self.rows: dict[str, list[tuple[float, int, float, float]]] = {}
         self.bad: dict[str, str] = {}
 
     def listen(self, topic: str, kind: Any, read: Callable[[Any], float]) -> None:
@@ -77,7 +80,8 @@ class _Listener(BundleNode):
             except InputError as error:
                 self.bad[topic] = str(error)
                 return
-            rows.append((time.monotonic(), interface.stamp_ns(message.header.stamp), value))
+            stamp = interface.stamp_ns(message.header.stamp)
+            rows.append((time.monotonic(), stamp, self.latency(stamp), value))
         name = self.resolve_topic_name(topic)
         offers = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
         self.create_subscription(kind, topic, take, matching_qos(offers))
@@ -193,13 +197,13 @@ def _judge(node: _Listener, units: int, seconds: float, ambient: float,
     return findings
 
 
-def _judge_channel(name: str, rows: list[tuple[float, int, float]], bad: str | None,
+def _judge_channel(name: str, rows: list[tuple[float, int, float, float]], bad: str | None,
                    seconds: float, ambient: float, gauge: bool) -> list[Finding]:
     if bad:
         return [Finding(False, name, bad)]
     if len(rows) < 5:
         return [Finding(False, name, f'{len(rows)} messages in {seconds:g} s')]
-    times, stamps, values = (np.array(column) for column in zip(*rows))
+    times, stamps, latencies, values = (np.array(column) for column in zip(*rows))
     rate = (len(times) - 1) / max(times[-1] - times[0], 1e-9)
     findings = [Finding(rate >= _SLOWEST, f'{name} rate', f'{rate:.0f} Hz'
                         + ('' if rate >= _SLOWEST else f'; expected {_SLOWEST:g} Hz or more'))]
@@ -207,6 +211,8 @@ def _judge_channel(name: str, rows: list[tuple[float, int, float]], bad: str | N
     stamped = bool(np.all(stamps > 0) and np.all(steps >= 0) and np.any(steps > 0))
     findings.append(Finding(stamped, f'{name} stamps', 'rise' if stamped else
                             'are zero or go backwards; expected the time of the reading'))
+    if stamped:
+        findings.append(_judge_latency(name, latencies, rate))
     finite = values[np.isfinite(values)]
     if len(finite) < len(values):
         findings.append(Finding(False, f'{name} values',
@@ -218,6 +224,21 @@ def _judge_channel(name: str, rows: list[tuple[float, int, float]], bad: str | N
     if len(finite):
         findings.append(_judge_values(name, finite, ambient, gauge))
     return findings
+
+
+def _judge_latency(name: str, latencies: np.ndarray, rate: float) -> Finding:
+    """Say how old readings are when they come, and whether the clocks can agree."""
+    middle, late = np.quantile(latencies, (0.5, 0.99))
+    seen = f'{1e3 * middle:.1f} ms, jitter {1e3 * (late - middle):.1f} ms'
+    most = 3.0 / rate
+    if abs(middle) > _APART:
+        return Finding(True, f'{name} latency', f'{middle:.3g} s: the clocks of rig and this '
+                       'machine disagree; synchronise them (chrony, PTP) or set '
+                       'clocks_synchronised false', note=True)
+    if not -most < middle < late < most:
+        return Finding(True, f'{name} latency', f'{seen}: more than three samples '
+                       f'({1e3 * most:.0f} ms) are refused (max_latency)', note=True)
+    return Finding(True, f'{name} latency', f'{seen}; the clocks agree')
 
 
 def _judge_values(name: str, values: np.ndarray, ambient: float, gauge: bool) -> Finding:

@@ -4,8 +4,8 @@
 
 import pytest
 
-from fam_bundle_ros.control import OuterConfig, PidConfig, tune
-from fam_bundle_ros.control.loop_tuning import pressure_steps, tune_force
+from fam_bundle_ros.control import LoadModel, OuterConfig, PidConfig, tune
+from fam_bundle_ros.control.loop_tuning import pressure_steps, tune_force, tune_strain
 
 pytest.importorskip('control')
 
@@ -49,3 +49,32 @@ def test_what_is_learnt_to_be_late_makes_the_observer_patient():
     quick, late = tune_force(), tune_force(lag=0.03)
     assert late.settings['bias_time'] == pytest.approx(quick.settings['bias_time'] + 0.03)
     assert late.points[-1].gain_margin_db == pytest.approx(6.02, abs=0.05)
+
+
+@pytest.mark.parametrize('delay', [5e-3, 10e-3, 15e-3])
+@pytest.mark.parametrize('mass', [1.0, 3.0, 10.0])
+def test_the_strain_loop_keeps_its_margins_on_a_mass_without_damping(paper_bundle, delay, mass):
+    """6 dB and 29 degrees where stiffness is 0.6 to 1.5, force 0.7 to 1.3 of the model's."""
+    load = LoadModel(inertia=mass * paper_bundle.length)
+    result = tune_strain(paper_bundle, load, OuterConfig(delay=delay))
+    assert min(point.gain_margin_db for point in result.points) > 6.0
+    assert min(point.phase_margin_deg for point in result.points) > 28.9
+    assert result.settings['strain_integral'] > 0.0
+
+
+def test_strain_gains_that_know_of_no_delay_are_unstable_on_a_mass_without_damping(paper_bundle):
+    """A PD that adds stiffness and damping where it is formed: margins below 0, never settled."""
+    load = LoadModel(inertia=1.5 * paper_bundle.length)
+    result = tune_strain(paper_bundle, load, OuterConfig(
+        delay=10e-3, strain_gain=400.0, strain_integral=2000.0, strain_damping=12.0))
+    assert max(point.gain_margin_db for point in result.points) < 0.0
+    assert max(point.phase_margin_deg for point in result.points) < 0.0
+
+
+def test_a_longer_delay_leaves_less_damping(paper_bundle):
+    """Nor does it leave more of the integral."""
+    load = LoadModel(inertia=3.0 * paper_bundle.length)
+    found = [tune_strain(paper_bundle, load, OuterConfig(delay=delay)).settings
+             for delay in (0.0, 5e-3, 15e-3)]
+    for name in ('strain_damping', 'strain_integral'):
+        assert found[0][name] > found[1][name] > found[2][name]

@@ -54,6 +54,15 @@ def test_a_unit_that_adds_nothing_is_not_recruited(made):
     assert Machine(table, 1).tell(300.0)[1] == ''
 
 
+@pytest.mark.parametrize(('force', 'released'), [(-7.9, False), (-8.1, True)])
+def test_a_force_that_the_state_cannot_give_releases_whatever_the_margins(made, force, released):
+    """Two units push back with 8 N at least; a model that is 200 N off does not change that."""
+    machine = Machine(made(), 2, margin=200.0, hysteresis=400.0)
+    time, _ = machine.tell(force, duration=0.5)
+    assert (time == DT) == released
+    assert machine.machine.state == (1 if released else 2)
+
+
 def test_a_demand_that_turned_back_is_looked_at_with_care(made):
     """Recruited ahead and not needed: released on the way down, and then only when needed."""
     machine = Machine(made(), 1)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ROS graph in this process, with a probe that listens, speaks, calls and waits."""
 
+import subprocess
+import sys
 import time
 
 import pytest
@@ -117,8 +119,9 @@ class Graph:
         if not hasattr(self, '_supply_enable'):
             self._supply_enable = self.probe.create_publisher(
                 Bool, interface.SUPPLY_ENABLE, interface.RELIABLE)
-        self.until(lambda: (self._supply_enable.publish(interface.bool_message(value)),
-                            node._leave.heard and node._leave.given == value)[1],
+        self._supply_enable.publish(interface.bool_message(value))
+        self.until(lambda: (node._leave.heard and node._leave.given == value)
+                   or self._supply_enable.publish(interface.bool_message(value)),
                    'supply_enable')
 
     def answer_pressures(self, units, setpoint):
@@ -160,6 +163,17 @@ def make_graph(ros_context):
     yield make
     for each in graphs:
         each.close()
+
+
+@pytest.fixture
+def start():
+    """Return a function that starts an executable as its console script does."""
+    def start(node, *arguments):
+        return subprocess.Popen(
+            [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{node} import main; '
+             f'sys.argv[0] = "{node}"; sys.exit(main())', *arguments],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return start
 
 
 @pytest.fixture

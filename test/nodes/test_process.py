@@ -4,8 +4,6 @@
 
 import ast
 import signal
-import subprocess
-import sys
 
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
@@ -14,16 +12,8 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.resources import config_path
 
 
-def start(node, *arguments):
-    """Start an executable as its console script does."""
-    return subprocess.Popen(
-        [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{node} import main; '
-         f'sys.argv[0] = "{node}"; sys.exit(main())', *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_vents_and_exits_0(graph, number):
+def test_ctrl_c_vents_and_exits_0(graph, number, start):
     """The last command of a PID that is asked to end is to exhaust, and its status is 0."""
     process = start('pressure_pid', '--ros-args', '-p', 'motor_unit:=1')
     commands = graph.listen('mu1/valve_command', JointState)
@@ -45,7 +35,7 @@ def test_ctrl_c_vents_and_exits_0(graph, number):
     assert (process.returncode, errors) == (0, '')
 
 
-def test_killed_controller_leaves_no_pressure(graph):
+def test_killed_controller_leaves_no_pressure(graph, start):
     """SIGKILL of the whole controller: the simulator times out on its own."""
     from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
     rig = graph.add(PlantSimulator(context=graph.context, overrides={
@@ -90,7 +80,7 @@ def test_node_that_cannot_stop_leaves_the_others_vented(ros_context):
     ('reference_generator', 'repeet:=true', "did you mean 'repeat'?"),
     ('bundle_bringup', 'load.kind:=crane', "load.kind is 'crane'; expected one of dynamometer"),
 ])
-def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text):
+def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text, start):
     """What was given, what is expected, nothing else; for every executable."""
     process = start(node, '--ros-args', '-p', argument)
     _, errors = process.communicate(timeout=20)
@@ -100,7 +90,7 @@ def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text)
     assert text in errors
 
 
-def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path):
+def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path, start):
     """A file that is not there, or no YAML."""
     process = start('pressure_pid', '--ros-args', '--params-file', str(tmp_path / 'none.yaml'))
     _, errors = process.communicate(timeout=20)
@@ -109,14 +99,14 @@ def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path):
     assert 'Traceback' not in errors
 
 
-def test_unknown_argument_is_refused(domain_id):
+def test_unknown_argument_is_refused(domain_id, start):
     """A parameter without --ros-args would be ignored in silence."""
     process = start('pressure_pid', 'motor_unit:=2')
     _, errors = process.communicate(timeout=20)
     assert (process.returncode, 'given as --ros-args' in errors) == (2, True)
 
 
-def test_help_lists_the_parameters(domain_id):
+def test_help_lists_the_parameters(domain_id, start):
     """--help says what the node is for, and every parameter with its range."""
     process = start('pressure_pid', '--help')
     text, _ = process.communicate(timeout=20)

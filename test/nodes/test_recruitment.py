@@ -103,7 +103,7 @@ def test_lost_sensor_holds_then_vents_then_recovers(graph, bundle, fault, reason
     assert node._state == 'HOLD'
     assert node.setpoints == pytest.approx(before, abs=5e3)
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
-    assert any(reason in watch.reason for watch in node._watches)
+    assert any(reason in watch.reason for watch in node._oversight.watches)
     graph.set('plant_simulator', **dict.fromkeys(fault, ''))
     graph.advance(rig, 1.0)
     assert node._state == 'ACTIVE'
@@ -139,7 +139,7 @@ def test_frozen_force_is_not_believed(graph, bundle):
     graph.advance(rig, 0.5)
     graph.set('plant_simulator', faults__frozen='force')
     graph.advance(rig, lambda: node._state in ('HOLD', 'SENSOR'), 'the watch')
-    assert 'has shown exactly' in node._watches[0].reason
+    assert 'has shown exactly' in node._oversight.watches[0].reason
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
 
 
@@ -198,11 +198,11 @@ def test_emergency_stop_needs_enable_to_go_on(graph, bundle):
     rig, node = bundle(hold(60.0))
     graph.advance(rig, 0.5)
     graph.call(Trigger, 'e_stop_trigger')
-    graph.until(lambda: node._e_stop.on, 'the stop')
+    graph.until(lambda: node._oversight.e_stop.on, 'the stop')
     assert not graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
     graph.advance(rig, 0.3)
     graph.call(Trigger, 'e_stop_reset')
-    graph.until(lambda: not node._e_stop.on, 'the reset')
+    graph.until(lambda: not node._oversight.e_stop.on, 'the reset')
     graph.advance(rig, 0.3)
     assert rig.rig.truth.pressure.max() < 5e3
     assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
@@ -228,7 +228,7 @@ def over_pressure(graph, node):
     graph.set('plant_simulator', faults__stuck_valve='mu1=1.0')
     graph.until(lambda: node._guard.latched, 'the latch')
     graph.set('plant_simulator', faults__stuck_valve='')
-    graph.until(lambda: max(node._pressure) < 5e3, 'vented')
+    graph.until(lambda: max(node._oversight.pressure) < 5e3, 'vented')
 
 
 def time_out(graph, node):
@@ -273,9 +273,9 @@ def test_stop_of_one_button_is_not_taken_back_by_another(graph, live):
     graph.until(lambda: graph.probe.count_publishers('/bundle/e_stop') == 2
                 and button.get_subscription_count() >= 3, 'the button')
     button.publish(interface.bool_message(True))
-    graph.until(lambda: node._e_stop.on, 'the stop')
+    graph.until(lambda: node._oversight.e_stop.on, 'the stop')
     assert graph.call(Trigger, 'e_stop_reset').success
-    graph.until(lambda: node._e_stop.doubt, 'the False of the rig')
+    graph.until(lambda: node._oversight.e_stop.doubt, 'the False of the rig')
     answer = graph.call(SetBool, 'enable', SetBool.Request(data=True))
     assert not answer.success
     assert '2 publishers on e_stop' in answer.message
@@ -285,7 +285,7 @@ def test_stop_of_one_button_is_not_taken_back_by_another(graph, live):
     graph.probe.destroy_publisher(button)
     graph.until(lambda: graph.probe.count_publishers('/bundle/e_stop') == 1, 'one publisher')
     graph.call(Trigger, 'e_stop_reset')
-    graph.until(lambda: not node._e_stop.on, 'the reset')
+    graph.until(lambda: not node._oversight.e_stop.on, 'the reset')
     assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
 
 
@@ -363,7 +363,7 @@ def test_dead_force_is_seen_whatever_the_stamps(graph, stamps):
     dead.append('force')
     graph.until(lambda: node._state == 'HOLD', 'HOLD', 3.0)
     graph.until(lambda: node._state == 'SENSOR' and not any(node.setpoints), 'vent', 5.0)
-    assert 'force: nothing for' in node._watches[0].reason
+    assert 'force: nothing for' in node._oversight.watches[0].reason
 
 
 def test_reference_that_is_no_number_is_refused(graph, quiet):

@@ -21,6 +21,7 @@ from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
+from fam_bundle_ros.nodes.rig_check import _judge_latency
 from fam_bundle_ros.nodes.session import _parameters, check_rig, record, run_trajectory
 from fam_bundle_ros.plant import Dynamometer, MassSpring, Rig, SensorConfig
 from fam_bundle_ros.plant.rig import RigConfig
@@ -271,6 +272,19 @@ def test_check_rig_says_what_is_wrong(domain_id):
     assert 'nobody listens' in wrong['mu1/valve_command']
     assert 'nobody publishes it' in wrong['mu2/pressure']
     assert 'e_stop' in wrong
+    latency = next(f for f in findings if f.what == 'mu1/pressure latency')
+    assert ' ms, jitter ' in latency.detail
+
+
+@pytest.mark.parametrize(('latency', 'verdict', 'text'), [
+    (2e-3, 'ok', '2.0 ms, jitter 0.5 ms; the clocks agree'),
+    (20e-3, 'note', 'more than three samples (15 ms) are refused'),
+    (-3600.0, 'note', 'the clocks of rig and this machine disagree')])
+def test_check_rig_shows_latency_and_whether_the_clocks_agree(latency, verdict, text):
+    """Stamps against the clock of the machine that will control."""
+    late = np.append(np.full(197, latency), np.full(3, latency + 0.5e-3))
+    finding = _judge_latency('force', late, 200.0)
+    assert (finding.verdict, text in finding.detail) == (verdict, True), finding.detail
 
 
 @pytest.mark.parametrize(('pressure', 'gauge', 'verdict', 'text'), [

@@ -348,3 +348,29 @@ def test_dynamometer_follows_a_profile(graph, rig, tmp_path):
     drive(graph, 2, lambda unit, t: 0.0)
     graph.advance(rig, 0.25)
     assert rig.rig.truth.strain == pytest.approx(0.2 * graph.pacer.time, abs=1e-6)
+
+
+def test_supply_is_open_only_by_leave(graph, quiet):
+    """Never heard, false, or silent for supply_timeout: no air, and what is in goes out."""
+    rig = graph.add(PlantSimulator(context=graph.context, overrides=quiet))
+    supply = graph.listen('supply/pressure', FluidPressure)
+    send = command(graph, 1)
+
+    def fill(enough=lambda: False):
+        send(graph.probe.now_ns(), 0.1)
+        return enough()
+    end = time.monotonic() + 0.5
+    graph.until(lambda: fill(lambda: time.monotonic() > end), 'some time')
+    assert rig.rig.truth.pressure[0] < 1e3
+    assert supply[-1].fluid_pressure == pytest.approx(101325.0, abs=20e3)
+
+    def filled():
+        graph.enable_supply(rig, True)
+        return fill(lambda: rig.rig.truth.pressure[0] > 100e3)
+    graph.until(filled, 'pressure', 5.0)
+    # What was said last counts for half a second.
+    graph.until(lambda: fill(lambda: rig.rig.truth.pressure[0] < 5e3), 'vented in silence', 3.0)
+    graph.until(filled, 'pressure', 5.0)
+    graph.enable_supply(rig, False)
+    graph.until(lambda: fill(lambda: rig.rig.truth.pressure[0] < 5e3), 'vented', 3.0)
+    assert not rig.rig.e_stopped

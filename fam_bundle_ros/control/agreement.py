@@ -1,0 +1,123 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Holds the supply against its parameter, and the force against model and pressures.
+
+Knows nothing of ROS. Pressures are gauge.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from fam_bundle_ros.control.safety import kilopascals
+
+#: Least and largest of the supply over its parameter: the least is still covered by LEAST.
+SUPPLY_LEAST, SUPPLY_MOST = 0.8, 1.25
+
+
+class SupplyWatch:
+    """
+    Holds the supply's reading against its parameter.
+
+    Parameters
+    ----------
+    expected : float, Pa (gauge)
+    patience : float, s
+        How long it may be outside.
+
+    Examples
+    --------
+    >>> watch = SupplyWatch(600e3, 0.2)
+    >>> watch.see(0.0, 590e3), watch.see(0.1, 300.0), watch.see(0.4, 300.0)
+    (True, False, False)
+    >>> watch.text
+    'the supply shows 0 kPa, the parameter supply.pressure says 600 kPa'
+    """
+
+    def __init__(self, expected: float, patience: float):
+        self._expected = expected
+        self._patience = patience
+        self.begin()
+
+    def begin(self) -> None:
+        """Start anew."""
+        self._since: float | None = None
+        #: Why the supply is not believed; empty while it is, or not for long.
+        self.text = ''
+
+    def see(self, now: float, supply: float, patience: float | None = None) -> bool:
+        """Take a reading, Pa (gauge); return whether it agrees. nan, no reading, agrees."""
+        if not (supply < SUPPLY_LEAST * self._expected or supply > SUPPLY_MOST * self._expected):
+            self.begin()
+            return True
+        if self._since is None or now < self._since:
+            self._since = now
+        if now - self._since >= (self._patience if patience is None else patience):
+            self.text = (f'the supply shows {kilopascals(supply)}, the parameter supply.pressure '
+                         f'says {kilopascals(self._expected)}')
+        return False
+
+
+class ForceWatch:
+    """
+    Holds the force against what the pressures shown can make of it.
+
+    The force of each motor unit is taken at the ends of what its pressure may be; what is above
+    all of that is pulled by air that no sensor shows.
+
+    Parameters
+    ----------
+    unit_force : callable
+        Gets index of the motor unit, strain and pressure (Pa gauge); returns N.
+    tolerance : float, N
+        Error of model and load cell that is taken besides.
+    patience : float, s
+        How long a force may be too high; one that is too low counts only with ``off_target``.
+
+    Examples
+    --------
+    >>> watch = ForceWatch(lambda unit, strain, pressure: pressure / 4e3, 10.0, 0.02)
+    >>> watch.see(0.0, 60.0, 0.1, [160e3]), watch.see(0.1, 60.0, 0.1, [160e3])
+    ('', '')
+    >>> watch.see(0.2, 80.0, 0.1, [90e3]), watch.see(0.3, 80.0, 0.1, [90e3])
+    ('', 'force is 80 N; pressures shown give 33 N at most')
+    """
+
+    #: The pressure felt over the one shown: units differ by 7 % or so, gauges by less.
+    RATIO = 0.3
+    #: Pa: and an offset, as of a gauge that drifted.
+    OFFSET = 15e3
+
+    def __init__(self, unit_force: Callable[[int, float, float], float], tolerance: float,
+                 patience: float):
+        self._unit_force = unit_force
+        self._tolerance = tolerance
+        self._patience = patience
+        self.begin()
+
+    def begin(self) -> None:
+        """Start anew."""
+        self._since: float | None = None
+
+    def see(self, now: float, force: float, strain: float, pressure: Any,
+            off_target: bool = False) -> str:
+        """Take readings (N, 1, Pa gauge); return what is wrong, empty while nothing is."""
+        low = high = 0.0
+        for unit, shown in enumerate(pressure):
+            ends = [self._unit_force(unit, strain, max(end, 0.0)) for end in (
+                shown * (1.0 - self.RATIO) - self.OFFSET, shown,
+                shown * (1.0 + self.RATIO) + self.OFFSET)]
+            low += min(ends)
+            high += max(ends)
+        above = force > high + self._tolerance
+        below = off_target and force < low - self._tolerance
+        if not (above or below):
+            self.begin()
+            return ''
+        if self._since is None or now < self._since:
+            self._since = now
+        if now - self._since < self._patience:
+            return ''
+        least = '' if above else 'at least '
+        return (f'force is {force:.3g} N; pressures shown give {least}'
+                f'{high if above else low:.3g} N{" at most" if above else ""}')

@@ -1,0 +1,267 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the recruitment controller watches: readings, pressure loops, itself; and what latches."""
+
+from collections.abc import Callable
+import math
+import time
+
+import numpy as np
+
+from fam_bundle_ros.control import Measurement
+from fam_bundle_ros.control.agreement import ForceWatch
+from fam_bundle_ros.control.safety import (
+    FORCE,
+    Guard,
+    Health,
+    kilopascals,
+    LOST,
+    OVER_PRESSURE,
+    PID_LOST,
+    SensorWatch,
+    State,
+    STOPPED,
+    trip_pressure,
+    WatchConfig,
+)
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.nodes import interface, loops
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.e_stop import EmergencyStop
+from fam_bundle_ros.nodes.loops import PressureLoops
+from fam_bundle_ros.nodes.sensing import Sample, Sensing
+from fam_bundle_ros.nodes.supply_enable import TIMEOUT
+
+#: Pa: pressures that have moved by this since a force or strain last changed must move it.
+_MOVED = 30e3
+#: Share of the largest pressure below which one that was latched may be enabled again: readings
+#: that drifted are not held against it.
+_EMPTY = 0.1
+#: s that pressure loops get to hear of `enable`.
+_HEAR = 0.5
+#: Share of the blocked force by which model and load cell may be off.
+_FORCE_ERROR = 0.05
+
+
+class Oversight:
+    """
+    Watches for a node, and knows why it must not act.
+
+    Parameters
+    ----------
+    node : BundleNode
+        The recruitment controller, with its parameters.
+    bundle : Bundle
+    clock : callable
+        Returns the time that watches run on, s.
+    on_latch : callable
+        Called after something latched.
+    on_e_stop : callable
+        Called when the emergency stop goes on.
+
+    Attributes
+    ----------
+    guard : Guard
+    watches : list of SensorWatch
+        Force, strain, pressures.
+    loops : PressureLoops
+    e_stop : EmergencyStop
+    pressure : list of float, Pa
+        The last that was read.
+    """
+
+    def __init__(self, node: BundleNode, bundle: Bundle, clock: Callable[[], float],
+                 on_latch: Callable[[], None], on_e_stop: Callable[[], None]):
+        self._node, self._clock, self._on_latch = node, clock, on_latch
+        self._n = bundle.n
+        self._limit = bundle.max_pressure.tolist()
+        self.guard = Guard()
+        self.watches = self._make_watches()
+        self.pressure = [math.nan] * bundle.n
+        self.believe(bundle)
+        self._moved_from: dict[str, tuple[float, list[float]]] = {}
+        self._lost_since: float | None = None
+        self._enabled_at = 0.0
+        self._alive = time.monotonic()
+        self.loops = PressureLoops(node, bundle.n, self.latch)
+        self.e_stop = EmergencyStop(node, on_e_stop)
+
+    def _make_watches(self) -> list[SensorWatch]:
+        p = self._node.p
+
+        def config(low: float, high: float, stuck: float) -> WatchConfig:
+            return WatchConfig(low, high, p['sensor_timeout'], p['hold_time'],
+                               p['recovery_time'], stuck, self._node.max_latency)
+        return [
+            SensorWatch('force', 'N', config(p['force_low'], p['force_high'], p['stuck_time'])),
+            SensorWatch('strain', '', config(p['strain_low'], p['strain_high'],
+                                             p['strain_stuck_time'])),
+            *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0))
+              for i in range(self._n))]
+
+    def believe(self, bundle: Bundle) -> None:
+        """Hold the force against this model from now on."""
+        model = bundle.model(False)
+
+        def unit_force(unit: int, strain: float, pressure: float) -> float:
+            # A fresh memory: friction and the like are within the tolerance.
+            return float(model.force(unit, strain, 0.0, [pressure] * bundle.n, 0.0, 0.0, True,
+                                     model.shape, model.parameters, model.tables, model.memory,
+                                     model.after))
+        self._force_watch = ForceWatch(
+            unit_force, _FORCE_ERROR * float(bundle.blocked_force(bundle.max_pressure)),
+            3.0 / self._node.p['rate'])
+
+    # --- readings ------------------------------------------------------------------------------
+
+    @property
+    def readable(self) -> bool:
+        """Whether every reading can be trusted."""
+        return all(watch.health == Health.GOOD for watch in self.watches)
+
+    @property
+    def unreadable(self) -> str:
+        """Why readings cannot be trusted."""
+        return '; '.join(watch.reason for watch in self.watches
+                         if watch.health != Health.GOOD and watch.reason)
+
+    def trusted(self, sample: Sample, sensing: Sensing) -> Measurement:
+        """Return the readings with nan for those that cannot be trusted."""
+        now = self._clock()
+        self.pressure = sample.pressure
+        values = [sample.force, sample.strain, *sample.pressure]
+        for watch, (channel, meter), value in zip(self.watches, sensing.meters.items(), values):
+            last = meter.last
+            if self._node.lock_step:
+                watch.see(now, value, self._must_move(watch.name, value, sample.pressure))
+            elif last is not None and last != watch.age:
+                watch.see(last, value, self._must_move(watch.name, value, sample.pressure),
+                          sensing.latency[channel])
+                watch.check(now)
+            else:
+                watch.check(now)
+        force, strain, *pressure = (
+            value if watch.health == Health.GOOD else math.nan
+            for watch, value in zip(self.watches, values))
+        return Measurement(force, strain, sample.rate, np.array(pressure))
+
+    def _must_move(self, name: str, value: float, pressure: list[float]) -> bool:
+        """Whether pressures have moved so far that this reading cannot have stayed the same."""
+        if name not in ('force', 'strain'):
+            return False
+        before = self._moved_from.get(name)
+        if before is None or before[0] != value:
+            self._moved_from[name] = (value, pressure)
+            return False
+        return any(abs(a - b) > _MOVED for a, b in zip(pressure, before[1]))
+
+    # --- what latches --------------------------------------------------------------------------
+
+    def latch(self, cause: str, reason: str) -> None:
+        """Vent all until somebody enables again."""
+        if self.guard.latch(self._clock(), cause, reason):
+            self._on_latch()
+            self._node.get_logger().error(f'{cause}: {reason}; off until enabled again')
+
+    def look_at_pressure(self, unit: int, pressure: float) -> None:
+        """Latch at once where a pressure is too high; called for every reading."""
+        limit = self._trip(unit)
+        if pressure > limit:
+            self.latch(OVER_PRESSURE, f'mu{unit + 1} at {kilopascals(pressure)}, above '
+                       f'{kilopascals(limit)}')
+
+    def look(self, sample: Sample, enabled: bool, off_target: bool) -> None:
+        """Latch where a sample, the pressure loops or a long loss say so."""
+        for unit, pressure in enumerate(sample.pressure):
+            self.look_at_pressure(unit, pressure)
+        if not enabled:
+            self._lost_since = None
+            return
+        self._look_for_loss()
+        for watch in self.watches:
+            if watch.cause:
+                self.latch(watch.cause, watch.reason)
+        if silent := self.loops.silent(self._patience):
+            self.latch(PID_LOST, _silence(silent))
+        if self.guard.now.state is not State.ACTIVE:
+            self._force_watch.begin()
+        elif self.readable and (wrong := self._force_watch.see(
+                self._clock(), sample.force, sample.strain, sample.pressure, off_target)):
+            self.latch(FORCE, wrong)
+        if self._clock() - self._enabled_at > _HEAR:
+            for unit in range(self._n):
+                if latched := self.loops.latched(unit):
+                    self.latch(latched.partition(': ')[0], f'mu{unit + 1} stays latched after '
+                               f'enable, {latched}')
+
+    def _look_for_loss(self) -> None:
+        """Latch after a loss so long that nobody expects pressure to come back."""
+        now, patience = self._clock(), self._node.p['resume_within']
+        lost = [watch.reason for watch in self.watches if watch.health == Health.VENT]
+        if not lost:
+            self._lost_since = None
+        elif self._lost_since is None:
+            self._lost_since = now
+        if self._lost_since is not None and now - self._lost_since >= patience:
+            self.latch(LOST, f"{'; '.join(lost)}: vented for {patience:g} s")
+        if trouble := self.loops.troubled(patience):
+            self.latch(LOST, f'{trouble}, for {patience:g} s')
+
+    def notice_stop(self, enabled: bool) -> None:
+        """Latch when this process stood still for so long that the driver has cut the air."""
+        before, self._alive = self._alive, time.monotonic()
+        still = self._alive - before
+        if still > loops.PERIOD:
+            self.loops.excuse(still)
+        if enabled and not self._node.lock_step and (
+                still > max(TIMEOUT, self._node.p['sensor_timeout'])):
+            self.latch(STOPPED, f'this process stood still for {still:.2f} s')
+
+    # --- enable --------------------------------------------------------------------------------
+
+    def refusal(self) -> str:
+        """Return why the bundle cannot be enabled now; empty when it can."""
+        node, reasons = self._node, []
+        if self.e_stop.on:
+            reasons.append(': '.join(part for part in ('the emergency stop is on',
+                                                       self.e_stop.doubt) if part))
+        elif node.p['e_stop_required'] and not node.publisher_count(interface.E_STOP):
+            reasons.append('nobody publishes e_stop (for a rig that has none: e_stop_required '
+                           'false)')
+        silent = self.loops.silent(self._patience)
+        for unit, pressure in enumerate(self.pressure):
+            watch, limit = self.watches[2 + unit], self._trip(unit)
+            if unit in silent:
+                reasons.append(_silence([unit]))
+            if not node.lock_step and watch.health in (Health.WAITING, Health.VENT):
+                reasons.append(watch.reason)
+            elif pressure > limit:
+                reasons.append(f'mu{unit + 1} is at {kilopascals(pressure)}, above '
+                               f'{kilopascals(limit)}')
+            elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
+                reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
+                               f'{kilopascals(pressure)}')
+        return '; '.join(reasons)
+
+    def release(self) -> None:
+        """Begin anew: somebody has enabled."""
+        self._enabled_at, self._alive = self._clock(), time.monotonic()
+        self.guard.release(self._enabled_at)
+        # Sensors that are still out get the time anew, and a repeat may have been true.
+        self._lost_since = None
+        self._moved_from.clear()
+        self._force_watch.begin()
+        for watch in self.watches:
+            watch.forgive_repeats()
+
+    @property
+    def _patience(self) -> float:
+        """Silence of a pressure loop that is taken, s."""
+        return max(2.0 * float(self._node.p['sensor_timeout']), TIMEOUT)
+
+    def _trip(self, unit: int) -> float:
+        return trip_pressure(self._limit[unit], self._node.p['over_pressure_factor'])
+
+
+def _silence(units: list[int]) -> str:
+    return '; '.join(f'the pressure loop of mu{unit + 1} is silent' for unit in units)

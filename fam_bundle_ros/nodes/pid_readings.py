@@ -1,0 +1,66 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a pressure loop keeps of readings: the last ones, how long they are off, the gas volume."""
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+
+
+class Latest:
+    """The last reading (value, rate) of what the loop can do without, until it is too old."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._value, self._received = (math.nan, math.nan), -math.inf
+        self._seen = False
+
+    def take(self, value: float, rate: float = math.nan) -> None:
+        """Take a reading."""
+        self._value, self._received = (value, rate), time.monotonic()
+        self._seen = self._seen or math.isfinite(value)
+
+    def value(self, patience: float) -> tuple[float, float]:
+        """Return value and rate, nan where they are older than ``patience`` (s)."""
+        fresh = time.monotonic() - self._received <= patience
+        return self._value if fresh else (math.nan, math.nan)
+
+    def lost(self, patience: float) -> bool:
+        """Whether it was there once and is no more."""
+        return self._seen and not math.isfinite(self.value(patience)[0])
+
+
+class Stretch:
+    """How long a value has been far to one side."""
+
+    def __init__(self) -> None:
+        self.lasted = 0.0
+        self._side, self._since = 0, 0.0
+
+    def see(self, now: float, value: float, far: float) -> None:
+        """Take a value; beyond ``far`` to either side it is far."""
+        side = (value > far) - (value < -far)
+        if side != self._side or now < self._since:
+            self._side, self._since = side, now
+        self.lasted = now - self._since if side else 0.0
+
+
+class Volume:
+    """Gas volume and its slope over strain, tabulated: the model itself is too slow per tick."""
+
+    def __init__(self, bundle: Any, index: int, tube: float):
+        self._grid = np.linspace(-0.15, 0.5, 651)
+        volume = np.maximum(bundle.gas_volume(self._grid)[:, index], 0.0) + max(tube, 1e-7)
+        self._volume = volume.tolist()
+        self._slope = np.gradient(volume, self._grid).tolist()
+        #: Least and largest volume that the muscle can have at work, m^3.
+        self.ends = min(self._volume[150:451]), max(self._volume[150:451])
+
+    def at(self, strain: float) -> tuple[float | None, float]:
+        """Return volume (m^3) and dV/dstrain; (None, 0) where the strain is not known."""
+        if not -0.15 <= strain <= 0.5:
+            return None, 0.0
+        k = round((strain + 0.15) * 1000.0)
+        return self._volume[k], self._slope[k]

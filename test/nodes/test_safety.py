@@ -1,0 +1,264 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The controllers on a rig with faults of its own, over real ROS, with config/rig.yaml."""
+
+from collections import deque
+import math
+import signal
+
+from geometry_msgs.msg import WrenchStamped
+import pytest
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool, String
+from std_srvs.srv import SetBool
+import yaml
+
+from fam_bundle_ros.model import load_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.plant import Dynamometer, Rig, RigConfig, SupplyConfig
+from fam_bundle_ros.resources import config_path
+
+PERIOD = 5e-3
+AMBIENT = 101325.0
+TRIP = 396.4e3
+#: Pa, what a fully open valve lets in during two periods near the trip.
+TWO_PERIODS = 140e3
+
+
+class FaultyRig:
+    """A rig that obeys docs/driver.md, with sensors and valves that may be wrong."""
+
+    def __init__(self, graph, force, e_stop=True, supply=True):
+        self.graph, self.force = graph, force
+        self.rig = Rig(load_model(config_path('models/spie2021.yaml')), RigConfig(
+            load=Dynamometer(strain=0.1), supply=SupplyConfig(pressure=600e3), trip_pressure=1e7))
+        #: What goes wrong: pressures shown, valve commands that arrive, s of delay, stamp or not.
+        self.shown = lambda pressure: pressure
+        self.valves = lambda commands: commands
+        self.late, self.stamped, self.ambient = 0.0, True, AMBIENT
+        self.commands, self.leave = [(-1.0, 0), (-1.0, 0)], (False, 0)
+        self.highest, self.leaves, self.queue = 0.0, [], deque()
+        probe, make = graph.probe, graph.probe.create_publisher
+        self.outputs = [(make(WrenchStamped, 'force', 10), interface.force_message),
+                        (make(JointState, 'strain', 10), lambda stamp, strain:
+                         interface.strain_message(stamp, strain, 0.0, 0.127))]
+        self.outputs += [(make(FluidPressure, topic, 10), self.pressure) for topic in (
+            'mu1/pressure', 'mu2/pressure', *(['supply/pressure'] if supply else []))]
+        self.reference = make(WrenchStamped, 'reference/force', 10)
+        if e_stop:
+            make(Bool, 'e_stop', interface.LATCHED).publish(Bool(data=False))
+        for unit in (1, 2):
+            def command(message, unit=unit):
+                self.commands[unit - 1] = (message.effort[0],
+                                           interface.stamp_ns(message.header.stamp))
+            probe.create_subscription(JointState, interface.valve_topic(unit), command, 1)
+        probe.create_subscription(Bool, 'supply_enable', self.take, interface.RELIABLE)
+        probe.every(PERIOD, self.tick)
+
+    def pressure(self, stamp, value):
+        return interface.pressure_message(stamp, value, self.ambient)
+
+    def take(self, message):
+        self.leave = message.data, self.graph.probe.now_ns()
+        self.leaves.append(message.data)
+
+    def tick(self):
+        now = self.graph.probe.now_ns()
+        given = self.leave[0] and now - self.leave[1] < 500_000_000
+        self.rig.open_supply(given)
+        self.rig.step(self.valves([
+            command if given and (now - stamp < 100_000_000 or self.late) else -1.0
+            for command, stamp in self.commands]), PERIOD)
+        self.highest = max(self.highest, *self.rig.truth.pressure)
+        read = self.rig.readings
+        self.queue.append((now, (read.force, read.strain, *self.shown(read.pressure.tolist()),
+                                 read.supply if self.ambient else read.supply * 1e-3)))
+        while len(self.queue) > 1 and now - self.queue[1][0] >= self.late * 1e9:
+            self.queue.popleft()
+        stamp, values = self.queue[0]
+        if now - stamp >= self.late * 1e9:
+            for (publisher, write), value in zip(self.outputs, values):
+                publisher.publish(write(stamp if self.stamped else 0, value))
+        self.reference.publish(interface.force_message(now, self.force(now * 1e-9)))
+
+
+@pytest.fixture
+def rig(graph):
+    """Return a function that adds the rig and the controllers; enabled unless told otherwise."""
+    def begin(force=lambda t: 60.0, enable=True, pids=(1, 2), gauge=False, **keywords):
+        # Timeouts of a machine that does other things too; limits and latches are the rig's.
+        values = {**yaml.safe_load(config_path('rig.yaml').read_text())['/**']['ros__parameters'],
+                  'sensor_timeout': 0.5, 'max_latency': 0.1, 'pressure_is_gauge': gauge}
+        graph.add(*[PressurePidNode(unit, context=graph.context, overrides=values)
+                    for unit in pids],
+                  RecruitmentNode(context=graph.context, overrides=values))
+        rig = FaultyRig(graph, force, **keywords)
+        rig.node = graph._nodes[-1]
+        if enable:
+            graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
+            assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+        return rig
+    return begin
+
+
+def sine(time):
+    """Return a reference that fills and vents all the time."""
+    return 60.0 + 30.0 * math.sin(6.28 * time)
+
+
+def enabled(graph):
+    """Ask for enable; return success and message."""
+    answer = graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    return answer.success, answer.message
+
+
+def vented(graph, rig, within=3.0):
+    """Wait until the bundle is latched, its supply cut, and empty."""
+    graph.until(lambda: rig.node._guard.latched, 'the latch', within)
+    graph.until(lambda: rig.leaves[-1] is False, 'supply_enable false', 0.5)
+    graph.until(lambda: max(rig.rig.truth.pressure) < 5e3, 'empty', 2.0)
+    assert rig.highest < TRIP + TWO_PERIODS
+
+
+def test_a_sound_rig_is_controlled_without_an_alarm(graph, rig):
+    """supply_enable is false before enable, true after it, at 10 Hz, and nothing latches."""
+    rig = rig(sine, enable=False)
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
+    assert set(rig.leaves) <= {False}
+    assert enabled(graph) == (True, 'on, from the pressures as they are')
+    graph.until(lambda: max(rig.rig.truth.pressure) > 150e3, 'pressure')
+    count = len(rig.leaves)
+    graph.spin(1.0)
+    assert set(rig.leaves[count:]) == {True}
+    assert 7 <= len(rig.leaves) - count <= 12
+    assert not rig.node._guard.latched
+
+
+@pytest.mark.parametrize('supply', [True, False])
+def test_gauge_kilopascals_let_no_air_in(graph, rig, supply):
+    """The unit that check-rig's hint leads to, with and without a supply that tells."""
+    rig = rig(enable=False, gauge=True, supply=supply)
+    rig.ambient, rig.shown = 0.0, lambda pressure: [1e-3 * p for p in pressure]
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
+    assert enabled(graph)[0]
+    vented(graph, rig)
+    assert rig.highest < 200e3
+    assert rig.node._state == ('SUPPLY' if supply else 'NO_RESPONSE')
+
+
+FAULTS = {
+    'half': (lambda rig: setattr(rig, 'shown', lambda p: [0.5 * x for x in p])),
+    'exchanged': (lambda rig: setattr(rig, 'shown', lambda p: p[::-1])),
+    'late': (lambda rig: setattr(rig, 'late', 0.3)),
+    'no stamps': (lambda rig: setattr(rig, 'stamped', False)),
+    'reversed': (lambda rig: setattr(rig, 'valves', lambda c: [-x for x in c])),
+    'hangs open': (lambda rig: setattr(rig, 'valves', lambda c: [1.0, c[1]])),
+}
+
+
+def freeze(rig):
+    """Let the pressures stand still as they are now."""
+    last = rig.rig.readings.pressure.tolist()
+    rig.shown = lambda pressure: last
+
+
+@pytest.mark.parametrize('fault', [*FAULTS, 'frozen'])
+def test_fault_at_work_latches_and_comes_back_by_enable_only(graph, rig, fault):
+    """Found in a sine, below trip and two periods of air; repaired, it stays vented."""
+    rig = rig(sine)
+    graph.until(lambda: max(rig.rig.truth.pressure) > 150e3, 'pressure')
+    graph.spin(0.4)
+    FAULTS.get(fault, freeze)(rig)
+    vented(graph, rig)
+    rig.shown, rig.valves, rig.late, rig.stamped = (lambda p: p), (lambda c: c), 0.0, True
+    graph.spin(0.6)
+    assert max(rig.rig.truth.pressure) < 5e3
+    graph.until(lambda: enabled(graph)[0], 'enable')
+    graph.until(lambda: max(rig.rig.truth.pressure) > 150e3, 'pressure')
+
+
+@pytest.mark.parametrize('fault', ['half', 'exchanged', 'reversed'])
+def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
+    """Before any force is reached."""
+    rig = rig(enable=False)
+    # Until the supply is empty, as it is without leave.
+    graph.spin(0.5)
+    FAULTS[fault](rig)
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
+    assert enabled(graph)[0]
+    vented(graph, rig)
+
+
+def test_enable_names_what_speaks_against_it(graph, rig):
+    """Nobody publishes e_stop, a pressure loop is silent, a motor unit is too high."""
+    rig = rig(enable=False, pids=(2,), e_stop=False)
+    graph.until(lambda: rig.node._oversight.watches[2].age is not None, 'readings')
+    graph.until(lambda: rig.node._oversight.loops.silent(10.0) == [0], 'the loop of mu2')
+    success, message = enabled(graph)
+    assert not success
+    assert 'nobody publishes e_stop' in message
+    assert 'the pressure loop of mu1 is silent' in message
+    assert 'mu2' not in message
+    rig.shown = lambda pressure: [pressure[0], 500e3]
+    graph.until(lambda: max(rig.node._oversight.pressure) > 400e3, 'the reading')
+    assert 'mu2 is at 500 kPa, above 396 kPa' in enabled(graph)[1]
+    graph.spin(0.3)
+    assert set(rig.leaves) == {False}
+
+
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
+def test_a_pressure_loop_that_dies_or_stops_vents_all(graph, rig, number, start):
+    """The other motor unit is not loaded in its place, and its return brings no pressure."""
+    process = start('pressure_pid', '--ros-args', '--params-file', str(config_path('rig.yaml')),
+                    '-r', '__node:=pressure_pid_mu1', '-p', 'max_latency:=0.1')
+    try:
+        rig = rig(sine, pids=(2,))
+        graph.until(lambda: rig.rig.truth.pressure[0] > 150e3, 'pressure')
+        process.send_signal(number)
+        vented(graph, rig)
+        assert rig.node._state in ('PID_LOST', 'NO_RESPONSE', 'UNEXPLAINED_PRESSURE')
+        process.send_signal(signal.SIGCONT)
+        graph.spin(0.6)
+        assert max(rig.rig.truth.pressure) < 5e3
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
+    """It cannot know what happened meanwhile."""
+    rig = rig(sine)
+    graph.until(lambda: max(rig.rig.truth.pressure) > 100e3, 'pressure')
+    rig.node._oversight._alive -= 2.0
+    vented(graph, rig)
+    assert rig.node._state == 'STOPPED'
+
+
+def test_limits_are_not_raised_while_it_acts(graph, rig):
+    """Lower is welcome; higher has to wait until it is off."""
+    rig = rig()
+    graph.until(lambda: rig.node._state == 'ACTIVE', 'ACTIVE')
+    for node in ('recruitment_controller', 'pressure_pid_mu1'):
+        graph.until(lambda: rig.rig.truth.pressure[0] > 100e3, 'pressure')
+        refused = graph.set(node, over_pressure_factor=3.0)[0]
+        assert not refused.successful
+        assert 'it may be lowered from 1.15 and not set to 3' in refused.reason
+        assert graph.set(node, over_pressure_factor=1.12)[0].successful
+    assert not graph.set('recruitment_controller', reference_timeout=0.0)[0].successful
+    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    graph.until(lambda: rig.node._state == 'OFF', 'OFF')
+    assert graph.set('recruitment_controller', over_pressure_factor=1.2)[0].successful
+
+
+def test_every_pressure_loop_says_how_it_is(graph, rig):
+    """One word, a cause and a reason, for who listens and for who comes late."""
+    rig = rig(sine)
+    graph.until(lambda: rig.rig.truth.pressure[0] > 100e3, 'pressure')
+    said = graph.listen('mu1/pid_state', String, interface.LATCHED)
+    graph.until(lambda: said and said[-1].data == 'ACTIVE', 'ACTIVE')
+    graph.spin(0.4)
+    graph.until(lambda: rig.rig.truth.pressure[0] > 150e3, 'pressure')
+    FAULTS['half'](rig)
+    graph.until(lambda: said[-1].data.startswith('LATCHED NO_RESPONSE: mu1 shows'), 'the latch')
