@@ -15,7 +15,7 @@ from fam_bundle_ros.errors import InputError
 OWN_WAYS = {
     'atomic.py': 'the one way', 'mcapfile.py': 'a bag grows, whole after every flush',
     'model/source.py': 'cache, beside and renamed', 'workbench/intake.py': 'scratch file',
-    'workbench/worker.py': 'a pipe',
+    'workbench/worker.py': 'a pipe', 'nodes/fault_processes.py': 'scratch file',
 }
 
 
