@@ -34,7 +34,6 @@ from fam_bundle_ros.nodes.base import BundleNode, COMMON
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.plant import ChamberConfig
 
-SUPPLY_ENABLE = 'supply_enable'
 UNITS = 2
 #: Name in the table, module of the executable, its own parameters.
 NODES: tuple[tuple[str, str, dict[str, Any]], ...] = (
@@ -92,7 +91,7 @@ class _Witness(BundleNode):
         self._commands = [(-math.inf, -1.0)] * UNITS
         self._supply = (-math.inf, True)
         self.subscribe(interface.FORCE, WrenchStamped, self._on_force)
-        self.subscribe(SUPPLY_ENABLE, Bool, self._on_supply, interface.RELIABLE)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_supply, interface.RELIABLE)
         for i in range(UNITS):
             self.subscribe(interface.pressure_topic(i + 1), FluidPressure,
                            partial(self._on_pressure, i))

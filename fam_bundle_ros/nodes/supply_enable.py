@@ -31,18 +31,25 @@ class SupplyEnable:
     """
 
     def __init__(self, node: BundleNode):
-        self._publish = node.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
-        #: What was said last.
-        self.value = False
-        self._publish(False)
+        self._send = node.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
+        self._say(False)
         if not node.lock_step:
-            node.every(PERIOD, lambda: self._publish(self.value))
+            node.every(PERIOD, self._beat)
 
     def set(self, value: bool) -> None:
         """Say at once whether the supply may be open, where that is new."""
         if value != self.value:
-            self.value = value
-            self._publish(value)
+            self._say(value)
+
+    def _beat(self) -> None:
+        # A leave that has lapsed is not renewed by the way: its owner has to give it again.
+        self._say(self.value and time.monotonic() - self._said <= TIMEOUT)
+
+    def _say(self, value: bool) -> None:
+        #: What was said last.
+        self.value = value
+        self._said = time.monotonic()
+        self._send(value)
 
 
 class Leave:

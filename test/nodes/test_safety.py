@@ -15,8 +15,10 @@ import yaml
 
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.nodes.supply_enable import SupplyEnable
 from fam_bundle_ros.plant import Dynamometer, Rig, RigConfig, SupplyConfig
 from fam_bundle_ros.resources import config_path
 
@@ -234,6 +236,18 @@ def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
     rig.node._oversight._alive -= 2.0
     vented(graph, rig)
     assert rig.node._state == 'STOPPED'
+
+
+def test_a_leave_that_has_lapsed_is_not_renewed_by_the_heartbeat(graph):
+    """A process that stood still may say true again only after it has looked around."""
+    node = graph.add(BundleNode('owner', (), context=graph.context))
+    supply = SupplyEnable(node)
+    said = graph.listen('supply_enable', Bool, interface.RELIABLE)
+    graph.until(lambda: supply.set(True) or (said and said[-1].data), 'true')
+    supply._said -= 2.0
+    graph.until(lambda: not said[-1].data, 'false')
+    graph.spin(0.3)
+    assert not said[-1].data
 
 
 def test_limits_are_not_raised_while_it_acts(graph, rig):
