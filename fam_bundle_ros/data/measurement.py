@@ -340,7 +340,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     if not np.ptp(time) > 0:
         raise InputError(f'{name}: time stands still at {time[0]:.6g} s; expected it to increase, '
                          'or no column for it')
-    rate, rate_noise = rates.slope(time, strain, trials.of_row)
+    rate, rate_noise, _ = rates.slope(time, strain, trials.of_row)
     rate = named.get('strain_rate', rate)
     direction, basis = _directions(time, strain, pressure, trials.of_row, rate, rate_noise)
     return Measurement(name, strain, pressure, force, trials.of_row, time, rate, rate_noise,
@@ -399,7 +399,7 @@ def _directions(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray, tria
     # the motor unit whose pressure changes most says which way
     column = pressure[:, int(np.argmax(pressure.std(axis=0)))]
     if resting.any() and np.ptp(column) > _REST_PRESSURE * top:
-        slope, noise = rates.slope(time, column, trial)
+        slope, noise, _ = rates.slope(time, column, trial)
         least = max(_REST_PRESSURE * top, 2.0 * rates.signal_step(column, trial))
         filling = rates.direction(time, slope, noise, trial, least)
         way = np.where(resting, filling, way)

@@ -8,6 +8,8 @@ widest that the data bear: it grows until the rate is clean enough or the fit st
 strain's own bends.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
@@ -110,9 +112,17 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     return best
 
 
-def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> tuple[np.ndarray, float]:
+class Slope(NamedTuple):
+    """A smoothed slope (T,) per s, the standard deviation of its noise, and its window in rows."""
+
+    rate: np.ndarray
+    noise: float
+    window: int
+
+
+def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     """
-    Return the smoothed slope of a signal, (T,) per s, and the standard deviation of its noise.
+    Return the smoothed slope of a signal.
 
     Parameters
     ----------
@@ -125,7 +135,7 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> tuple[np.nd
     bounds = np.flatnonzero(np.diff(trial)) + 1
     parts = np.split(np.arange(len(time)), bounds)
     step = np.median(np.diff(time)[np.diff(trial) == 0]) if len(time) > len(parts) else 1.0
-    best, best_noise = np.zeros(len(time)), 0.0
+    best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
     for window in _WINDOWS:
         half = window // 2
         fitted, rate = np.empty(len(time)), np.empty(len(time))
@@ -138,10 +148,10 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> tuple[np.nd
         expected = noise ** 2 * leverage
         if window > _WINDOWS[0] and missed > 1.3 * expected + (0.3 * noise) ** 2:
             break
-        best, best_noise = rate, rate_noise
+        best = Slope(rate, float(rate_noise), window)
         if rate_noise < 0.005 * np.sqrt(np.mean(rate ** 2)):
             break
-    return best, float(best_noise)
+    return best
 
 
 def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
@@ -194,3 +204,33 @@ def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.n
     duration[np.append(np.diff(trial) != 0, True)] = 0.0
     travel = np.bincount(run, np.abs(rate) * duration)
     return np.where(travel[run] < least, 0, way)
+
+
+def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
+    """
+    Return which rows are at a turning point, (T,) bool: as near as half the window of the slope.
+
+    A rest between motions of opposite directions belongs to it; one that is longer than the
+    window is a hold, and no turning point.
+
+    Parameters
+    ----------
+    moving : ndarray of int, shape (T,)
+        +1, -1, and 0 where the motion is not beyond its own noise.
+    trial : ndarray of int, shape (T,)
+    window : int
+    """
+    change = np.ones(len(moving), bool)
+    change[1:] = (np.diff(moving) != 0) | (np.diff(trial) != 0)
+    begin = np.flatnonzero(change)
+    end = np.append(begin[1:], len(moving))
+    way, of = moving[begin], trial[begin]
+    rest = (way[1:-1] == 0) & (end - begin <= window)[1:-1]
+    through_rest = np.flatnonzero(rest & (way[:-2] * way[2:] < 0) & (of[:-2] == of[2:])) + 1
+    at_once = np.flatnonzero((way[:-1] * way[1:] < 0) & (of[:-1] == of[1:]))
+    turns = np.zeros(len(moving), bool)
+    for first, last in (*zip(begin[through_rest], end[through_rest]),
+                        *zip(end[at_once], end[at_once])):
+        near = slice(max(first - window // 2, 0), last + window // 2)
+        turns[near] |= trial[near] == trial[first]
+    return turns

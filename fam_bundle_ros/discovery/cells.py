@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
 from fam_bundle_ros.data.noise import noise_floor
+from fam_bundle_ros.data.rates import slope, turning
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.outliers import spikes
 from fam_bundle_ros.discovery.predict import matched, motion
@@ -104,8 +105,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
     Parameters
     ----------
     model : Bundle
-        Its residual shows the noise and rows that stand alone; those are in no cell, nor is the
-        row with which a trial of a log begins (see `entered`).
+        Its residual shows the noise and rows that stand alone; those are in no cell, nor are
+        rows of a log where the direction of motion is not known (see `unknown_direction`).
     measurement : Measurement
     most : int
         Most cells; where visits are more, an even choice of them is kept.
@@ -124,7 +125,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
     strain_range = max(float(np.ptp(data.strain)), 1e-6)
     pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
     label = _labels(data, strain_range, pressure_range, most)
-    label = np.where(spikes(data, residual, noise) | entered(data), -1, label)
+    label = np.where(spikes(data, residual, noise) | unknown_direction(data), -1, label)
     label = _renumbered(label)
     if label.max() + 1 > most:
         kept = np.unique(np.linspace(0, label.max(), most).astype(int))
@@ -142,17 +143,21 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
                  pressure_range)
 
 
-def entered(data: Measurement) -> np.ndarray:
+def unknown_direction(data: Measurement) -> np.ndarray:
     """
-    Return which rows are the first of a trial of a log, (T,) bool.
+    Return which rows of a log tell a force but not which way the muscle moved, (T,) bool.
 
-    How the muscle came there is in no row: neither the direction of motion nor the memory of a
-    loss is known. Where trials are cut at turning points friction is off there by its size, in
-    every trial at the same strain, and that looks like an effect of the strain.
+    The first of each trial: how the muscle came there is in no row, nor is the memory of a loss.
+    Where trials are cut at turning points friction is off there by its size, in every trial at
+    the same strain, and that looks like an effect of the strain. And rows at a turning point: the
+    sign of the rate is known to the window of its smoothing, and friction is off by twice its
+    size.
     """
-    if data.is_static:
+    if data.time is None:
         return np.zeros(len(data), bool)
-    return data.start & ~np.append(data.start[1:], True)  # a trial of one row stays
+    first = data.start & ~np.append(data.start[1:], True)  # a trial of one row stays
+    moving = np.where(data.direction_basis == BY_STRAIN, data.direction, 0)
+    return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
 
 
 def _renumbered(label: np.ndarray) -> np.ndarray:

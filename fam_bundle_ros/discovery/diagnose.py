@@ -31,7 +31,13 @@ from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
+from fam_bundle_ros.discovery.held_out import (
+    beyond_cells,
+    held_out,
+    held_out_physics,
+    HeldOut,
+    squares_of_folds,
+)
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import family, Options
 from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
@@ -171,6 +177,7 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
     """
     Return the chosen set, or one as probable that foretells unseen rows better.
 
+    The most probable one within a standard error of the best on the folds (Breiman et al. 1984).
     Only where structure is left: down to the noise folds can tell nothing that evidence does not.
     """
     fitter = search.fitter
@@ -179,8 +186,10 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
     ties = [fit for fit in Posterior.of(search).fits if fit is not chosen
             and fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
     tried = [chosen, *ties]
-    errors = [held_out_physics(fitter, fitter.without_discrepancy(fit)) for fit in tried]
-    best = tried[int(np.argmin(errors))]
+    squares = [squares_of_folds(fitter, fitter.without_discrepancy(fit)) for fit in tried]
+    least = min(squares, key=np.sum)
+    best = next(fit for fit, each in zip(tried, squares) if np.sum(each - least)
+                <= np.sqrt(len(least)) * np.std(each - least, ddof=len(least) > 1))
     order = changes(search.options, best.names)
     return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
 

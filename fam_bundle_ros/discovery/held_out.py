@@ -103,15 +103,24 @@ def beyond_cells(cells: Cells, fit: Fit, error: float) -> float:
 
 def held_out_physics(fitter: Fitter, fit: Fit) -> float:
     """Return the held-out error of a fit without discrepancy, N rms."""
+    return float(np.sqrt(squares_of_folds(fitter, fit).sum()))
+
+
+def squares_of_folds(fitter: Fitter, fit: Fit) -> np.ndarray:
+    """
+    Return what each fold adds to the held-out mean square of a fit without discrepancy, N^2.
+
+    One number, of the fit itself, where the data offer no folds.
+    """
     cells = fitter.cells
-    total, count = 0.0, 0.0
+    found, rows = [], 0.0
     for _, train, test in _folds(cells):
         missed = _without(fitter, fit, train)[test]
-        total += float(np.sum(cells.count[test] * missed ** 2))
-        count += float(cells.count[test].sum())
-    if not count:
-        return float(np.sqrt(np.average(fit.residual ** 2, weights=cells.count)))
-    return float(np.sqrt(total / count))
+        found.append(float(np.sum(cells.count[test] * missed ** 2)))
+        rows += float(cells.count[test].sum())
+    if not found:
+        return np.array([np.average(fit.residual ** 2, weights=cells.count)])
+    return np.array(found) / rows
 
 
 def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:

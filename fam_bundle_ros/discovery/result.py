@@ -169,7 +169,8 @@ class Diagnosis:
         Plain shapes of the error where no effect explains it (or of what is left).
     notes : tuple of str
     rows_left_out : int
-        Spikes, first rows of trials, and visits beyond those that were worked with.
+        Spikes, rows where the direction of motion is not known, and visits beyond those that
+        were worked with.
     confounding : tuple
         Parameter keys and their matrix of correlations.
     held_out : HeldOut

@@ -129,8 +129,9 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         notes.append(floor.note)
     left_out = int((cells.label < 0).sum())
     if left_out:
-        notes.append(f'{left_out} of {len(cells.label)} rows are in no cell: spikes, the first '
-                     'row of a trial, or visits beyond the number that is worked with')
+        notes.append(f'{left_out} of {len(cells.label)} rows are in no cell: spikes, rows where '
+                     'the direction of motion is not known (the first of a trial, turning '
+                     'points), or visits beyond the number that is worked with')
     if data.force.std() < 0.1 * abs(data.force.mean()):
         notes.append(f'the force hardly changes ({data.force.mean():.3g} N, standard deviation '
                      f'{data.force.std():.2g} N): such data fix neither the scale of the model '

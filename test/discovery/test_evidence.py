@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.stats import multivariate_normal
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery.cells import entered, reduce
+from fam_bundle_ros.discovery.cells import reduce, unknown_direction
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import head, Options
@@ -61,9 +61,20 @@ def test_the_row_with_which_a_trial_begins_is_in_no_cell(sweeps, paper_muscle):
     """How the muscle came there is in no row; a trial of one row has nothing else and stays."""
     data = sweeps(paper_muscle.with_effect('coulomb_friction'))
     assert (reduce(paper_muscle, data).label[data.start] == -1).all()
-    one = entered(data.select(np.r_[True, np.zeros(len(data) - 1, bool)]))
+    one = unknown_direction(data.select(np.r_[True, np.zeros(len(data) - 1, bool)]))
     assert one.tolist() == [False]
-    assert entered(data).sum() == len(data.trial_names)
+    assert unknown_direction(data).sum() == len(data.trial_names)
+
+
+def test_rows_at_a_turning_point_are_in_no_cell_but_a_hold_is(paper_muscle):
+    """The sign of the rate is known to the window of its smoothing; a rest of 2 s is a rest."""
+    time = np.arange(0.0, 12.0, 0.01)
+    strain = np.interp(time, [0, 2, 4, 6, 8, 10, 12], [0, 0.2, 0, 0.2, 0.2, 0, 0.1])
+    strain = strain + 5e-5 * np.random.default_rng(0).standard_normal(len(time))
+    data = build('log', strain, np.full((len(time), 1), 2e5), 50.0 - 100.0 * strain, None, time)
+    out = time[unknown_direction(data)]
+    assert {2, 4, 10} <= set(np.round(out).astype(int)) <= {0, 2, 4, 10}
+    assert np.abs(out[:, None] - [0, 2, 4, 10]).min(axis=1).max() < 0.2
 
 
 def test_averaging_takes_vectors_and_columns_alike(problem):
