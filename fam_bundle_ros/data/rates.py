@@ -208,10 +208,9 @@ def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.n
 
 def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     """
-    Return which rows are at a turning point, (T,) bool: as near as half the window of the slope.
+    Return which rows are at a turning point, (T,) bool: at rest between opposite motions.
 
-    A rest between motions of opposite directions belongs to it; one that is longer than the
-    window is a hold, and no turning point.
+    A rest that is longer than the window of the slope is a hold, and no turning point.
 
     Parameters
     ----------
@@ -219,18 +218,14 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
         +1, -1, and 0 where the motion is not beyond its own noise.
     trial : ndarray of int, shape (T,)
     window : int
+        Rows over which the slope was smoothed.
     """
     change = np.ones(len(moving), bool)
     change[1:] = (np.diff(moving) != 0) | (np.diff(trial) != 0)
     begin = np.flatnonzero(change)
-    end = np.append(begin[1:], len(moving))
+    length = np.diff(begin, append=len(moving))
     way, of = moving[begin], trial[begin]
-    rest = (way[1:-1] == 0) & (end - begin <= window)[1:-1]
-    through_rest = np.flatnonzero(rest & (way[:-2] * way[2:] < 0) & (of[:-2] == of[2:])) + 1
-    at_once = np.flatnonzero((way[:-1] * way[1:] < 0) & (of[:-1] == of[1:]))
-    turns = np.zeros(len(moving), bool)
-    for first, last in (*zip(begin[through_rest], end[through_rest]),
-                        *zip(end[at_once], end[at_once])):
-        near = slice(max(first - window // 2, 0), last + window // 2)
-        turns[near] |= trial[near] == trial[first]
-    return turns
+    turns = np.zeros(len(begin), bool)
+    turns[1:-1] = ((way[1:-1] == 0) & (way[:-2] * way[2:] < 0) & (of[:-2] == of[2:])
+                   & (length[1:-1] <= window))
+    return np.repeat(turns, length)

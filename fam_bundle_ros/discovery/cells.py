@@ -149,9 +149,8 @@ def unknown_direction(data: Measurement) -> np.ndarray:
 
     The first of each trial: how the muscle came there is in no row, nor is the memory of a loss.
     Where trials are cut at turning points friction is off there by its size, in every trial at
-    the same strain, and that looks like an effect of the strain. And rows at a turning point: the
-    sign of the rate is known to the window of its smoothing, and friction is off by twice its
-    size.
+    the same strain, and that looks like an effect of the strain. And rows at a turning point
+    where the rate is not beyond its noise: friction is off by up to twice its size.
     """
     if data.time is None:
         return np.zeros(len(data), bool)
