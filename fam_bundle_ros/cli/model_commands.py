@@ -168,7 +168,7 @@ def _tune_outer(loop: str, period: float, delay: float, gain_error: float, inert
         raise InputError(f"--loop is '{loop}'; expected pressure, force or strain")
     console.print('[bold]' + '   '.join(f'{name} {value:.4g}' for name, value
                                         in result.settings.items()) + '[/bold]')
-    table(("true gain over the model's", "stiffness over the model's", 'gain margin (dB)',
+    table(("true gain over the model's", 'stiffness over its mean', 'gain margin (dB)',
            'phase margin (°)', 'delay margin (ms)', 'overshoot (%)', 'settling (ms)'),
           [(1.0 + p.gain_error, p.stiffness, p.gain_margin_db, p.phase_margin_deg,
             1e3 * p.delay_margin, 100.0 * p.overshoot, 1e3 * p.settling) for p in result.points],

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
-from fam_bundle_ros.control.outer_loop import muscle_stiffness, outer_settings
+from fam_bundle_ros.control.outer_loop import loop_stiffnesses, outer_settings
 from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.strain_gains import GAIN_ERRORS, RATE_LAG, STIFFNESSES
+from fam_bundle_ros.control.strain_gains import drag_of, GAIN_ERRORS, RATE_LAG
 from fam_bundle_ros.control.tuning import python_control
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -49,7 +49,7 @@ class LoopPoint:
     settling : float, s
         Until it stays within 5 %.
     stiffness : float
-        Of the muscles, over that of the model; 1 where it does not matter.
+        Of muscles and load, over its mean; 1 where it does not matter.
     """
 
     gain_error: float
@@ -144,8 +144,8 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
     Returns
     -------
     LoopResult
-        At stiffnesses of the muscles of 0.6, 1 and 1.5 times that at half of their largest
-        pressures, and errors of the force's change of 30 %.
+        At the least, the mean and the largest stiffness (`loop_stiffnesses`), and errors of the
+        force's change of 30 %. Muscles damp by 1 % of critical at least.
     """
     ct = python_control()
     _check(sample_period, 0.0)
@@ -157,14 +157,14 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
     dead = ct.tf(*ct.pade(whole, 4))
     control = (ct.tf([settings.strain_gain, settings.strain_integral], [1.0, 0.0])
                + ct.tf([settings.strain_damping, 0.0], [RATE_LAG, 1.0]))
-    stiffness, points = muscle_stiffness(bundle), []
-    for share in STIFFNESSES:
+    stiffnesses, points = loop_stiffnesses(bundle, load), []
+    for stiffness in stiffnesses:
         for e in GAIN_ERRORS:
-            plant = ct.tf([1.0 + e], [load.inertia, load.damping,
-                                      load.stiffness + share * stiffness])
+            drag = float(drag_of(stiffness, load.inertia, load.damping))
+            plant = ct.tf([1.0 + e], [load.inertia, drag, stiffness])
             loop = control * dead * plant
             step = _strain_step(ct, control, dead, plant)
-            points.append(replace(_point(ct, loop, e, step), stiffness=share))
+            points.append(replace(_point(ct, loop, e, step), stiffness=stiffness / stiffnesses[1]))
     return LoopResult({name: getattr(settings, name) for name in (
         'strain_gain', 'strain_integral', 'strain_damping')}, whole, tuple(points))
 

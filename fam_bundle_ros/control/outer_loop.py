@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.control.observer import (
     begin_at,
     forget_observer,
@@ -163,17 +165,39 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
 def default_strain_gains(config: OuterConfig, load: LoadModel, bundle: Any) -> StrainGains:
     """Return the gains of the strain loop: those given, the others worked out."""
     lag = config.delay + config.lead_time + USUAL_PERIOD
-    found = strain_gains(max(muscle_stiffness(bundle) + load.stiffness, 1.0),
-                         load.inertia or _USUAL_INERTIA, load.damping, lag)
+    found = strain_gains(loop_stiffnesses(bundle, load), load.inertia or _USUAL_INERTIA,
+                         load.damping, lag)
     given = (config.strain_gain, config.strain_integral, config.strain_damping)
     return StrainGains(*(worked if value is None else value for value, worked in zip(
         given, (found.gain, found.integral, found.damping))))
 
 
-def muscle_stiffness(bundle: Any) -> float:
-    """Return -dF/de in N, all units at half of their largest pressure, at a middling strain."""
-    half = 0.5 * bundle.max_pressure
-    return max(float(bundle.force(0.09, half) - bundle.force(0.11, half)) / 0.02, 0.0)
+def loop_stiffnesses(bundle: Any, load: LoadModel) -> tuple[float, float, float]:
+    """
+    Return -dF/de of muscles and load at a middling strain, N: least, their mean, largest.
+
+    The least with the units that hold the load at a small strain at half of their largest
+    pressures; the largest with those that do at a large strain, and one more, at the largest.
+    """
+    def stiffness(count, share):
+        pressure = share * bundle.max_pressure * (np.arange(bundle.n) < count)
+        slope = float(bundle.force(0.09, pressure) - bundle.force(0.11, pressure)) / 0.02
+        return max(slope, 0.0) + load.stiffness
+
+    few, many = (units_for(bundle, load.holding_force(strain), strain)
+                 if load.known else fallback for strain, fallback in ((0.02, 1), (0.15, bundle.n)))
+    largest = max(stiffness(min(many + 1, bundle.n), 1.0), 1.0)
+    least = min(max(stiffness(few, 0.5), 0.02 * largest), largest)
+    return least, math.sqrt(least * largest), largest
+
+
+def units_for(bundle: Any, force: float, strain: float) -> int:
+    """Return how many units, from the first, give a force (N) at a strain; all if none do."""
+    for count in range(1, bundle.n):
+        pressure = bundle.max_pressure * (np.arange(bundle.n) < count)
+        if float(bundle.force(strain, pressure)) >= force:
+            return count
+    return bundle.n
 
 
 def forget_outer(state: Any) -> None:
