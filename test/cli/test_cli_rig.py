@@ -35,7 +35,8 @@ def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundl
     checked = fam_bundle('check-rig', '--seconds', '2', '--json', 'check.json')
     assert checked.returncode == 0, checked.stdout + checked.stderr
     assert json.loads((tmp_path / 'check.json').read_text())['ok']
-    recorded = fam_bundle('record', 'bag', '--seconds', '4', '--json', 'record.json')
+    # longer than the 4 s that the trajectory rests
+    recorded = fam_bundle('record', 'bag', '--seconds', '6', '--json', 'record.json')
     assert recorded.returncode == 0, recorded.stderr
     assert json.loads((tmp_path / 'record.json').read_text())['messages'] > 1000
     converted = fam_bundle('convert', 'bag', 'log.csv')

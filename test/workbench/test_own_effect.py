@@ -89,8 +89,6 @@ def stranger_found():
     return diagnose(case.model, case.data)
 
 
-@pytest.mark.xfail(strict=True, reason='a polynomial bladder, a sheath and a strain offset are '
-                   'named for the end stop, with 1.5 N left over noise of 0.6 N')
 def test_a_stranger_stays_unexplained(stranger_found):
     """An end stop is in no catalogue: no set of effects is its name."""
     assert stranger_found.verdict == 'unexplained'
