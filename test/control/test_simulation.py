@@ -105,14 +105,15 @@ def test_fast_strain_is_led_and_the_load_s_drag_is_known(paper_bundle):
     assert rms(log.error) < 8e-4
 
 
+@pytest.mark.xfail(strict=True, reason='the largest integral with a sensitivity of 2 comes back '
+                   'with 8 % of the kick')
 def test_a_load_that_changes_suddenly_does_not_swing(paper_bundle):
-    """A third of the mass is taken off: one kick, and a return with a tenth of it at most."""
+    """A third of the mass is taken off: one kick, and a return without a second one."""
     load = MassSpring(mass=5.0, damping=40.0)
     log = ClosedLoop(paper_bundle, seed=3).run(path(
         [0.0, 3.0], [0.12, 0.12], 'strain', load, events=((1.0, {'mass': 3.3}),)))
-    kicks, found = find_peaks(log.strain, prominence=1e-3)
-    first, *later = found['prominences']
-    assert all(again < 0.1 * first for again in later)
+    kicks, _ = find_peaks(log.strain, prominence=1e-3)
+    assert len(kicks) == 1
     assert log.strain[kicks[0]] > 0.13
     assert abs(log.error[-50:].mean()) < 1e-3
 

@@ -4,7 +4,6 @@
 
 from collections import deque
 import math
-import re
 import signal
 
 from geometry_msgs.msg import WrenchStamped
@@ -276,4 +275,4 @@ def test_every_pressure_loop_says_how_it_is(graph, rig):
     graph.spin(0.4)
     graph.until(lambda: rig.rig.truth.pressure[0] > 150e3, 'pressure')
     FAULTS['half'](rig)
-    graph.until(lambda: re.fullmatch(r'LATCHED [A-Z_]+: .+', said[-1].data), 'the latch')
+    graph.until(lambda: said[-1].data.startswith('LATCHED NO_RESPONSE: mu1 shows'), 'the latch')

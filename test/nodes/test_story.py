@@ -51,4 +51,5 @@ def test_a_hidden_effect_is_found_added_and_controlled_against(tmp_path, domain_
     assert np.sqrt(np.mean(new.residual[known] ** 2)) < 1.05 * found.noise.value
     low, high = better.model.effect('coulomb_friction').intervals['force']
     assert low - 0.1 < 6.0 < high + 0.1
-    assert tracking_error(after) < 0.5 * tracking_error(before)
+    # without an observer the old model is off by 10 N here and the new one by 3.6 N
+    assert tracking_error(after) < 1.5 < 0.6 * tracking_error(before)
