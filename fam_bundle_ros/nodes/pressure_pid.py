@@ -114,6 +114,8 @@ class PressurePidNode(BundleNode):
         self._off = Stretch()
         self._command = -1.0
         self._answered = -1
+        #: In lock-step: an answer waits until the supply is cut.
+        self._withheld = False
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
         self._send = self.sender(interface.valve_topic(self.unit), JointState,
                                  interface.valve_writer(self.unit))
@@ -215,6 +217,9 @@ class PressurePidNode(BundleNode):
                 self._publish(self.now_ns(), self._command)
         else:
             self._vent_now('OFF')
+            if self._withheld:
+                self._withheld = False
+                self._publish(self._answered, self._command)
 
     def _vent_now(self, cause: str) -> None:
         """Vent at once, whether or not a reading comes to be answered."""
@@ -285,6 +290,7 @@ class PressurePidNode(BundleNode):
             self.pid.reset()
         if new:
             self._answered = stamp
+        latched = self._guard.latched
         forced = self._judge(self._now(stamp), pressure, new, latency)
         if forced is not None:
             self.pid.reset()
@@ -298,7 +304,12 @@ class PressurePidNode(BundleNode):
             self._observe(self._now(stamp), pressure)
         if new:
             self._inflow.commanded(self._command)
-        self._publish(stamp, self._command)
+        # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
+        # nobody cuts it, the rig asks again.
+        self._withheld = (self.lock_step and self._guard.latched and not latched
+                          and self._leave.given)
+        if not self._withheld:
+            self._publish(stamp, self._command)
 
     @property
     def _patience(self) -> float:

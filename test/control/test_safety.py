@@ -314,6 +314,15 @@ def test_no_false_alarm_in_normal_work(setpoint, delay, conductance):
     assert not loop.run(3.0, setpoint, strain=lambda t: 0.1 + 0.06 * math.sin(9.4 * t)), loop.text
 
 
+@pytest.mark.parametrize(('delay', 'conductance'), [(0, 1.3), (1, 1.2), (2, 1.2)])
+def test_overshoot_at_the_largest_pressure_is_no_fault(delay, conductance):
+    """The valve explains a rise that goes on above the last setpoint while commands are late."""
+    loop = Loop(noise=2.0, delay=delay, conductance=conductance)
+    assert not loop.run(1.6, lambda t: (344e3, 100e3) if t % 0.8 < 0.4 else (0.0, 344e3)), \
+        loop.text
+    assert loop.highest > 350e3
+
+
 def test_a_spike_is_no_fault():
     """One reading far off, up or down, is left to the other watches."""
     for size in (-60e3, 120e3):
@@ -375,6 +384,17 @@ def test_a_valve_that_hangs_open_is_found(opening):
     loop.run(1.0, lambda t: (250e3, 0.0))
     assert loop.run(1.0, lambda t: (250e3, 0.0), valves=lambda c: [opening, c[1]])
     assert loop.highest < loop.trip + opening * TWO_PERIODS
+
+
+def test_a_valve_that_hangs_open_at_the_top_is_found_at_once():
+    """The first reading that shows it rises tells where it leads: no second one is needed."""
+    loop = Loop()
+    loop.run(1.0, lambda t: (344e3, 0.0))
+    before = loop.rig.truth.pressure[0]
+    assert loop.run(1.0, lambda t: (344e3, 0.0), valves=lambda c: [1.0, c[1]])
+    assert 'before an answer acts' in loop.text
+    # The rig made a step before that reading and one more with its answer.
+    assert loop.highest < before + TWO_PERIODS
 
 
 def test_the_supply_s_reading_cannot_disarm_it():
