@@ -473,3 +473,13 @@ def test_a_model_that_is_a_little_wrong_is_no_fault(force_watch, true, gain):
             measured = gain * force(pressures) + bias
             assert all(not watch.see(0.005 * k, measured, 0.1, pressures, True)
                        for k in range(40))
+
+
+@pytest.mark.parametrize('gain', [0.93, 1.0, 1.07])
+def test_the_force_tells_which_unit_is_above_its_limit(force_watch, gain):
+    """A reading that drifted down at the top; not a model 7 % off, whatever the pressures."""
+    watch, force = force_watch
+    limit = [396e3, 396e3]
+    assert watch.above(force([440e3, 72e3]), 0.1, [340e3, 72e3], limit) == 0
+    for shown in ([0.0, 0.0], [340e3, 0.0], [340e3, 340e3], [200e3, 60e3]):
+        assert watch.above(gain * force(shown) + 2.0, 0.1, shown, limit) is None
