@@ -21,18 +21,15 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.agreement import SupplyWatch
-from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch
+from fam_bundle_ros.control.plausibility import GENTLE
 from fam_bundle_ros.control.safety import (
     Change,
     Guard,
     Health,
     kilopascals,
     OVER_PRESSURE,
-    OVER_PRESSURE_FACTOR,
     SensorWatch,
     State,
-    SUPPLY,
     trip_pressure,
     WatchConfig,
 )
@@ -45,8 +42,9 @@ from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import table
+from fam_bundle_ros.nodes.pid_air import Air, SAMPLES
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
-from fam_bundle_ros.nodes.pid_readings import Latest, Stretch, Volume
+from fam_bundle_ros.nodes.pid_readings import Stretch
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 
@@ -58,15 +56,6 @@ _AMBIENT = 1e3
 _NOTABLE = 10e3
 #: An error lasts when it is there for longer than any step takes to settle, s.
 _SETTLING = 0.5
-#: s from command to flow besides the dead time.
-_SPOOL_LAG = 2e-3
-#: Samples that a driver may need to read a command and show its effect, where nothing is told.
-_SAMPLES = 3.0
-#: Standard deviations of pressure noise in ``quiet_error`` are three: what noise twice as large
-#: does to the difference of two readings stays below this many of it.
-_NOISE = 4.0
-#: s that a supply gets to come up after `supply_enable`; what it gets where it is not measured.
-_SUPPLY_START, _SUPPLY_UNSEEN = 1.0, 0.3
 
 
 class PressurePidNode(BundleNode):
@@ -95,19 +84,15 @@ class PressurePidNode(BundleNode):
                              f'{bundle.n}')
         self._length = float(bundle.motor_units[0].geometry.length)
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
-        self._volumes = Volume(bundle, self.unit - 1, p['tube_volume'])
         self.pid = PressurePid(*self._settings())
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(
             low=-50e3, high=1.6e6, timeout=p['sensor_timeout'], hold_time=p['hold_time'],
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
             max_latency=self.max_latency))
-        self._inflow = InflowWatch(f'mu{self.unit}', self._inflow_config())
-        self._supply_watch = SupplyWatch(p['supply.pressure'], p['hold_time'])
+        self._air = Air(self, bundle, self.unit, self.pid.config)
         self._leave = Leave(math.inf if self.lock_step else max(TIMEOUT, p['sensor_timeout']))
-        self._leave_since = -math.inf
         self._setpoint: tuple[int, float] | None = None
         self._setpoint_received = 0.0
-        self._strain, self._supply = Latest('strain'), Latest('supply')
         self._guard = Guard(self._on_state)
         #: Pa, that was last answered by the loop.
         self._pressure = 0.0
@@ -146,21 +131,10 @@ class PressurePidNode(BundleNode):
         if self.lock_step:
             # There time stands still with it.
             return gains, config
-        late = self.max_latency if math.isfinite(self.max_latency) else _SAMPLES / self.p['rate']
+        late = self.max_latency if math.isfinite(self.max_latency) else SAMPLES / self.p['rate']
         return gains, replace(
             config, reach=late + 2.0 / self.p['rate'],
             ceiling=trip_pressure(self._max_pressure, self.p['over_pressure_factor']))
-
-    def _inflow_config(self) -> InflowConfig:
-        p = self.p
-        period = 1.0 / p['rate']
-        late = self.max_latency
-        return InflowConfig(
-            self.pid.config.valve, p['supply.pressure'], self._max_pressure,
-            trip_pressure(self._max_pressure, OVER_PRESSURE_FACTOR) - self._max_pressure,
-            p['transport_delay'] + _SPOOL_LAG + (
-                late if math.isfinite(late) else _SAMPLES * period),
-            period, _NOISE * p['quiet_error'], self.ambient)
 
     # --- messages ------------------------------------------------------------------------------
 
@@ -193,14 +167,14 @@ class PressurePidNode(BundleNode):
         if self.lock_step:
             self._collect('strain', interface.stamp_ns(message.header.stamp), value)
         else:
-            self._strain.take(*value)
+            self._air.strain.take(*value)
 
     def _on_supply(self, message: FluidPressure) -> None:
         value = interface.read_pressure(message, self.ambient, self.p['pressure_is_gauge'])
         if self.lock_step:
             self._collect('supply', interface.stamp_ns(message.header.stamp), value)
         else:
-            self._supply.take(value)
+            self._air.supply.take(value)
 
     def _on_e_stop(self) -> None:
         self._vent_now('E_STOP')
@@ -212,9 +186,7 @@ class PressurePidNode(BundleNode):
             now = self._now(max(self._answered, 0))
             self._guard.release(now)
             self._watch.forgive_repeats()
-            self._inflow.begin()
-            self._supply_watch.begin()
-            self._leave_since = now
+            self._air.begin(now)
             if not self.lock_step:
                 # The command that was good without air would fill through a reversed valve.
                 self._command = max(self._command, -GENTLE)
@@ -249,8 +221,8 @@ class PressurePidNode(BundleNode):
         gate = self._gate
         setpoint = gate.value('setpoint')
         self._setpoint = None if setpoint is None else (gate.stamp, setpoint)
-        self._strain.take(*gate.value('strain', (math.nan, math.nan)))
-        self._supply.take(gate.value('supply', math.nan))
+        self._air.strain.take(*gate.value('strain', (math.nan, math.nan)))
+        self._air.supply.take(gate.value('supply', math.nan))
         self._answer(gate.stamp, gate.value('pressure', math.nan))
 
     # --- time ----------------------------------------------------------------------------------
@@ -303,11 +275,11 @@ class PressurePidNode(BundleNode):
         elif new:
             assert self._setpoint is not None
             self._command = self._regulate(self._setpoint[1], pressure, dt)
-            if self._inflow.gentle:
+            if self._air.inflow.gentle:
                 self._command = max(self._command, -GENTLE)
             self._observe(self._now(stamp), pressure)
         if new:
-            self._inflow.commanded(self._command)
+            self._air.inflow.commanded(self._command)
         # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
         # nobody cuts it, the rig asks again.
         self._withheld = (self.lock_step and self._guard.latched and not latched
@@ -315,19 +287,9 @@ class PressurePidNode(BundleNode):
         if not self._withheld:
             self._publish(stamp, self._command)
 
-    @property
-    def _patience(self) -> float:
-        """Largest age of strain and supply, s; in lock-step they come with the pressure."""
-        return math.inf if self.lock_step else self.p['auxiliary_timeout']
-
     def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
-        strain, rate = self._strain.value(self._patience)
-        volume, slope = self._volumes.at(strain)
-        supply = self._supply.value(self._patience)[0]
         return float(self.pid.update(
-            min(max(setpoint, 0.0), self._max_pressure), pressure, dt,
-            supply if math.isfinite(supply) else None, volume,
-            slope * rate if math.isfinite(rate) else 0.0))
+            min(max(setpoint, 0.0), self._max_pressure), pressure, dt, *self._air.now()))
 
     def _observe(self, now: float, pressure: float) -> None:
         """Note how long the pressure has been off."""
@@ -370,10 +332,13 @@ class PressurePidNode(BundleNode):
                               f"ago; at most {self.p['setpoint_timeout']:g} s is taken")
         if health == Health.HOLD:
             return self._hold(now, watch.reason)
-        if not self._supply_agrees(now):
+        agrees, cause, reason = self._air.supply_agrees(now)
+        if cause:
+            guard.latch(now, cause, reason)
+        if not agrees:
             return -1.0 if guard.latched else self._hold(
                 now, f'mu{self.unit} waits for the supply')
-        if self._inflow.holding:
+        if self._air.inflow.holding:
             guard.enter(now, State.ACTIVE)
             return 0.0
         guard.enter(now, State.ACTIVE)
@@ -389,23 +354,9 @@ class PressurePidNode(BundleNode):
         if cause := self._watch.cause:
             self._guard.latch(now, cause, self._watch.reason)
         if fresh is not None and health == Health.GOOD:
-            volume, _ = self._volumes.at(self._strain.value(self._patience)[0])
-            cause, reason = self._inflow.see(
-                self._answered * 1e-9, fresh, self._volumes.ends if volume is None else volume,
-                self._supply.value(self._patience)[0], self._gap)
+            cause, reason = self._air.impossible(self._answered * 1e-9, fresh, self._gap)
             if cause:
                 self._guard.latch(now, cause, reason)
-
-    def _supply_agrees(self, now: float) -> bool:
-        """Return whether the supply is what its parameter says; latch when that lasts."""
-        watch, since = self._supply_watch, now - self._leave_since
-        supply = self._supply.value(self._patience)[0]
-        if not math.isfinite(supply):
-            return since > _SUPPLY_UNSEEN
-        agrees = watch.see(now, supply, _SUPPLY_START if since < _SUPPLY_START else None)
-        if watch.text:
-            self._guard.latch(now, SUPPLY, watch.text)
-        return agrees
 
     def _hold(self, now: float, reason: str) -> float:
         self._guard.enter(now, State.HOLD, 'HOLD', reason)
@@ -438,7 +389,7 @@ class PressurePidNode(BundleNode):
         if set(changes) <= {'setpoint_timeout', 'auxiliary_timeout'}:
             return
         self.pid.gains, self.pid.config = self._settings()
-        self._inflow.change(self._inflow_config())
+        self._air.change(self.pid.config)
 
     def _report(self, report: Report) -> None:
         self._pressure_meter.report(report, 'pressure')
@@ -456,15 +407,7 @@ class PressurePidNode(BundleNode):
             urgent = now.state is State.LATCHED or now.cause in ('SENSOR', 'NO_SETPOINT')
             report.add(ERROR if urgent else WARN, f'{self._state} {now.reason}'.strip())
             return
-        supply = self._supply.value(self._patience)[0]
-        report.value('supply, Pa', supply if math.isfinite(supply) else 'not measured')
-        report.value('volume', 'of the measured strain' if math.isfinite(
-            self._strain.value(self._patience)[0]) else 'not measured')
-        for reading, name in ((self._strain, 'volume'), (self._supply, 'supply.pressure')):
-            if reading.lost(self._patience):
-                report.add(WARN, f'no {reading.name} any more: the parameter {name}, '
-                           f'{self.p[name]:g}, takes its place')
-        supply = supply if math.isfinite(supply) else self.p['supply.pressure']
+        supply = self._air.report(report)
         if self._setpoint and self._setpoint[1] > supply:
             report.add(WARN, f'supply at {kilopascals(supply)}, below the setpoint of '
                        f'{kilopascals(self._setpoint[1])}')
