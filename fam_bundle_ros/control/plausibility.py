@@ -163,6 +163,11 @@ class InflowWatch:
         self._let_in = self._surely = 0.0
         self._held_since = self._trial_since = 0.0
 
+    @property
+    def settled(self) -> bool:
+        """Whether what is seen does not bear on the answer to the same reading."""
+        return self.trusted and not (self.holding or self.gentle)
+
     def commanded(self, command: float) -> None:
         """Note the command that answers the last reading."""
         self._commands.append((self._clock, command))
@@ -256,9 +261,12 @@ class InflowWatch:
         # A dead band that is narrower opens wider.
         wide = (command > 0.0) == highest
         valve = self._wide if wide else self._narrow
+        opening = valve_opening(valve, command)
+        if opening == 0.0:
+            return 0.0
         absolute = max(pressure, 0.0) + config.ambient
-        flow = valve_flow(config.valve, valve_opening(valve, command), absolute,
-                          source + config.ambient, config.ambient)
+        flow = valve_flow(config.valve, opening, absolute, source + config.ambient,
+                          config.ambient)
         return pressure_rate(absolute, volume, 0.0, (MOST if wide else LEAST) * flow)
 
     def _motion(self, pressure: float, volume: float, swept: float, highest: bool) -> float:

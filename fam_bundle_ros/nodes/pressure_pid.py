@@ -54,6 +54,8 @@ _GAP = 0.5
 _AMBIENT = 1e3
 #: Pa: noise and drift of a reading stay below; errors above are worth a word.
 _NOTABLE = 10e3
+#: s from an answer to the check of its reading: what other nodes of the process do first.
+_BEHIND = 3e-4
 #: An error lasts when it is there for longer than any step takes to settle, s.
 _SETTLING = 0.5
 
@@ -99,6 +101,10 @@ class PressurePidNode(BundleNode):
         self._off = Stretch()
         self._command = -1.0
         self._answered = -1
+        #: A pressure (nan where it cannot be trusted) and its answer, to be held against the air.
+        self._unchecked: tuple[float, float] | None = None
+        self._due = self.every(_BEHIND, self._check_air)
+        self._due.cancel()
         #: In lock-step: an answer waits until the supply is cut.
         self._withheld = False
         #: s between the arrivals of the last two readings; time stands still in lock-step.
@@ -187,6 +193,7 @@ class PressurePidNode(BundleNode):
             self._guard.release(now)
             self._watch.forgive_repeats()
             self._air.begin(now)
+            self._unchecked = None
             if not self.lock_step:
                 # The command that was good without air would fill through a reversed valve.
                 self._command = max(self._command, -GENTLE)
@@ -249,7 +256,13 @@ class PressurePidNode(BundleNode):
     # --- control -------------------------------------------------------------------------------
 
     def _answer(self, stamp: int, pressure: float, latency: float = 0.0) -> None:
-        """Answer a reading with a valve command of the same stamp."""
+        """
+        Answer a reading with a valve command of the same stamp.
+
+        Where the sensor has been on trial, whether the air explains the reading is seen right
+        behind the answer, and before the next one: it takes as long as all the rest.
+        """
+        self._check_air()
         first = self._answered < 0
         dt = 0.0 if first else (stamp - self._answered) * 1e-9
         if self.lock_step and dt == 0.0 and not first:
@@ -267,7 +280,8 @@ class PressurePidNode(BundleNode):
         if new:
             self._answered = stamp
         latched = self._guard.latched
-        forced = self._judge(self._now(stamp), pressure, new, latency)
+        later = new and self._air.inflow.settled and not self.lock_step
+        forced = self._judge(self._now(stamp), pressure, new, latency, later)
         if forced is not None:
             self.pid.reset()
             self._off = Stretch()
@@ -278,7 +292,11 @@ class PressurePidNode(BundleNode):
             if self._air.inflow.gentle:
                 self._command = max(self._command, -GENTLE)
             self._observe(self._now(stamp), pressure)
-        if new:
+        if later:
+            sound = self._watch.health == Health.GOOD
+            self._unchecked = pressure if sound else math.nan, self._command
+            self._due.reset()
+        elif new:
             self._air.inflow.commanded(self._command)
         # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
         # nobody cuts it, the rig asks again.
@@ -286,6 +304,24 @@ class PressurePidNode(BundleNode):
                           and self._leave.given)
         if not self._withheld:
             self._publish(stamp, self._command)
+
+    def _check_air(self) -> None:
+        """Hold the last reading against the air, if that was left for later; vent at once."""
+        self._due.cancel()
+        if self._unchecked is None:
+            return
+        (pressure, command), self._unchecked = self._unchecked, None
+        if not math.isnan(pressure) and self._unexplained(time.monotonic(), pressure):
+            self.pid.reset()
+            self._off = Stretch()
+            self._command = command = -1.0
+            self._publish(self._answered, command)
+        self._air.inflow.commanded(command)
+
+    def _unexplained(self, now: float, pressure: float) -> bool:
+        """Latch where the air does not explain a pressure; return whether that is new."""
+        cause, reason = self._air.impossible(self._answered * 1e-9, pressure, self._gap)
+        return bool(cause) and self._guard.latch(now, cause, reason)
 
     def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
         return float(self.pid.update(
@@ -303,16 +339,19 @@ class PressurePidNode(BundleNode):
                 f'{kilopascals(setpoint)}, valve at {self._command:.2f}')
 
     def _judge(self, now: float, pressure: float | None, new: bool = True,
-               latency: float = 0.0) -> float | None:
+               latency: float = 0.0, later: bool = False) -> float | None:
         """
         Return a command that safety asks for, or None where the loop may act.
 
-        A reading that is not new counts for over-pressure only.
+        A reading that is not new counts for over-pressure only; one whose air is looked at
+        ``later`` for all but that.
         """
         guard, watch, setpoint = self._guard, self._watch, self._setpoint
         health = (watch.check(now) if pressure is None or not new
                   else watch.see(now, pressure, self._must_move(pressure), latency))
-        self._look_for_latches(now, pressure if new else None, pressure, health)
+        self._look_for_latches(now, pressure)
+        if pressure is not None and new and not later and health == Health.GOOD:
+            self._unexplained(now, pressure)
         if self._e_stop.on:
             return self._vent(now, 'E_STOP')
         if guard.latched:
@@ -344,19 +383,14 @@ class PressurePidNode(BundleNode):
         guard.enter(now, State.ACTIVE)
         return None
 
-    def _look_for_latches(self, now: float, fresh: float | None, pressure: float | None,
-                          health: Health) -> None:
-        """Latch where a reading says so; one that is not ``fresh`` counts for over-pressure."""
+    def _look_for_latches(self, now: float, pressure: float | None) -> None:
+        """Latch where a reading or its watch says so."""
         limit = trip_pressure(self._max_pressure, self.p['over_pressure_factor'])
         if pressure is not None and pressure > limit:
             self._guard.latch(now, OVER_PRESSURE, f'mu{self.unit} at {kilopascals(pressure)}, '
                               f'above {kilopascals(limit)}')
         if cause := self._watch.cause:
             self._guard.latch(now, cause, self._watch.reason)
-        if fresh is not None and health == Health.GOOD:
-            cause, reason = self._air.impossible(self._answered * 1e-9, fresh, self._gap)
-            if cause:
-                self._guard.latch(now, cause, reason)
 
     def _hold(self, now: float, reason: str) -> float:
         self._guard.enter(now, State.HOLD, 'HOLD', reason)

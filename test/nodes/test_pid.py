@@ -201,7 +201,7 @@ def test_supply_that_contradicts_its_parameter_latches(graph, pair, shown):
     """Another supply, or another unit: no air is let in, and it says so."""
     _, pids = pair()
     now = time.monotonic()
-    pids[0]._supply.take(shown)
+    pids[0]._air.supply.take(shown)
     for at in (0.0, 0.1, 0.3):
         assert not pids[0]._supply_agrees(now + at)
     assert pids[0]._state == 'SUPPLY'
