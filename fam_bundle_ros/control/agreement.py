@@ -119,12 +119,13 @@ class ForceWatch:
         >>> watch.above(105.0, 0.1, [340e3, 0.0], [396e3, 396e3])
         0
         """
-        shown = [self._unit_force(unit, strain, max(value, 0.0))
-                 for unit, value in enumerate(pressure)]
+        # A motor unit that should push may as well be slack.
+        shown, full = ([max(self._unit_force(unit, strain, max(value, 0.0)), 0.0)
+                        for unit, value in enumerate(values)] for values in (pressure, limit))
         excess = force - sum(shown)
         if excess > self._tolerance:
-            for unit, most in enumerate(limit):
-                if excess > self._unit_force(unit, strain, most) - shown[unit]:
+            for unit, (now, most) in enumerate(zip(shown, full)):
+                if excess > most - now:
                     return unit
         return None
 
@@ -137,7 +138,8 @@ class ForceWatch:
                 shown * (1.0 - self.RATIO) - self.OFFSET, shown,
                 shown * (1.0 + self.RATIO) + self.OFFSET)]
             low += min(ends)
-            high += max(ends)
+            # Models know push-back least: a motor unit that should push may as well be slack.
+            high += max(*ends, 0.0)
         above = force > high + self._tolerance
         below = off_target and force < low - self._tolerance
         if not (above or below):

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
 from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.data.rates import slope, turning
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.outliers import spikes
-from fam_bundle_ros.discovery.predict import matched, motion
+from fam_bundle_ros.discovery.predict import matched, motion, stiffness
 from fam_bundle_ros.model import Bundle, Motion
 from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 
@@ -48,6 +49,8 @@ class Cells:
     time : ndarray, shape (n,), s, or None
     noise : float, N
         White noise of a row.
+    stiffness : ndarray, shape (n,), N, or None
+        -dF/de of the model at a constant force, where the strain is what was measured.
     """
 
     data: Measurement
@@ -64,13 +67,16 @@ class Cells:
     noise: float
     strain_range: float
     pressure_range: np.ndarray
+    stiffness: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.count)
 
     @property
     def force_sd(self) -> float:
-        """Standard deviation of the cells' force, N."""
+        """Standard deviation of the cells' force, N; at a constant one what strains are worth."""
+        if self.stiffness is not None:
+            return rms(self.stiffness * (self.strain - self.strain.mean()))
         return max(float(np.std(self.force)), 1e-9)
 
     @property
@@ -135,12 +141,13 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
     def mean(values: np.ndarray) -> np.ndarray:
         return average_over(label, count, values)
 
+    stiff = stiffness(model, data)
     return Cells(data, record, label, count, mean(data.force), mean(data.strain),
                  mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
                  mean(np.tanh(data.strain_rate / ROUNDING)),
                  np.round(mean(data.trial.astype(float))),
                  None if data.time is None else mean(data.time), noise, strain_range,
-                 pressure_range)
+                 pressure_range, None if stiff is None else mean(stiff))
 
 
 def unknown_direction(data: Measurement) -> np.ndarray:

@@ -28,7 +28,7 @@ from fam_bundle_ros.data.noise import noise_floor, NoiseFloor, visit_cells
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.slips import slips
 from fam_bundle_ros.discovery.locate import locate, Region
-from fam_bundle_ros.discovery.predict import free_mask, matched, predict
+from fam_bundle_ros.discovery.predict import free_mask, matched, predict, stiffness
 from fam_bundle_ros.model import Bundle
 
 
@@ -56,6 +56,8 @@ class Comparison:
         rows with ``label``, ``samples``, ``error_N``, ``bias_N``, ``beyond_noise``.
     located : tuple of Region
     prediction, residual : ndarray, shape (T,), N
+    strain_error : float or None
+        Root mean square error in strain, of data at a constant force.
     slips : tuple of str
         Slips of unit or sign that would explain the error: to be ruled out before any physics.
     """
@@ -75,12 +77,16 @@ class Comparison:
     measurement: Measurement
     prediction: np.ndarray
     residual: np.ndarray
+    strain_error: float | None = None
     slips: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         lines = [f'{self.model} against {self.data}: error {self.error_N:.3g} N rms '
                  f'({100 * self.relative_error:.3g} % of the force), mean {self.bias_N:+.3g} N, '
                  f'largest {self.largest_N:.3g} N',
+                 *([] if self.strain_error is None else [
+                     f'the force is constant: in strain the error is {self.strain_error:.3g} rms'
+                 ]),
                  *(f'check first: {slip}' for slip in self.slips), str(self.noise)]
         for title in ('pressure', 'strain'):
             lines.append(f'by {title}')
@@ -118,7 +124,8 @@ class Comparison:
         """Return all but the arrays as plain numbers, lists and text."""
         return {'model': self.model, 'data': self.data, 'samples': len(self.measurement),
                 'error_N': self.error_N, 'bias_N': self.bias_N, 'largest_N': self.largest_N,
-                'relative_error': self.relative_error, 'noise_floor_N': self.noise.value,
+                'relative_error': self.relative_error, 'strain_error': self.strain_error,
+                'noise_floor_N': self.noise.value,
                 'noise': self.noise.to_dict(), 'lack_of_fit': self.lack_of_fit,
                 'even_N': self.even_N, 'odd_N': self.odd_N, 'tables': self.tables,
                 'located': [region.to_dict() for region in self.located],
@@ -160,11 +167,13 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     past_free = free_mask(model, data)
     maps = residual_maps(data, residual)
     lack = lack_of_fit(data, residual, floor)
+    slope = stiffness(model, data)
     return Comparison(
         model.name, data.name, rms(residual), float(residual.mean()),
         float(np.abs(residual).max()), rms(residual) / max(rms(data.force), 1e-12), floor, lack,
         _part(maps['even']), _part(maps['odd']), _tables(data, residual, floor, past_free),
         locate(data, residual, floor.value, past_free), data, prediction, residual,
+        None if slope is None else rms(residual / np.maximum(slope, 1e-3 * slope.max())),
         slips(partial(predict, model), data, residual))
 
 

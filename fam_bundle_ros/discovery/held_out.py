@@ -17,7 +17,7 @@ from scipy.linalg import cholesky, solve_triangular
 from fam_bundle_ros.data.folds import Folds, KINDS
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.rivals import RIVALS
+from fam_bundle_ros.discovery.rivals import missed, RIVALS
 
 #: Steps of a fit that begins at that on all cells.
 _STEPS = 3
@@ -115,8 +115,8 @@ def squares_of_folds(fitter: Fitter, fit: Fit) -> np.ndarray:
     cells = fitter.cells
     found, rows = [], 0.0
     for _, train, test in _folds(cells):
-        missed = _without(fitter, fit, train)[test]
-        found.append(float(np.sum(cells.count[test] * missed ** 2)))
+        off = _without(fitter, fit, train)[test]
+        found.append(float(np.sum(cells.count[test] * off ** 2)))
         rows += float(cells.count[test].sum())
     if not found:
         return np.array([np.average(fit.residual ** 2, weights=cells.count)])
@@ -142,15 +142,12 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     folds = list(_folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
     for kind, train, test in folds:
         weight = cells.count[test]
-        missed = [_without(fitter, physics, train)[test], _with(fitter, joint, train)[test]]
-        for rival in RIVALS.values():
-            predict = rival(cells.strain[train], cells.pressure[train], cells.force[train],
-                            cells.count[train])
-            missed.append(cells.force[test] - predict(cells.strain[test], cells.pressure[test]))
-        squares[kind] = squares.get(kind, 0.0) + np.square(missed) @ weight
+        errors = [_without(fitter, physics, train)[test], _with(fitter, joint, train)[test],
+                  *(missed(rival, cells, train, test) for rival in RIVALS)]
+        squares[kind] = squares.get(kind, 0.0) + np.square(errors) @ weight
         counts[kind] = counts.get(kind, 0.0) + float(weight.sum())
-    errors = dict(zip(names, np.sqrt(sum(squares.values()) / sum(counts.values())).tolist()))
-    return HeldOut(errors.pop('physics'), errors.pop('discrepancy'), errors, {
+    means = dict(zip(names, np.sqrt(sum(squares.values()) / sum(counts.values())).tolist()))
+    return HeldOut(means.pop('physics'), means.pop('discrepancy'), means, {
         kind: (float(each[0]), float(each[1]))
         for kind, each in ((kind, np.sqrt(square / counts[kind]))
                            for kind, square in squares.items()) if kind})

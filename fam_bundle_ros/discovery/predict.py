@@ -11,6 +11,11 @@ from fam_bundle_ros.data.rates import smooth
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Motion
 
+#: Strain over which a slope is taken.
+_STEP = 1e-3
+#: Share of what the strain's changes are worth, below which the force counts as constant.
+_CONSTANT = 0.1
+
 
 def motion(data: Measurement) -> Motion:
     """
@@ -64,6 +69,19 @@ def predict(model: Bundle, data: Measurement) -> np.ndarray:
         Where data and model have other motor units.
     """
     return model.predict(motion(matched(model, data)))
+
+
+def stiffness(model: Bundle, data: Measurement) -> np.ndarray | None:
+    """
+    Return -dF/de of the model in each row, (T,), N, for data at a constant force; else None.
+
+    There the strain is what was measured: its error is the force's over the stiffness. A force is
+    constant that changes by less than a tenth of what the strain's changes are worth.
+    """
+    below, above = (model.force(data.strain + step, data.pressure) for step in (-_STEP, _STEP))
+    slope = np.maximum((below - above) / (2.0 * _STEP), 0.0)
+    worth = float(np.std(data.strain)) * float(np.median(slope))
+    return slope if float(np.std(data.force)) < _CONSTANT * worth else None
 
 
 def free_mask(model: Bundle, data: Measurement) -> np.ndarray:

@@ -3,7 +3,8 @@
 """
 What a model must be better than: the mean force, a plane, a six-parameter empirical form.
 
-Each is a function of the training cells that returns a function of strain and pressure.
+Each is a function of the training cells that returns a function of strain and pressure. At a
+constant force it is the strain that is foretold: its mean, a line and a cubic in the pressure.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
+
+from fam_bundle_ros.discovery.cells import Cells
 
 Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
 #: Range of the exponent that is searched, 1 per strain.
@@ -60,11 +63,28 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
                         method='bounded').x
     start = np.append(solved(c)[1], c)
 
-    def missed(x: np.ndarray) -> np.ndarray:
+    def off(x: np.ndarray) -> np.ndarray:
         return root * (np.maximum(columns(x[-1], strain, pressure) @ x[:-1], floor) - force)
 
-    x = least_squares(missed, start, x_scale=np.abs(start) + 1e-3, max_nfev=50).x
+    x = least_squares(off, start, x_scale=np.abs(start) + 1e-3, max_nfev=50).x
     return lambda e, p: np.maximum(columns(x[-1], e, p) @ x[:-1], floor)
+
+
+def missed(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+    """Return the error of a rival on some cells after a fit to others, N."""
+    weight, pressure = cells.count[train], cells.pressure
+    if cells.stiffness is None:
+        predict = RIVALS[rival](cells.strain[train], pressure[train], cells.force[train], weight)
+        return cells.force[test] - predict(cells.strain[test], pressure[test])
+    degree = {'mean': 0, 'plane': 1, 'empirical': 3}[rival]
+    scale = np.maximum(np.abs(pressure).max(axis=0), 1.0)
+
+    def columns(_: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.ones((len(p), 1)), *((p / scale) ** (k + 1)
+                                                       for k in range(degree))], axis=1)
+    predict = _linear(columns, cells.strain[train], pressure[train], cells.strain[train], weight)
+    return cells.stiffness[test] * (predict(cells.strain[test], pressure[test])
+                                    - cells.strain[test])
 
 
 def _linear(columns: Callable[[np.ndarray, np.ndarray], np.ndarray], strain: np.ndarray,

@@ -132,10 +132,13 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         notes.append(f'{left_out} of {len(cells.label)} rows are in no cell: spikes, rows where '
                      'the direction of motion is not known (the first of a trial, turning '
                      'points), or visits beyond the number that is worked with')
-    if data.force.std() < 0.1 * abs(data.force.mean()):
-        notes.append(f'the force hardly changes ({data.force.mean():.3g} N, standard deviation '
-                     f'{data.force.std():.2g} N): such data fix neither the scale of the model '
-                     'nor a bias; let a dynamometer move the bundle, or hang it on a spring')
+    if cells.stiffness is not None:
+        notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
+                     f"of the strain times the model's stiffness (100 N are "
+                     f'{100.0 / np.median(cells.stiffness):.2g} of strain); mean, plane and '
+                     'empirical form are a mean strain, a line and a cubic in the pressure')
+        notes.append('one force fixes neither the scale of the model nor a bias: let a '
+                     'dynamometer move the bundle, or hang other weights on it')
     if not held.kinds:
         notes.append('nothing could be left out to test on: held-out errors are those of the fit')
     for words, fit in (('the refit', final), ('recalibration alone', base)):

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import (
@@ -92,6 +93,7 @@ def test_a_triple_that_no_single_effect_starts_is_found(repository, tmp_path):
     ('braid_elasticity', {'compliance': 9e-8}),
     ('presliding_hysteresis', {'force': 5.0, 'width': 0.02}),
     ('force_sensor_bias', {'bias': 3.0}),
+    ('force_sensor_drift', {'rate': -0.05}),
 ])
 def test_an_effect_is_found_again_in_data_that_it_made(sweeps, paper_muscle, name, values):
     """Hidden in sweeps of 0.6 N noise it comes first or ties, with its parameters."""
@@ -144,6 +146,31 @@ def test_an_effect_that_the_muscle_does_not_have_is_removed(sweeps, paper_muscle
     result = diagnose(wrong, sweeps())
     assert 'coulomb_friction' in result.removed or result.verdict == 'recalibrate'
     assert result.error_N['best'] < 0.66
+
+
+@pytest.mark.parametrize(('name', 'values', 'expected'), [
+    ('end_caps', {'dead_length': 12e-3}, 'missing_effect'), ('end_caps', {'dead_length': 0.0},
+                                                             'adequate')])
+def test_a_hung_weight_is_scored_in_strain(paper_muscle, name, values, expected):
+    """At one force the mean force foretells everything; what was measured is the strain."""
+    rng = np.random.default_rng(0)
+    truth = paper_muscle.with_effect(name, **values)
+    pressure = np.tile(np.concatenate([np.linspace(6e4, 4e5, 60), np.linspace(4e5, 6e4, 60)]), 2)
+    strain = np.array([brentq(lambda e, p=p: float(truth.force(e, [p])) - 30.0, -0.2, 0.5)
+                       for p in pressure]) + 2e-4 * rng.standard_normal(240)
+    data = build('weight', strain, pressure, 30.0 + 0.3 * rng.standard_normal(240),
+                 np.repeat([0, 1], 120), np.arange(240) * 0.2)
+    result = diagnose(paper_muscle, data)
+    assert result.verdict == expected
+    assert result.effects == ((name,) if expected == 'missing_effect' else ())
+    assert result.error_N['best'] < 0.36
+    rivals = result.recommended.rivals_N
+    assert rivals['mean'] > rivals['plane'] > rivals['empirical'] > 0.5
+    comparison = result.comparison
+    assert comparison.strain_error == pytest.approx(
+        comparison.error_N / 450.0, rel=0.3)  # of a muscle that is 350 to 600 N a strain stiff
+    assert compare(paper_muscle, build('isobar', strain, np.full(240, 3e5), paper_muscle.force(
+        strain, np.full((240, 1), 3e5)))).strain_error is None
 
 
 # --- nothing to be found -----------------------------------------------------------------------
