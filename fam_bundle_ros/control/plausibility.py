@@ -163,11 +163,6 @@ class InflowWatch:
         self._let_in = self._surely = 0.0
         self._held_since = self._trial_since = 0.0
 
-    @property
-    def settled(self) -> bool:
-        """Whether what is seen does not bear on the answer to the same reading."""
-        return self.trusted and not (self.holding or self.gentle)
-
     def commanded(self, command: float) -> None:
         """Note the command that answers the last reading."""
         self._commands.append((self._clock, command))

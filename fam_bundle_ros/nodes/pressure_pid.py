@@ -54,8 +54,6 @@ _GAP = 0.5
 _AMBIENT = 1e3
 #: Pa: noise and drift of a reading stay below; errors above are worth a word.
 _NOTABLE = 10e3
-#: s from an answer to the check of its reading: what other nodes of the process do first.
-_BEHIND = 3e-4
 #: An error lasts when it is there for longer than any step takes to settle, s.
 _SETTLING = 0.5
 
@@ -101,10 +99,6 @@ class PressurePidNode(BundleNode):
         self._off = Stretch()
         self._command = -1.0
         self._answered = -1
-        #: A pressure (nan where it cannot be trusted) and its answer, to be held against the air.
-        self._unchecked: tuple[float, float] | None = None
-        self._due = self.every(_BEHIND, self._check_air)
-        self._due.cancel()
         #: In lock-step: an answer waits until the supply is cut.
         self._withheld = False
         #: s between the arrivals of the last two readings; time stands still in lock-step.
@@ -193,7 +187,6 @@ class PressurePidNode(BundleNode):
             self._guard.release(now)
             self._watch.forgive_repeats()
             self._air.begin(now)
-            self._unchecked = None
             if not self.lock_step:
                 # The command that was good without air would fill through a reversed valve.
                 self._command = max(self._command, -GENTLE)
@@ -256,14 +249,7 @@ class PressurePidNode(BundleNode):
     # --- control -------------------------------------------------------------------------------
 
     def _answer(self, stamp: int, pressure: float, latency: float = 0.0) -> None:
-        """
-        Answer a reading with a valve command of the same stamp.
-
-        Where the sensor has been on trial, whether the air explains the reading is seen right
-        behind the answer, and before the next one: it takes as long as all the rest.
-        """
-        if self._unchecked is not None:
-            self._check_air()
+        """Answer a reading with a valve command of the same stamp."""
         first = self._answered < 0
         dt = 0.0 if first else (stamp - self._answered) * 1e-9
         if self.lock_step and dt == 0.0 and not first:
@@ -281,8 +267,7 @@ class PressurePidNode(BundleNode):
         if new:
             self._answered = stamp
         latched = self._guard.latched
-        later = new and self._air.inflow.settled and not self.lock_step
-        forced = self._judge(self._now(stamp), pressure, new, latency, later)
+        forced = self._judge(self._now(stamp), pressure, new, latency)
         if forced is not None:
             self.pid.reset()
             self._off = Stretch()
@@ -293,11 +278,7 @@ class PressurePidNode(BundleNode):
             if self._air.inflow.gentle:
                 self._command = max(self._command, -GENTLE)
             self._observe(self._now(stamp), pressure)
-        if later:
-            sound = self._watch.health == Health.GOOD
-            self._unchecked = pressure if sound else math.nan, self._command
-            self._due.reset()
-        elif new:
+        if new:
             self._air.inflow.commanded(self._command)
         # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
         # nobody cuts it, the rig asks again.
@@ -305,24 +286,6 @@ class PressurePidNode(BundleNode):
                           and self._leave.given)
         if not self._withheld:
             self._publish(stamp, self._command)
-
-    def _check_air(self) -> None:
-        """Hold the last reading against the air, if that was left for later; vent at once."""
-        self._due.cancel()
-        if self._unchecked is None:
-            return
-        (pressure, command), self._unchecked = self._unchecked, None
-        if not math.isnan(pressure) and self._unexplained(time.monotonic(), pressure):
-            self.pid.reset()
-            self._off = Stretch()
-            self._command = command = -1.0
-            self._publish(self._answered, command)
-        self._air.inflow.commanded(command)
-
-    def _unexplained(self, now: float, pressure: float) -> bool:
-        """Latch where the air does not explain a pressure; return whether that is new."""
-        cause, reason = self._air.impossible(self._answered * 1e-9, pressure, self._gap)
-        return bool(cause) and self._guard.latch(now, cause, reason)
 
     def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
         return float(self.pid.update(
@@ -340,19 +303,20 @@ class PressurePidNode(BundleNode):
                 f'{kilopascals(setpoint)}, valve at {self._command:.2f}')
 
     def _judge(self, now: float, pressure: float | None, new: bool = True,
-               latency: float = 0.0, later: bool = False) -> float | None:
+               latency: float = 0.0) -> float | None:
         """
         Return a command that safety asks for, or None where the loop may act.
 
-        A reading that is not new counts for over-pressure only; one whose air is looked at
-        ``later`` for all but that.
+        A reading that is not new counts for over-pressure only.
         """
         guard, watch, setpoint = self._guard, self._watch, self._setpoint
         health = (watch.check(now) if pressure is None or not new
                   else watch.see(now, pressure, self._must_move(pressure), latency))
         self._look_for_latches(now, pressure)
-        if pressure is not None and new and not later and health == Health.GOOD:
-            self._unexplained(now, pressure)
+        if pressure is not None and new and health == Health.GOOD:
+            cause, reason = self._air.impossible(self._answered * 1e-9, pressure, self._gap)
+            if cause:
+                guard.latch(now, cause, reason)
         if self._e_stop.on:
             return self._vent(now, 'E_STOP')
         if guard.latched:

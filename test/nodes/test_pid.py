@@ -355,36 +355,6 @@ def test_strain_and_supply_expire(graph):
     assert node.pid.config.volume == 30e-6
 
 
-@pytest.mark.parametrize('at_once', [True, False])
-def test_a_reading_that_no_air_explains_vents_right_behind_its_answer(graph, at_once):
-    """Its stamp goes out twice, the second time to exhaust; or the next one is not answered."""
-    node = PressurePidNode(1, context=graph.context, overrides={'clocks_synchronised': False})
-    graph.add(node)
-    sent = graph.listen('mu1/valve_command', JointState)
-    graph.until(lambda: node.count_subscribers('mu1/valve_command'), 'somebody who listens')
-    stamp = graph.probe.now_ns()
-
-    def read(k, pressure):
-        node._on_setpoint(interface.pressure_message(stamp + k * 5_000_000, 100e3, 101325.0))
-        node._on_pressure(interface.pressure_message(stamp + k * 5_000_000, pressure, 101325.0))
-    time.sleep(0.3)
-    for k in range(40):
-        read(k, 100e3 + k)
-    graph.spin(0.05)
-    node._air.inflow.trusted = True
-    sent.clear()
-    for k in (40, 41):
-        read(k, 200e3)
-    if not at_once:
-        read(42, 200e3)
-    graph.until(lambda: sent and sent[-1].effort[0] == -1.0, 'the vent')
-    assert node._state == 'UNEXPLAINED_PRESSURE'
-    last = stamp + 41 * 5_000_000
-    answers = [m.effort[0] for m in sent if interface.stamp_ns(m.header.stamp) == last]
-    assert answers[0] > -1.0
-    assert answers[1:] == [-1.0]
-
-
 def test_motor_unit_that_is_not_there_fails(ros_context):
     """One line names what the model has."""
     with pytest.raises(InputError, match='motor_unit is 3; spie2021 has 2'):
