@@ -2,7 +2,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Writes the reference pages of docs/ from the code: python docs/make.py.
+Writes pages of docs/reference/ from the code: python docs/make.py.
 
 A test compares them with what this would write, so they cannot fall behind.
 """
@@ -15,7 +15,7 @@ from typing import Any
 
 HEAD = '<!-- Written by docs/make.py from the code; do not edit. -->\n\n'
 
-#: What each topic carries. A topic without a line here fails `api`.
+#: What each topic carries. A topic without a line here fails `ros`.
 TOPICS = {
     'force': 'force.x in N, tension positive, frame `load_cell`',
     'strain': 'joints `contraction` (m) and `strain`, positive when shorter, with velocities',
@@ -51,7 +51,7 @@ SERVICES = {
 }
 
 
-def api() -> str:
+def ros() -> str:
     """Return the nodes' interface: topics, services and parameters with their defaults."""
     from rclpy.context import Context
 
@@ -127,8 +127,8 @@ def commands() -> str:
     return ''.join(parts)
 
 
-#: File below docs/ -> what makes it.
-PAGES: dict[str, Callable[[], str]] = {'api.md': api, 'effects.md': effects, 'cli.md': commands}
+#: File below docs/reference/ -> what makes it.
+PAGES: dict[str, Callable[[], str]] = {'ros.md': ros, 'effects.md': effects, 'cli.md': commands}
 
 
 def _one_of_each(nodes: list[Any]) -> Iterator[Any]:
@@ -218,5 +218,5 @@ def _rows(head: tuple[str, ...], rows: Any) -> str:
 
 if __name__ == '__main__':
     for name, page in PAGES.items():
-        Path(__file__).with_name(name).write_text(page(), encoding='utf-8')
-        print(f'docs/{name}')
+        Path(__file__).with_name('reference').joinpath(name).write_text(page(), encoding='utf-8')
+        print(f'docs/reference/{name}')
