@@ -42,7 +42,7 @@ browser-test: install  ## run the workbench's browser tests; pictures go to docs
 
 docs:  ## build the documentation into docs/_build/html; runs its notebooks
 	@sh scripts/venv.sh .venv-docs docs
-	@PATH="$$PWD/.venv-docs/bin:$$PATH" .venv-docs/bin/python -m sphinx -W --keep-going -q \
+	@PATH="$$PWD/.venv-docs/bin:$$PATH" .venv-docs/bin/python -m sphinx -E -W --keep-going -q \
 		docs docs/_build/html
 	@echo docs/_build/html/index.html
 

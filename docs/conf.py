@@ -30,13 +30,14 @@ exclude_patterns = ['_build', 'requirements.txt']
 # Types in docstrings are words (`float, s`), not links: one may name two things.
 suppress_warnings = ['ref.python']
 
-myst_enable_extensions = ['dollarmath']
 myst_heading_anchors = 3
 
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True
+add_module_names = False
 autodoc_member_order = 'bysource'
+toc_object_entries_show_parents = 'hide'
 autodoc_typehints = 'none'  # the docstrings have types and units
 default_role = 'literal'  # `name` in a docstring is code
 
@@ -55,8 +56,16 @@ html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
     'navigation_with_keys': False,
+    'navbar_align': 'left',
+    'navbar_persistent': ['search-button'],
+    'header_links_before_dropdown': 7,
     'show_prev_next': False,
-    'secondary_sidebar_items': ['page-toc'],
+    # Notebooks take the width: what they print has long lines.
+    'secondary_sidebar_items': {
+        'gallery/*': [],
+        **{f'{part}*': ['page-toc']
+           for part in ('start', 'how_to/', 'explanation/', 'reference/', 'reference/python/',
+                        'results/')}},
     'footer_start': ['copyright'],
     'footer_end': [],
     'pygments_light_style': 'a11y-high-contrast-light',
@@ -97,10 +106,18 @@ def without_fields(app: Sphinx, what: str, name: str, obj: object, skip: bool, o
     return True if (obj.__doc__ or '').startswith('Alias for field number') else None
 
 
+def without_modules(app: Sphinx, what: str, name: str, obj: object, options: object,
+                    lines: list[str]) -> None:
+    """Leave out the docstrings of modules: each page has its own first paragraph."""
+    if what == 'module':
+        lines.clear()
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the functions above."""
     app.connect('builder-inited', prepare)
     app.connect('html-page-context', scripts)
     app.connect('autodoc-skip-member', without_fields)
+    app.connect('autodoc-process-docstring', without_modules, priority=100)
     app.add_lexer('csv', TextLexer)
     return {'parallel_read_safe': True, 'parallel_write_safe': True}
