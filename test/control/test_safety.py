@@ -401,7 +401,7 @@ def test_a_rig_that_is_held_up_is_no_fault(filled):
 
 
 def test_a_rig_that_vents_by_itself_is_no_fault():
-    """Commands were lost for so long that the driver exhausted, as docs/driver.md asks of it."""
+    """Commands were lost for so long that the driver exhausted, as docs/how_to/driver.md asks."""
     loop = Loop()
     loop.run(1.0, lambda t: (200e3, 0.0))
     loop.time += 0.4
