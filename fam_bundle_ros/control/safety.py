@@ -167,6 +167,11 @@ class Guard:
         self._announce(self.now)
 
 
+#: Exact repeats of a moving reading that are no coincidence: one in ten repeats where the noise is
+#: a few digits. A long silence before a repeat proves no more than a short one.
+_REPEATS = 5
+
+
 class Health(IntEnum):
     """What a channel is good for, worst last."""
 
@@ -286,7 +291,7 @@ class SensorWatch:
             self._moving = 0.0
         elif moving:
             # Once stuck it stays so while nothing moves: a shut valve proves nothing.
-            self._moving += max(since, 0.0)
+            self._moving += min(max(since, 0.0), config.stuck_time / _REPEATS)
         self._seen, self._value = now, value
         late = not abs(latency) <= config.max_latency
         if not late:

@@ -212,29 +212,49 @@ class Bundle:
 
     @cached_property
     def sensor_error(self) -> SensorError:
-        """How the gauges of this model differ from the truth; their laws are linear."""
+        """
+        How the gauges of this model differ from the truth.
+
+        Their laws are linear in what is read, and in time.
+        """
         total: dict[str, float] = {}
         for _, law, part in self._muscles.laws.at(Place.SENSOR):
-            def shown(true, part=part, values=self._arguments(law)):
-                read = {name: true for name in part.arguments if name == part.changes}
-                return part.function(**values, **read)
-            for name, value in (('bias', shown(0.0)), ('gain', shown(1.0) - shown(0.0))):
+            def shown(true, time, part=part, values=self._arguments(law)):
+                read = {part.changes: true, 'time': time}
+                return part.function(**values, **{
+                    name: value for name, value in read.items() if name in part.arguments})
+            bias = shown(0.0, 0.0)
+            for name, value in (('bias', bias), ('gain', shown(1.0, 0.0) - bias),
+                                ('drift', shown(0.0, 1.0) - bias)):
                 key = f'{part.changes}_{name}'
                 total[key] = total.get(key, 0.0) + value
         return SensorError(**total)
 
-    def readings(self, force, strain, pressure):
-        """Return what the gauges show for a true force, strain and pressure."""
-        s = self.sensor_error
-        return (force * (1.0 + s.force_gain) + s.force_bias,
-                strain * (1.0 + s.strain_gain) + s.strain_bias,
-                pressure * (1.0 + s.pressure_gain) + s.pressure_bias)
+    def readings(self, force: Any, strain: Any, pressure: Any, time: Any = 0.0
+                 ) -> tuple[Any, Any, Any]:
+        """
+        Return what the gauges show.
 
-    def felt(self, strain, pressure):
-        """Return the true strain and pressure for what the gauges show."""
+        Parameters
+        ----------
+        force, strain : array_like (...), N and 1
+            True values.
+        pressure : array_like (..., n), Pa (gauge)
+        time : array_like (...), s
+            Since the log, or the rig, began.
+        """
         s = self.sensor_error
-        return ((strain - s.strain_bias) / (1.0 + s.strain_gain),
-                (pressure - s.pressure_bias) / (1.0 + s.pressure_gain))
+        return (force * (1.0 + s.force_gain) + s.force_bias + s.force_drift * time,
+                strain * (1.0 + s.strain_gain) + s.strain_bias + s.strain_drift * time,
+                pressure * (1.0 + s.pressure_gain) + s.pressure_bias
+                + s.pressure_drift * np.expand_dims(time, -1))
+
+    def felt(self, strain: Any, pressure: Any, time: Any = 0.0) -> tuple[Any, Any]:
+        """Return the true strain and pressure for what the gauges show; see `readings`."""
+        s = self.sensor_error
+        return ((strain - s.strain_bias - s.strain_drift * time) / (1.0 + s.strain_gain),
+                (pressure - s.pressure_bias - s.pressure_drift * np.expand_dims(time, -1))
+                / (1.0 + s.pressure_gain))
 
     def predict(self, motion: Motion) -> np.ndarray:
         """

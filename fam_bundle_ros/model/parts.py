@@ -81,17 +81,21 @@ class Overlap:
 @dataclass(frozen=True)
 class SensorError:
     """
-    How readings differ from the truth: shown = true (1 + gain) + bias, for each channel.
+    How readings differ from the truth: shown = true (1 + gain) + bias + drift t.
 
-    Biases in N, Pa and strain; gains dimensionless.
+    Of each channel: biases in N, Pa and strain, gains dimensionless, drifts per s; t since the
+    log, or the rig, began.
     """
 
     force_bias: float = 0.0
     force_gain: float = 0.0
+    force_drift: float = 0.0
     pressure_bias: float = 0.0
     pressure_gain: float = 0.0
+    pressure_drift: float = 0.0
     strain_bias: float = 0.0
     strain_gain: float = 0.0
+    strain_drift: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -72,15 +72,16 @@ def reading(model: 'Muscles', motion: Motion, keys: Sequence[str] = ()
         When the source of a law cannot be differentiated.
     """
     numbers = _Numbers(model, keys)
-    strain = numbers.true('strain', _floats(motion.strain))
-    pressure = numbers.true('pressure', np.ascontiguousarray(_floats(motion.pressure).T))
+    time = _clock(motion)
+    strain = numbers.true('strain', _floats(motion.strain), time)
+    pressure = numbers.true('pressure', np.ascontiguousarray(_floats(motion.pressure).T), time)
     force = np.zeros(len(motion.strain))
     jacobian = np.zeros((len(keys), len(force)))
     for _, rows, value in _blocks(numbers, strain, pressure, motion):
         force[rows] += value_of(value)
         for key, slope in slopes_of(value).items():
             jacobian[key, rows] += slope
-    bias, gain = numbers.error('force')
+    bias, gain = numbers.error('force', time)
     jacobian *= value_of(gain)
     for key, slope in slopes_of(gain).items():
         jacobian[key] += slope * force
@@ -142,7 +143,7 @@ class _Numbers:
             one[SHAPE.index(name)] = value
         return one
 
-    def error(self, quantity):
+    def error(self, quantity, time):
         """Return b and g of a gauge that shows g x + b; 0 and 1 for one without error."""
         bias, gain = 0.0, 1.0
         for _, law, part in self.model.laws.at(Place.SENSOR):
@@ -151,14 +152,21 @@ class _Numbers:
             values = {argument: self.parameters[self.model.laws.parameters.index(
                 (law.name, name))] for argument, name in law.names.items()}
             at_zero, at_one = (applied(part.function, *(
-                values.get(name, at) for name in part.arguments))[0] for at in (0.0, 1.0))
+                {'time': time, quantity: at, **values}[name] for name in part.arguments))[0]
+                for at in (0.0, 1.0))
             bias, gain = at_zero + bias, at_one - at_zero + gain
         return bias, gain
 
-    def true(self, quantity, shown):
+    def true(self, quantity, shown, time):
         """Return what is there, for what a gauge shows; the laws of gauges are linear."""
-        bias, gain = self.error(quantity)
+        bias, gain = self.error(quantity, time)
         return (shown - bias) / gain
+
+
+def _clock(motion: Motion) -> np.ndarray:
+    """Return the time since the log began, (T,), s; zero without time."""
+    time = np.zeros(len(motion.strain)) if motion.time is None else _floats(motion.time)
+    return time - time[:1]
 
 
 def _blocks(numbers: _Numbers, strain: Any, pressure: Any, motion: Motion
@@ -172,8 +180,7 @@ def _blocks(numbers: _Numbers, strain: Any, pressure: Any, motion: Motion
     functions = _functions(laws)
     rate = _floats(motion.strain_rate)
     count = len(motion.strain)
-    time = np.zeros(count) if motion.time is None else _floats(motion.time)
-    time = time - time[:1]
+    time = _clock(motion)
     first = np.arange(count) == 0
     start = first if motion.start is None else first | motion.start
     dt = np.where(start, 0.0, np.diff(time, prepend=0.0))

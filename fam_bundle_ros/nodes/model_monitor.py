@@ -47,6 +47,8 @@ class LiveModel:
 
     def __init__(self, bundle: Bundle):
         self.bundle = bundle
+        #: s since it was made.
+        self._time = 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -58,9 +60,10 @@ class LiveModel:
         if not math.isfinite(strain + rate + sum(pressure)):
             self.reset()
             return math.nan
-        strain, felt = self.bundle.felt(strain, np.array(pressure))
+        self._time += dt
+        strain, felt = self.bundle.felt(strain, np.array(pressure), self._time)
         forces, self._state = self.bundle.step(self._state, dt, strain, felt, rate)
-        return float(self.bundle.readings(forces.sum(), strain, felt)[0])
+        return float(self.bundle.readings(forces.sum(), strain, felt, self._time)[0])
 
 
 class ModelMonitor(BundleNode):

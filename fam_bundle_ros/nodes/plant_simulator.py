@@ -109,6 +109,7 @@ class PlantSimulator(BundleNode):
         self._period_ns = round(1e9 / p['rate'])
         self.halted = False
         self._sent = float('-inf')
+        self._ticked = math.inf
         self._steps = 0
         self._behind = 0
         self._refused = 0
@@ -230,6 +231,11 @@ class PlantSimulator(BundleNode):
             self.say('no clock', 'use_sim_time is on and nobody publishes /clock: time stands '
                      'still (lock_step makes this node the clock)')
             return
+        before, self._ticked = self._ticked, time.monotonic()
+        # Time in which this very process was held up is nobody's silence.
+        held_up = max(self._ticked - before - self._period_ns * 1e-9, 0.0)
+        self._sent += held_up
+        self._received = [received + held_up for received in self._received]
         if self._answers_due():
             return
         late = now - self._stamp - self._period_ns

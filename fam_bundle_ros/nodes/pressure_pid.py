@@ -114,6 +114,8 @@ class PressurePidNode(BundleNode):
         self._off = Stretch()
         self._command = -1.0
         self._answered = -1
+        #: s between the arrivals of the last two readings; time stands still in lock-step.
+        self._gap = 0.0
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
         self._send = self.sender(interface.valve_topic(self.unit), JointState,
                                  interface.valve_writer(self.unit))
@@ -161,12 +163,14 @@ class PressurePidNode(BundleNode):
     # --- messages ------------------------------------------------------------------------------
 
     def _on_pressure(self, message: FluidPressure) -> None:
+        before = self._pressure_meter.last
         self._pressure_meter.tick()
         stamp = interface.stamp_ns(message.header.stamp)
         value = interface.read_pressure(message, self.ambient, self.p['pressure_is_gauge'])
         if self.lock_step:
             self._collect('pressure', stamp, value)
         else:
+            self._gap = time.monotonic() - before if before is not None else 0.0
             self._answer(stamp, value, self.latency(stamp))
 
     def _on_setpoint(self, message: FluidPressure) -> None:
@@ -377,7 +381,7 @@ class PressurePidNode(BundleNode):
             volume, _ = self._volumes.at(self._strain.value(self._patience)[0])
             cause, reason = self._inflow.see(
                 self._answered * 1e-9, fresh, self._volumes.ends if volume is None else volume,
-                self._supply.value(self._patience)[0])
+                self._supply.value(self._patience)[0], self._gap)
             if cause:
                 self._guard.latch(now, cause, reason)
 

@@ -93,7 +93,8 @@ class ForeignPlant:
         self._parameters, self._tables = list(map(float, parameters)), list(map(float, tables))
         self._shape = [list(map(float, row)) for row in shape] or [[0.0]] * self.n
 
-    def readings(self, force: Any, strain: Any, pressure: Any) -> tuple[Any, Any, Any]:
+    def readings(self, force: Any, strain: Any, pressure: Any, time: Any = 0.0,
+                 ) -> tuple[Any, Any, Any]:
         """Return what the gauges show: the truth."""
         return force, strain, pressure
 

@@ -101,14 +101,15 @@ def _dependences(plant, model) -> tuple[bool, bool]:
     return rate, volume
 
 
-def _gauge_errors(plant) -> tuple[list[float], list[float]]:
-    """Return gain and offset of each channel of a plant whose gauges err (`readings`)."""
-    zeros, ones = np.zeros(plant.n), np.ones(plant.n)
-    force, strain, pressure = plant.readings(0.0, 0.0, zeros)
-    offset = [float(force), float(strain), 0.0, *np.broadcast_to(pressure, plant.n).tolist()]
-    force, strain, pressure = plant.readings(1.0, 1.0, ones)
-    one = [float(force), float(strain), 1.0, *np.broadcast_to(pressure, plant.n).tolist()]
-    return [a - b for a, b in zip(one, offset)], offset
+def _gauge_errors(plant) -> tuple[list[float], list[float], list[float]]:
+    """Return gain, offset and drift of each channel of a plant whose gauges err (`readings`)."""
+    def shown(true: float, time: float) -> np.ndarray:
+        force, strain, pressure = plant.readings(true, true, np.full(plant.n, true), time)
+        return np.array([force, strain, true, *np.broadcast_to(pressure, plant.n)], float)
+
+    offset = shown(0.0, 0.0)
+    return ((shown(1.0, 0.0) - offset).tolist(), offset.tolist(),
+            (shown(0.0, 1.0) - offset).tolist())
 
 
 class Rig:
@@ -272,7 +273,7 @@ class Rig:
         """Zero the force reading at the present force (as the mean of many samples would)."""
         sensors = self.sensors
         self.shown.tare = (sensors.gain[FORCE] * self.state.force + sensors.offset[FORCE]
-                           + sensors.bias[FORCE])
+                           + sensors.drift[FORCE] * self.state.time + sensors.bias[FORCE])
 
     def open_supply(self, open_: bool) -> None:
         """Open the supply, or shut it off and dump it; it stays shut while the rig is stopped."""

@@ -121,9 +121,10 @@ class SensorConfig:
 class SensorRecord:
     """Constants of the instruments as kernels read them; one value a channel in the lists."""
 
-    #: Effects of the plant's own model on its gauges: shown = gain x true + offset.
+    #: Effects of the plant's own model on its gauges: shown = gain x true + offset + drift t.
     gain: list[float]
     offset: list[float]
+    drift: list[float]
     #: Of the instruments (`SensorConfig`).
     bias: list[float]
     noise: list[float]
@@ -137,11 +138,12 @@ class SensorRecord:
     hold: bool
 
     @classmethod
-    def of(cls, config: SensorConfig, gain: list[float], offset: list[float]) -> 'SensorRecord':
-        """Return the constants; ``gain`` and ``offset`` have a value for each channel."""
+    def of(cls, config: SensorConfig, gain: list[float], offset: list[float],
+           drift: list[float]) -> 'SensorRecord':
+        """Return the constants; gain, offset and drift have a value for each channel."""
         c, pressures = config, len(gain) - 2
         lags = [c.force_lag, c.strain_lag] + [c.pressure_lag] * pressures
-        return cls(list(map(float, gain)), list(map(float, offset)),
+        return cls(list(map(float, gain)), list(map(float, offset)), list(map(float, drift)),
                    [c.force_bias, c.strain_bias] + [c.pressure_bias] * pressures,
                    [c.force_noise, c.strain_noise] + [c.pressure_noise] * pressures,
                    [c.force_resolution, c.strain_resolution]
@@ -212,10 +214,9 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, n
                 state.sound[i] = math.nan
             continue
         value = state.late[i] if config.late else true[i]
+        value = config.gain[i] * value + config.offset[i] + config.drift[i] * time
         if i == FORCE:
-            value = config.gain[i] * value + config.offset[i] - state.tare
-        else:
-            value = config.gain[i] * value + config.offset[i]
+            value -= state.tare
         value += config.bias[i] + faults.noise_factor * config.noise[i] * normal[i]
         step = config.resolution[i]
         if step > 0.0:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """State machine, latches, watches and plausibility, without ROS."""
 
+import itertools
 import math
 
 import pytest
@@ -225,6 +226,14 @@ def test_a_command_that_is_held_stays_below_the_ceiling(start):
     assert command > 0.0 or start > 344e3
 
 
+def test_one_repeat_after_a_long_silence_is_no_stuck_sensor():
+    """A computer was held up, and the rounded reading is by chance what it was before."""
+    watch = SensorWatch('force', 'N', WatchConfig(low=-100.0, high=2000.0, timeout=2.0))
+    watch.see(0.0, 344.25, True)
+    assert watch.see(0.8, 344.25, True) == Health.GOOD
+    assert not watch.cause
+
+
 # --- plausibility -----------------------------------------------------------------------------
 
 class Loop:
@@ -388,6 +397,32 @@ def test_the_supply_s_reading_cannot_disarm_it():
                 break
             watch.commanded(0.0 if watch.holding else 1.0)
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize('filled', [1, 2, 3])
+def test_commands_that_came_too_late_are_no_fault(filled):
+    """A simulator, or rig, that was held up counts on evenly, its valve still as it was."""
+    watch = InflowWatch('mu1', Loop().watches[0].config)
+    for k in range(200):
+        gap = 0.5 if k == filled else PERIOD
+        # Air from the last command before the pause is all that ever comes in.
+        shown = 44e3 * min(k, 1)
+        said = watch.see(k * PERIOD, shown, 20e-6, gap=gap)
+        assert said == ('', ''), said
+        watch.commanded(1.0 if k < filled else 0.0)
+
+
+@pytest.mark.parametrize('missed', [1, 2, 3, 4])
+def test_a_command_that_a_rig_missed_is_no_fault(missed):
+    """A driver that reads commands by its own clock: one is gone before it was looked at."""
+    loop, count = Loop(), itertools.count()
+    before = [[0.0, 0.0]]
+
+    def valves(commands):
+        if next(count) != missed:
+            before[0] = commands
+        return before[0]
+    assert not loop.run(1.0, lambda t: (250e3, 0.0), valves=valves), loop.text
 
 
 @pytest.mark.parametrize('filled', [0.005, 0.01, 0.015])

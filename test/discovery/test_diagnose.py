@@ -92,6 +92,7 @@ def test_a_triple_that_no_single_effect_starts_is_found(repository, tmp_path):
     ('braid_elasticity', {'compliance': 9e-8}),
     ('presliding_hysteresis', {'force': 5.0, 'width': 0.02}),
     ('force_sensor_bias', {'bias': 3.0}),
+    ('force_sensor_drift', {'rate': -0.05}),
 ])
 def test_an_effect_is_found_again_in_data_that_it_made(sweeps, paper_muscle, name, values):
     """Hidden in sweeps of 0.6 N noise it comes first or ties, with its parameters."""

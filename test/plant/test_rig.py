@@ -212,6 +212,7 @@ def test_gauges_err_as_the_model_file_says(bundle):
     """Gain and offset of every gauge effect are in the readings, and not in the truth."""
     model = bundle
     for name, values in {'force_sensor_gain': {'gain': 0.1}, 'force_sensor_bias': {'bias': 2.0},
+                         'force_sensor_drift': {'rate': 0.9},
                          'pressure_sensor_gain': {'gain': -0.05},
                          'pressure_sensor_bias': {'bias': 3e3},
                          'strain_sensor_offset': {'offset': 0.01}}.items():
@@ -219,7 +220,8 @@ def test_gauges_err_as_the_model_file_says(bundle):
     rig = make(model)
     drive(rig, [250e3, 50e3], 0.3)
     truth, shown = rig.truth, rig.readings
-    force, strain, pressure = model.readings(truth.force, truth.strain, truth.pressure)
+    assert truth.time == pytest.approx(0.3)
+    force, strain, pressure = model.readings(truth.force, truth.strain, truth.pressure, truth.time)
     assert (shown.force, shown.strain) == pytest.approx((force, strain), rel=1e-12)
     assert shown.pressure == pytest.approx(pressure, rel=1e-12)
     assert shown.supply == truth.supply

@@ -11,11 +11,11 @@ from typing import Any
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 
+_INSTRUMENT: dict[str, Any] = {
+    'changes': 'force', 'source': 'instrument error model; sizes 1-5 N and 1-6 % as seen on rigs'}
 _FAMILY: dict[str, Any] = {
-    'family': 'force_sensor', 'changes': 'force',
-    'leaves': ('smooth0', 'smooth1', 'force'),
-    'remedy': 'hang a known weight on the load cell',
-    'source': 'instrument error model; sizes 1-5 N and 1-6 % as seen on rigs'}
+    **_INSTRUMENT, 'family': 'force_sensor', 'leaves': ('smooth0', 'smooth1', 'force'),
+    'remedy': 'hang a known weight on the load cell'}
 
 
 @law('sensor', **_FAMILY, off={'bias': 0.0}, look=('grey', 'solid'),
@@ -32,3 +32,14 @@ def force_sensor_bias(bias):
 def force_sensor_gain(force, gain):
     """Force reading = force (1 + g)."""
     return gain * force
+
+
+@law('sensor', **_INSTRUMENT, family='force_sensor_drift', across_trials=True,
+     leaves=('drift',), off={'rate': 0.0}, look=('grey', 'dot'),
+     summary='load cell whose zero drifts', signature='the error grows with the clock and is the '
+     'same at every strain and pressure at one time',
+     remedy='log the unloaded load cell before and after, and tare it in between',
+     rate=Parameter(0.0, 'N/min', -60.0, 60.0, 'change of the reading at no load'))
+def force_sensor_drift(time, rate):
+    """Force reading = force + r t, t since the log began: a zero that wanders with temperature."""
+    return rate * time
