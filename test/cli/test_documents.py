@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What README and docs tell a user to type exists, their links lead somewhere, their files load."""
+"""What README and docs tell a user to type exists; links lead somewhere, files load."""
 
 import ast
 import importlib
@@ -79,8 +79,9 @@ def test_every_name_of_the_package_in_a_document_can_be_imported(repository, doc
 @pytest.mark.parametrize('document', DOCUMENTS)
 def test_every_path_of_the_project_in_a_document_exists(repository, document):
     """Files and folders that it names are where it says."""
+    folders = 'config|fam_bundle_ros|test|docs|scripts|launch'
     text = (repository / document).read_text()
-    for path in re.findall(r'`((?:config|fam_bundle_ros|test|docs|scripts|launch)/[\w./-]*)`', text):
+    for path in re.findall(rf'`((?:{folders})/[\w./-]*)`', text):
         assert path.startswith('docs/_build') or (repository / path).exists(), path
 
 
