@@ -52,6 +52,7 @@ html_theme = 'pydata_sphinx_theme'
 html_title = 'fam_bundle_ros'
 html_static_path = ['_static']
 html_css_files = ['site.css']
+html_sidebars = {'index': [], 'start': []}  # they are not part of a section
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
