@@ -108,7 +108,8 @@ class ForceWatch:
                 shown * (1.0 - self.RATIO) - self.OFFSET, shown,
                 shown * (1.0 + self.RATIO) + self.OFFSET)]
             low += min(ends)
-            high += max(ends)
+            # Models know push-back least: a motor unit that should push may as well be slack.
+            high += max(*ends, 0.0)
         above = force > high + self._tolerance
         below = off_target and force < low - self._tolerance
         if not (above or below):

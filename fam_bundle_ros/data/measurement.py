@@ -264,7 +264,7 @@ def write_csv(measurement: Measurement, path: str | Path,
 
 def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
           trial: Sequence[Any] | np.ndarray | None = None, time: np.ndarray | None = None,
-          motor_units: Sequence[str] = ('mu1',), strain_rate: np.ndarray | None = None,
+          motor_units: Sequence[str] | None = None, strain_rate: np.ndarray | None = None,
           rows: np.ndarray | None = None, notes: Sequence[str] = (),
           units: Mapping[str, tuple[str, float]] | None = None, max_pressure: float | None = None,
           max_strain: float | None = None) -> Measurement:
@@ -279,6 +279,8 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
 
     Parameters
     ----------
+    motor_units : sequence of str, optional
+        A name for each column of the pressure; by default ``mu1``, ``mu2``, ...
     rows : ndarray of int, shape (T,), optional
         What to call each row in messages; by default 1, 2, ...
     units : dict, optional
@@ -289,12 +291,17 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     Raises
     ------
     InputError
-        For too few or too many rows, a reading out of range, time that runs backwards, and data
+        For another number of names than of pressure columns, too few or too many rows, a reading out of range, time that runs backwards, and data
         in which neither strain nor pressure changes.
     """
     strain, force = np.asarray(strain, float), np.asarray(force, float)
     pressure = np.asarray(pressure, float)
     pressure = pressure[:, None] if pressure.ndim == 1 else pressure
+    if motor_units is None:
+        motor_units = [f'mu{i + 1}' for i in range(pressure.shape[1])]
+    if len(motor_units) != pressure.shape[1]:
+        raise InputError(f'{name}: {pressure.shape[1]} pressure columns and {len(motor_units)} '
+                         'names of motor units; expected as many')
     time = None if time is None else np.asarray(time, float)
     rows = np.arange(1, len(force) + 1) if rows is None else np.asarray(rows)
     if len(force) > MAX_ROWS:

@@ -113,9 +113,10 @@ class Recommended:
                 f"{rivals['mean']:.3g} N, plane {rivals['plane']:.3g} N, six-parameter empirical "
                 f"form {rivals['empirical']:.3g} N")
 
-    def save(self, path: Path) -> tuple[Path, ...]:
+    def save(self, path: str | Path) -> tuple[Path, ...]:
         """Write the model file, and the table of its discrepancy beside it; return both."""
         from fam_bundle_ros.model import catalogue, save_model
+        path = Path(path)
         if self.leftover is None:
             save_model(self.model, path)
             return (path,)

@@ -488,3 +488,12 @@ def test_a_model_that_is_a_little_wrong_is_no_fault(force_watch, true, gain):
             measured = gain * force(pressures) + bias
             assert all(not watch.see(0.005 * k, measured, 0.1, pressures, True)
                        for k in range(40))
+
+
+def test_a_muscle_that_folds_where_its_model_pushes_is_no_fault():
+    """A model without buckling believes that an empty unit pushes with 30 N; it does with 3 N."""
+    watch = ForceWatch(lambda unit, strain, pressure: pressure / 4e3 - 30.0 * unit, 10.0, 0.02)
+    for k in range(10):
+        assert watch.see(0.01 * k, 25.0 - 3.0, 0.1, [100e3, 0.0]) == ''
+    watch.see(0.1, 60.0, 0.1, [100e3, 0.0])
+    assert watch.see(0.2, 60.0, 0.1, [100e3, 0.0])
