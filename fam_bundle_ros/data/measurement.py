@@ -291,8 +291,8 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     Raises
     ------
     InputError
-        For another number of names than of pressure columns, too few or too many rows, a reading out of range, time that runs backwards, and data
-        in which neither strain nor pressure changes.
+        For other names than pressure columns, too few or too many rows, a reading out of range,
+        time that runs backwards, and data in which neither strain nor pressure changes.
     """
     strain, force = np.asarray(strain, float), np.asarray(force, float)
     pressure = np.asarray(pressure, float)

@@ -24,7 +24,14 @@ from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.discovery.specimens import (
+    diagnose_specimens,
+    read_specimens,
+    Specimen,
+    Together,
+)
 
 __all__ = ['add_effect', 'Added', 'Candidate', 'Choices', 'compare', 'Comparison', 'diagnose',
-           'Diagnosis', 'ladder', 'Ladder', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor',
-           'orders', 'read_measurement', 'Region', 'write_bag', 'write_csv']
+           'diagnose_specimens', 'Diagnosis', 'ladder', 'Ladder', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor',
+           'orders', 'read_measurement', 'read_specimens', 'Region', 'Specimen', 'Together',
+           'write_bag', 'write_csv']

@@ -18,7 +18,7 @@ _GEOMETRY_UNITS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_t
 #: Standard deviations of a 95 % interval.
 _95 = 1.96
 #: A parameter whose prior the data narrow by less than this share is not moved by them.
-_DEAD = 0.97
+DEAD = 0.97
 #: Correlation from which two parameters are said to trade off.
 _TRADED = 0.98
 
@@ -98,7 +98,7 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
         spread = max(own[j], (posterior.spread(prior.key, u) if posterior else None) or 0.0)
         ends = (prior.theta(u - _95 * spread), prior.theta(u + _95 * spread))
         flag = ''
-        if own[j] > _DEAD:
+        if own[j] > DEAD:
             flag = 'dead: the data do not move it'
         elif bound[j]:
             flag = 'at bound'

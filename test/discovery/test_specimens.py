@@ -1,0 +1,88 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Several specimens: what is missing in all, what is a constant of the material, what is not."""
+
+import pytest
+
+from fam_bundle_ros.discovery import diagnose_specimens, read_specimens, Specimen
+from fam_bundle_ros.errors import InputError
+
+LENGTHS = (0.08, 0.127, 0.25)
+
+
+@pytest.fixture
+def specimens(paper_muscle, sweeps):
+    """Return a function that records muscles of three lengths; it is told what they hide."""
+    def make(hide, lengths=LENGTHS):
+        found = []
+        for seed, length in enumerate(lengths):
+            muscle = paper_muscle.with_parameters({'geometry.length': length})
+            found.append(Specimen(f's{seed}', sweeps(hide(muscle, length), seed=seed, cycles=1),
+                                  {'length': length}, {'length': 1e3 * length}))
+        return found
+    return make
+
+
+def constant(result, key):
+    """Return what is said of one parameter."""
+    return next(each for each in result.constants if each.key == key)
+
+
+def test_a_dead_length_is_the_same_in_all_and_so_a_constant(specimens, paper_muscle):
+    """On one length it ties with a factor of the strain; on two it does not."""
+    result = diagnose_specimens(paper_muscle, specimens(
+        lambda muscle, length: muscle.with_effect('end_caps', dead_length=12e-3), LENGTHS[::2]))
+    assert [change.new for change in result.changes] == ['end_caps']
+    found = constant(result, 'end_caps.dead_length')
+    assert found.shared > 0.9
+    assert found.value == pytest.approx(12.0, abs=0.3)
+    assert all(error['best'] < 0.66 < error['model'] for error in result.error_N)
+    assert 'a constant of the material' in str(result)
+
+
+def test_a_friction_in_proportion_to_length_is_no_constant(specimens, paper_muscle):
+    """It is named in all, with the length that it goes with."""
+    result = diagnose_specimens(paper_muscle, specimens(
+        lambda muscle, length: muscle.with_effect('coulomb_friction', force=24.0 * length)))
+    assert result.effects == ('coulomb_friction',)
+    found = constant(result, 'coulomb_friction.force')
+    assert found.shared < 0.01
+    assert found.goes_with == 'length'
+    assert found.power == pytest.approx(1.0, abs=0.1)
+    assert found.values == pytest.approx([24.0 * length for length in LENGTHS], rel=0.1)
+    # the rubber is the same in all: no fit may pass its error on to it
+    assert constant(result, 'bladder_elasticity.c10').shared > 0.9
+
+
+def test_a_table_gives_each_recording_its_dimensions_in_any_unit(tmp_path):
+    """Diameters are halved; remarks are no facts; files are beside the table."""
+    table = tmp_path / 'specimens.csv'
+    table.write_text('file,length [cm],diameter [in],age [days],remark\n'
+                     'a.csv,12.7,0.5,30,new\n\nb.csv,,0.25,400,frayed\n')
+    first, second = read_specimens(table)
+    assert first.data == tmp_path / 'a.csv'
+    assert first.dimensions == pytest.approx({'length': 0.127, 'radius': 6.35e-3})
+    assert first.facts == {'length': 12.7, 'diameter': 0.5, 'age': 30.0}
+    assert (second.name, second.dimensions) == ('b', pytest.approx({'radius': 3.175e-3}))
+
+
+@pytest.mark.parametrize(('text', 'said'), [
+    ('name,length [mm]\na,1\n', "expected one called 'file'"),
+    ('file,length\na.csv,127\n', "row 2, column 'length' has no unit"),
+    ('file,length [mm]\na.csv,long\n', "row 2, column 'length': 'long'; expected a number"),
+    ('file,length [kPa]\na.csv,127\n', "unit 'kPa' does not fit"),
+    ('file,length [mm]\n,127\n', 'row 2: no file'),
+    ('', "expected one called 'file'"),
+])
+def test_a_table_that_cannot_be_read_is_said_by_row_and_column(tmp_path, text, said):
+    """The row, the column, and what was expected there."""
+    table = tmp_path / 'specimens.csv'
+    table.write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_specimens(table)
+
+
+def test_one_specimen_is_not_several(paper_muscle):
+    """One recording says nothing about what specimens share."""
+    with pytest.raises(InputError, match='1 specimens; expected two or more'):
+        diagnose_specimens(paper_muscle, [Specimen('a', 'a.csv')])
