@@ -9,6 +9,7 @@ from pathlib import Path
 import re
 import shlex
 import shutil
+import textwrap
 
 import pytest
 from typer.main import get_command
@@ -30,7 +31,7 @@ _TYPED = re.compile(r'^(?:\$ )?fam_bundle ([a-z-]+)(.*?)(?:#.*)?$', re.M)
 
 def blocks(text, *languages):
     """Return the code blocks in one of these languages."""
-    return [body for language, body in re.findall(
+    return [textwrap.dedent(body) for language, body in re.findall(
         r'^ *```([\w{}-]*)\n(.*?)^ *```', text, re.M | re.S) if language in languages]
 
 
