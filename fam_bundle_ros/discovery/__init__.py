@@ -32,6 +32,6 @@ from fam_bundle_ros.discovery.specimens import (
 )
 
 __all__ = ['add_effect', 'Added', 'Candidate', 'Choices', 'compare', 'Comparison', 'diagnose',
-           'diagnose_specimens', 'Diagnosis', 'ladder', 'Ladder', 'locate', 'Measurement', 'noise_floor', 'NoiseFloor',
-           'orders', 'read_measurement', 'read_specimens', 'Region', 'Specimen', 'Together',
-           'write_bag', 'write_csv']
+           'diagnose_specimens', 'Diagnosis', 'ladder', 'Ladder', 'locate', 'Measurement',
+           'noise_floor', 'NoiseFloor', 'orders', 'read_measurement', 'read_specimens', 'Region',
+           'Specimen', 'Together', 'write_bag', 'write_csv']
