@@ -51,7 +51,7 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     (HEADER + ROWS.replace(',45\n', ',much\n', 1), ['row 7', 'force', 'much']),
     (HEADER.replace('kPa', 'mm') + ROWS, ['pressure', 'mm']),
     (HEADER.replace('kPa', 'MPa') + ROWS, ['pressure', 'MPa', 'kPa']),
-    (HEADER.replace('force [N]', 'forse [N]') + ROWS, ['force']),
+    (HEADER.replace('force [N]', 'torque [N]') + ROWS, ['force', 'torque']),
     (HEADER + ''.join(ROWS.splitlines(keepends=True)[:3]), ['3']),
 ])
 @pytest.mark.parametrize('command', ['compare', 'diagnose'])
