@@ -32,6 +32,8 @@ from fam_bundle_ros.errors import InputError
 
 #: A name that stands among other words is taken only with a unit that fits.
 _ENOUGH = 2
+#: Told in place of a column: the file has none for this quantity.
+NONE = 'none'
 #: More trials than rows over this: the column counts rows.
 _ROWS_PER_TRIAL = 2
 
@@ -71,11 +73,14 @@ class Choices:
     table: Table
     chosen: dict[str, Choice] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    without: set[str] = field(default_factory=set)
 
     def make(self, told: Mapping[str, str]) -> None:
         """Choose the columns: those that are told first."""
+        self.without = {_family(key) for key, text in told.items() if text.strip() == NONE}
         for key, text in told.items():
-            self.chosen[key] = self._find(key, text.strip())
+            if text.strip() != NONE:
+                self.chosen[key] = self._find(key, text.strip())
         self._recognised()
         self._by_unit()
 
@@ -163,7 +168,7 @@ class Choices:
 
     def _recognised(self) -> None:
         used = {choice.header for choice in self.chosen.values()}
-        families = {_family(key) for key in self.chosen}
+        families = {_family(key) for key in self.chosen} | self.without
         found: dict[str, list[tuple[str, Match]]] = {}
         for header, column in self.table.columns.items():
             if header in used:
@@ -181,14 +186,14 @@ class Choices:
             found.setdefault(key, []).append((header, match))
         self._one_of_each(found)
         for header in list(self.refused):
-            if 'time' not in self.chosen and re.fullmatch(r'column \d+', header) and (
-                    looks_like_time(self.table.columns[header])):
+            if 'time' not in self.chosen and 'time' not in self.without and re.fullmatch(
+                    r'column \d+', header) and looks_like_time(self.table.columns[header]):
                 self.chosen['time'] = Choice(header, why='dates without a name')
                 del self.refused[header]
 
     def _by_unit(self) -> None:
         """Take a column of an unknown name for what is missing, if it alone has such a unit."""
-        families = {_family(key) for key in self.chosen}
+        families = {_family(key) for key in self.chosen} | self.without
         for like, family in (('N', 'force'), ('Pa', 'pressure'), ('m', 'strain'), ('s', 'time')):
             if family in families:
                 continue
@@ -254,6 +259,7 @@ class Choices:
                                          if entry[1].score == best_score])
             entries = [entry for entry in entries if entry[0] not in self.refused]
             if len(best_ones) > 1:
+                self._refuse(best_ones, f'may be {_shown(key)}, as another may')
                 names = ' and '.join(f"'{header}'" for header, _ in best_ones[:3])
                 raise InputError(
                     f'{self.table.name}: {names} both may be {_shown(key)}; expected one, or to '

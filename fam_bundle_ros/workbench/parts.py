@@ -13,8 +13,8 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from fam_bundle_ros import palette, plotting
 
-__all__ = ['box', 'button', 'pick', 'plot', 'segments', 'sentence', 'style', 'swatch', 'text',
-           'typed', 'words']
+__all__ = ['box', 'button', 'choose', 'pick', 'plot', 'segments', 'sentence', 'style', 'swatch',
+           'text', 'typed', 'words']
 
 _ASSETS = Path(__file__).parent / 'assets'
 
@@ -75,6 +75,30 @@ def pick(label: str, options: Sequence[str], chosen: int | None,
             for value, said in enumerate([everything, *options], start=-1):
                 at = text('option', said).props(f'value={value}')
                 if value == (-1 if chosen is None else chosen):
+                    at.props('selected')
+    return made
+
+
+def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,
+           on_change: Callable[[str], Any], mark: str = '', classes: str = 'field',
+           named: str = '') -> ui.element:
+    """Return a native select of (key, words); without a label it is ``named`` for readers."""
+    def changed(event: Any) -> None:
+        if str(event.args) in [key for key, _ in options]:
+            on_change(str(event.args))
+
+    with box('label', classes) as made:
+        if label:
+            text('span', label)
+        with box('select').on('change', changed, js_handler='(e) => emit(e.target.value)'
+                              ) as select:
+            if named:
+                select._props['aria-label'] = named
+            _marked(select, mark, {})
+            for key, said in options:
+                at = text('option', said)
+                at._props['value'] = key
+                if key == chosen:
                     at.props('selected')
     return made
 
