@@ -70,7 +70,7 @@ class ExplorerView:
             parts.text('span', label)
             number = parts.text('b', shown.format(value), 'num')
             slider = ui.element('input').mark(f'slider:{mark}')
-            slider._props.update(type='range', min=low, max=high, step=step, value=value,
+            slider._props.update(type='range', min=low, max=high, step=step, defaultValue=value,
                                  **{'data-mark': f'slider:{mark}'})
             if colour is not None:
                 slider.style(f'accent-color: {colour.dark if self.page.dark else colour.light}')

@@ -10,6 +10,7 @@ file again with it, so that nothing is called good that is then refused.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+import re
 
 from fam_bundle_ros.data import Measurement, taken_words
 from fam_bundle_ros.data.formats import Table
@@ -33,6 +34,14 @@ UNITS = {'N': ('N', 'kN', 'mN', 'lbf', 'kgf', 'gf'),
                 'bar abs', 'mbar abs', 'psi abs'),
          'm': ('mm', 'cm', 'm', 'in'), 's': ('s', 'ms', 'us', 'min'), '1': ('ratio', '%'),
          '1/s': ('1/s', '%/s')}
+
+
+#: What messages say to type on a command line -> where it is on the page.
+_FIELDS = ((r' \(--rest-length, rest_length, or (?:a|its) model\)', ': the Length of your muscle'),
+           (r'; (?:tell it|expected it told)\b.*--columns.*', '; choose it in the table'),
+           (r'; expected one, or to be told,.*', '; choose one in the table'),
+           (r', or --max-pressure for a muscle that goes further',
+            ', or a higher pressure of your muscle'))
 
 
 @dataclass(frozen=True)
@@ -114,6 +123,13 @@ class Incoming:
         except InputError as error:
             return Preview(self.name, 'ROS 2 bag', (), {}, 0, str(error), None)
         return Preview(self.name, 'ROS 2 bag', (), {}, len(measured), '', measured)
+
+    @staticmethod
+    def said(problem: str) -> str:
+        """Return what is wrong in the words of the page, where options have fields."""
+        for option, field_words in _FIELDS:
+            problem = re.sub(option, field_words, problem)
+        return problem
 
     @staticmethod
     def columns(seen: Preview) -> list[Column]:

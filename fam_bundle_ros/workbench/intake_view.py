@@ -50,7 +50,7 @@ class IntakeView:
         muscle = self.incoming.muscle.problem
         with self.state:
             if seen.measurement is None:
-                parts.text('p', f'Not yet: {seen.problem}.', 'bad').mark('intake:problem')
+                parts.text('p', f'Not yet: {self.incoming.said(seen.problem)}.', 'bad')
             else:
                 said, *notes = str(seen.measurement).splitlines()
                 parts.text('p', said.partition(': ')[2] or said)

@@ -8,6 +8,7 @@ What is typed stays as it is typed, right or wrong; `MuscleForm.bundle` says wha
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+import re
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, dumps_model
@@ -75,8 +76,10 @@ class MuscleForm:
             self.sources = {}
 
     def type(self, key: str, value: str) -> None:
-        """Change one value."""
-        self.values[key] = value
+        """Change one value; a bare number is in the unit of its field."""
+        unit = next(entry.unit for entry in ENTRIES if entry.key == key)
+        bare = unit and re.fullmatch(r'[-+]?[\d.,]+', value.strip())
+        self.values[key] = f'{value.strip()} {unit}' if bare else value
         self.sources.pop(key, None)
 
     def bundle(self) -> Bundle:

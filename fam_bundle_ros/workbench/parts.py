@@ -109,7 +109,8 @@ def typed(label: str, value: str, on_change: Callable[[str], Any], classes: str 
     with box('label', f'field {classes}') as made:
         text('span', label)
         field = ui.element('input').classes('code' if code else '')
-        field._props.update(type='text', value=value, placeholder=hint, autocomplete='off',
+        # not `value`: the browser would set it back to that whenever it draws the page anew
+        field._props.update(type='text', defaultValue=value, placeholder=hint, autocomplete='off',
                             spellcheck='false', maxlength='500')
         field.on('input', lambda event: on_change(str(event.args)[:500]), throttle=0.25,
                  leading_events=False, js_handler='(e) => emit(e.target.value)')
