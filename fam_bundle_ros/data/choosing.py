@@ -91,8 +91,13 @@ class Choices:
 
     @property
     def pressures(self) -> list[str]:
-        """Pressures, in the order of the file."""
-        return [key for key in self.chosen if key.partition('.')[0] == 'pressure']
+        """Pressures: those of mu1, mu2, ... by their number, others in the order of the file."""
+        keys = [key for key in self.chosen if key.partition('.')[0] == 'pressure']
+        numbers = [re.fullmatch(r'pressure(?:\.mu(\d+))?', key) for key in keys]
+        if all(numbers):
+            return sorted(keys, key=lambda key: int(key.partition('.mu')[2] or 1))
+        headers = list(self.table.columns)
+        return sorted(keys, key=lambda key: headers.index(self.chosen[key].header or headers[-1]))
 
     def complete(self) -> None:
         """Raise InputError where strain, pressure or force is missing."""

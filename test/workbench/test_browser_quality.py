@@ -47,6 +47,8 @@ def show(tab, view):
             tab.click('intake:other')
         tab.click('open-first')
         tab.drawn()
+        tab.click('muscle:open')
+        page.wait_for_selector('[data-mark="muscle:use"]')
     elif view == 'explorer':
         tab.click('tab:explore')
         tab.drawn()

@@ -114,7 +114,8 @@ def test_a_log_of_ones_own_from_a_workbook_to_the_controller(watched, tmp_path):
     tab.click('diagnose')
     page.wait_for_selector('[data-mark=next-add]', timeout=180_000)
     assert page.inner_text('[data-mark=next-add]') == 'Add Coulomb friction'
-    assert page.inner_text('.command').startswith('fam_bundle add coulomb_friction --data lab.xlsx')
+    assert page.inner_text('.command').startswith(
+        'fam_bundle add coulomb_friction --data lab.xlsx --columns')
     tab.click('next-add')
     page.wait_for_selector('.rung >> nth=1')
     assert rungs(page)[1] == ('+ Coulomb friction', '0.88 N')
