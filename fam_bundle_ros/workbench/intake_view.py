@@ -57,7 +57,7 @@ class IntakeView:
                 for note in notes:
                     parts.text('p', note.strip(), 'muted small')
                 if muscle:
-                    parts.text('p', f'Not yet: {muscle}.', 'bad')
+                    parts.text('p', 'Not yet: your muscle is not complete.', 'bad')
             with parts.box('div', 'row'):
                 off = {} if seen.measurement is not None and not muscle else {'disabled': 'true'}
                 parts.button('Use these data', self.page.open_incoming, 'main-action',

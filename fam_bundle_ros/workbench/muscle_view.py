@@ -81,11 +81,14 @@ class MuscleView:
         problem = self.form.problem
         self.said.set_text(problem[:1].upper() + problem[1:])
         self.sources.clear()
-        with self.sources:
-            told: dict[str, list[str]] = {}
-            for entry in ENTRIES:
-                if entry.key in self.form.sources:
-                    told.setdefault(self.form.sources[entry.key], []).append(entry.label)
+        told: dict[str, list[str]] = {}
+        for entry in ENTRIES:
+            if entry.key in self.form.sources:
+                told.setdefault(self.form.sources[entry.key], []).append(entry.label)
+        if not told:
+            return
+        with self.sources, parts.box('details'):
+            parts.text('summary', 'Where these values are from')
             for source, labels in told.items():
                 parts.text('p', f'{", ".join(labels)}: {source}.')
 

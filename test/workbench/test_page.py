@@ -107,7 +107,8 @@ async def test_an_uploaded_measurement_asks_for_the_muscle(user):
     """A dropped CSV shows its columns and opens once the muscle is told: none is assumed."""
     await upload(user, 'mine.csv', DATA.read_bytes())
     await sees(user, 'Is this how the file is meant?')
-    await user.should_see('Not yet: a muscle needs Radius')
+    await user.should_see('Not yet: your muscle is not complete')
+    await user.should_see('A muscle needs Radius')
     for key, value in MUSCLE.items():
         user.find(marker=f'muscle:{key}').trigger('input', value)
     await user.should_not_see('Not yet')
@@ -129,8 +130,8 @@ async def test_a_column_is_told_on_the_page(user):
     await user.should_not_see("column 'force' is missing")
     await user.should_see('✓ N guessed, no unit given')
     user.find(marker='map:Kanal 3:unit').trigger('change', 'lbf')
-    await user.should_see('✓ as told')
-    await user.should_see('force -192 to 882 N')
+    await sees(user, 'force -192 to 882 N')
+    await user.should_see('✓ used')
 
 
 async def test_a_model_dropped_first_is_used(user):
