@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import functools
 import inspect
 from pathlib import Path
-import re
 import sys
 from typing import Annotated, Any
 
@@ -24,6 +23,8 @@ from fam_bundle_ros.resources import config_names, config_path
 
 #: A pipe or a file has no width: wide enough that no row of a table is folded for it.
 _PIPE_WIDTH = 160
+#: The bundle that the paper measured; where it stands in for a model, that is said.
+PAPER = 'spie2021'
 #: Results go here; progress and notes to `notes`, so that a pipe gets the results only.
 console = Console(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 notes = Console(stderr=True, highlight=False)
@@ -32,8 +33,6 @@ JsonFile = Annotated[Path | None, typer.Option('--json', metavar='FILE', help='A
                                                'result as JSON.')]
 AllowPython = Annotated[bool, typer.Option('--allow-python', help='Run Python files of effects '
                                            'that a model names. Only for models you trust.')]
-ModelArgument = Annotated[str, typer.Argument(metavar='MODEL', help='Model file, or a name that '
-                                              'ships.')]
 ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help='Model file, or '
                                           'a name that ships.')]
 
@@ -57,7 +56,7 @@ _READING: dict[str, Any] = {
     'columns': Annotated[list[str] | None, typer.Option(
         '--columns', metavar='QUANTITY=COLUMN', rich_help_panel=_PANEL, help='What a column is: '
         '"length=L \\[mm]", "force=-F \\[N]" to turn the sign, "pressure=300 kPa" for a constant, '
-        '"time=100 Hz". May be given several times.')],
+        '"time=100 Hz", "trial=none" for no column. May be given several times.')],
     'rest_length': Annotated[str | None, typer.Option(
         '--rest-length', metavar='LENGTH', rich_help_panel=_PANEL, help='Rest length, "127 mm", '
         'where the data have lengths; by default that of the model.')],
@@ -159,6 +158,26 @@ def open_model(name: str, allow_python: bool = False):
     return load_model(model_path(name), allow_python=allow_python)
 
 
+def show_muscle(bundle: Any, chosen: bool = True) -> None:
+    """
+    Print which muscle a result is about: the model's name and geometry.
+
+    Where the user did not choose it (``chosen`` False) the line says so.
+    """
+    from fam_bundle_ros.model.own_muscle import muscle_words
+    console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
+    if not chosen:
+        notes.print(f'note: no model was chosen, so this is {bundle.name}, the bundle of the '
+                    'paper; for another give its model (fam_bundle new-model writes one)',
+                    soft_wrap=True)
+
+
+def muscle_of(bundle: Any) -> dict[str, Any]:
+    """Return a model's name and dimensions, for JSON."""
+    from fam_bundle_ros.model.own_muscle import dimensions_of
+    return {'name': bundle.name, **dimensions_of(bundle)}
+
+
 def model_path(name: str) -> Path:
     """Return the path of a model file, or of a shipped model by its name."""
     path = Path(name)
@@ -186,14 +205,9 @@ def data_path(name: str) -> Path:
     raise InputError(f'{name}: no such file or bag; measurements that ship: {known or "none"}')
 
 
-def spaced(text: str) -> str:
-    """Return a quantity with a space before its unit: on a command line people write 5ms."""
-    return re.sub(r'^([-+]?[\d.]+(?:e[-+]?\d+)?)(?=[^\d.\s])', r'\1 ', text.strip(), flags=re.I)
-
-
 def quantity(text: str, like: str, option: str) -> float:
     """Return an option's value with its unit in SI; the error names the option."""
-    from fam_bundle_ros.units import parse
+    from fam_bundle_ros.units import parse, spaced
     try:
         return parse(spaced(text), like)
     except InputError as error:

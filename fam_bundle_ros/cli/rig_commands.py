@@ -13,10 +13,11 @@ from fam_bundle_ros.cli.common import (
     console,
     JsonFile,
     model_path,
-    ModelOption,
     open_model,
+    PAPER,
     progress_bar,
     save_json,
+    show_muscle,
     table,
     wrote,
 )
@@ -78,10 +79,14 @@ def run(
         ('model', None if model is None else _file(model)),
         ('plant_model', None if plant_model is None else _file(plant_model)),
         ('trajectory', trajectory), ('policy', policy),
-        *(_mass(model or 'spie2021').items() if free else ()),
+        *(_mass(model or PAPER).items() if free else ()),
         ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
     given = ['--params-file', str(params_file)] if params_file else []
+    # a parameter file or what follows --ros-args may name another model: the nodes then log it
+    if model is not None or not (given or any('model' in word or 'params-file' in word
+                                              for word in context.args)):
+        show_muscle(open_model(model or PAPER), model is not None)
     arguments = ['fam_bundle run', *context.args]
     if own or given:
         arguments += ['--ros-args', *given, *own, '--']
@@ -111,7 +116,9 @@ def check_rig(
     namespace: Namespace = 'bundle',
     seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
                                            max=600.0)] = 3.0,
-    model: ModelOption = 'spie2021',
+    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model file, '
+                                              'or a name that ships: how many units, how long.'
+                                              )] = None,
     gauge: Annotated[bool, typer.Option('--gauge', help='The rig sends gauge pressure, and '
                                         'pressure_is_gauge is set.')] = False,
     json_file: JsonFile = None,
@@ -123,7 +130,8 @@ def check_rig(
     A note is something that cannot be told from here, say the sign of a force at rest.
     """
     from fam_bundle_ros.nodes import session
-    bundle = open_model(model, allow_python)
+    bundle = open_model(model or PAPER, allow_python)
+    show_muscle(bundle, model is not None)
     length = float(bundle.motor_units[0].geometry.length)
     with progress_bar('check-rig') as tick:
         findings = session.check_rig(namespace.strip('/'), seconds, units=bundle.n, length=length,

@@ -95,7 +95,8 @@ class _Reader:
         cell = str(self.table.columns[header][at])[:40]
         comma = re.fullmatch(r'[-+]?\d+,\d+', cell)
         raise InputError(f"{self.table.name}, row {self.table.rows[at]}: {header} is '{cell}'; "
-                         f'expected a number{" with a point, not a comma" if comma else ""}')
+                         f'expected a number{" with a point, not a comma" if comma else ""}, or '
+                         'a blank, which leaves the row out')
 
     def _time(self, values: dict[str, np.ndarray]) -> np.ndarray | None:
         choice = self.choices.chosen.get('time')
@@ -178,11 +179,12 @@ class _Reader:
         choice.sign = -1 if along > 0.2 else 1
         if abs(along) > 0.2:
             word = 'positive when longer' if along > 0 else 'positive when shorter'
-            choice.why = f'{word}, as the force tells'
+            said = f'{word}, as the force tells'
         else:
-            choice.why = 'taken as positive when shorter'
+            said = 'taken as positive when shorter'
             self.notes.append(f"'{choice.header}' is taken as positive when shorter; the force "
                               'does not tell')
+        choice.why = f'{choice.why}, {said}'.removeprefix(', ')
         return choice.sign
 
 

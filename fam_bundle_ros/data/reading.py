@@ -36,11 +36,12 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
 
     Parameters
     ----------
-    source : path, pandas.DataFrame or mapping of str to array
+    source : path, pandas.DataFrame, mapping of str to array, or Table
     columns : mapping of str to str, optional
         Quantity (time, trial, strain, contraction, elongation, length, pressure,
         pressure.<motor unit>, force, strain_rate) to column: the header, its name with a unit,
-        ``'-F [N]'`` to turn the sign, its number, or a constant (``'300 kPa'``, ``'100 Hz'``).
+        ``'-F [N]'`` to turn the sign, its number, a constant (``'300 kPa'``, ``'100 Hz'``), or
+        ``'none'`` where no column is to be taken for it.
     rest_length : float (m) or str ('250 mm'), optional
         Needed where the data give a length instead of a strain.
     gauge : bool, optional
@@ -175,7 +176,7 @@ def _recipe(recipe: Recipe | str | Path | None, **options: Any) -> Recipe:
 
 
 def _path(source: Any) -> Path | None:
-    if hasattr(source, 'columns') or isinstance(source, Mapping):
+    if isinstance(source, (Mapping, Table)) or hasattr(source, 'columns'):
         return None
     path = Path(source)
     if not path.exists():
@@ -187,6 +188,8 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
     if path is not None:
         table = read_table(path, recipe.sheet)
         return table if name is None else replace(table, name=name)
+    if isinstance(source, Table):
+        return source if name is None else replace(source, name=name)
     if isinstance(source, Mapping):
         return of_arrays(name or 'arrays', 'arrays', source)
     return of_frame(source, name or 'frame')

@@ -32,7 +32,8 @@ class Recipe:
         Quantity to column, ``{'length': 'L [mm]', 'force': '-F [N]'}``: the header as it stands
         or its name, with another unit in brackets if need be, a minus where the sign is to be
         turned round, or the column's number. A quantity that no column has may be a constant:
-        ``{'pressure': '300 kPa'}``, ``{'time': '100 Hz'}``. What is not named is recognised.
+        ``{'pressure': '300 kPa'}``, ``{'time': '100 Hz'}``. ``{'trial': 'none'}``: no column is
+        that. What is not named is recognised.
     rest_length : float, m, optional
         By which lengths become strains.
     gauge : bool, optional
