@@ -86,6 +86,15 @@ def test_every_path_of_the_project_in_a_document_exists(repository, document):
         assert path.startswith('docs/_build') or (repository / path).exists(), path
 
 
+def test_every_page_that_the_code_names_exists(repository):
+    """Messages, comments and example files send nobody to a page that has moved."""
+    files = [path for folder in ('fam_bundle_ros', 'config', 'launch', 'test', 'scripts')
+             for kind in ('py', 'yaml', 'sh') for path in (repository / folder).rglob(f'*.{kind}')]
+    named = {(page, path.name) for path in files
+             for page in re.findall(r'docs/[a-z_/]+\.md', path.read_text())}
+    assert [entry for entry in sorted(named) if not (repository / entry[0]).exists()] == []
+
+
 @pytest.mark.parametrize('document', DOCUMENTS)
 def test_every_make_target_of_a_document_exists(repository, document):
     """`make` does what is written."""
