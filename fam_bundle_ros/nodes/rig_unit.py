@@ -33,7 +33,8 @@ _LOW, _HIGH = 0.25, 0.65
 _MISFIT = 0.03
 #: s for which a shut valve is watched; share lost in a second that plausibility takes for a fault.
 _HOLD, _LEAK = 0.2, 1.0
-#: s: commands are silent for so long (docs/how_to/driver.md: 0.1), and the leave (0.5); what is taken.
+#: s: commands are silent for so long (docs/how_to/driver.md: 0.1), and the leave (0.5); what is
+#: taken.
 _MUTE, _MUTE_MOST, _LEAVE_MUTE, _LEAVE_MOST = 0.6, 0.25, 1.2, 0.8
 #: What a driver may have multiplied a pressure by.
 _FACTORS = {1e-3: 'kPa', 1e-5: 'bar', 1.0 / 6894.757: 'psi', 1e-2: 'mbar', 0.5: 'half of it',
