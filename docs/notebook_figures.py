@@ -6,6 +6,7 @@ Start-up file of the notebooks' kernels: figures as data that the page draws in 
 `conf.py` puts it into the profile of IPython that the kernels start with.
 """
 
+from html import escape
 from typing import Any
 
 import plotly.io
@@ -17,9 +18,13 @@ class OnPage(MimetypeRenderer):
 
     def to_mimebundle(self, fig_dict: dict[str, Any]) -> dict[str, str]:
         """Return a place for the drawing and, in the next element, what is drawn there."""
-        height = int(fig_dict['layout'].get('height', 400))
+        layout = fig_dict['layout']
+        titles = [layout.get(axis, {}).get('title', {}).get('text', '')
+                  for axis in ('yaxis', 'xaxis')]
+        label = escape(' over '.join(title for title in titles if title) or 'figure', quote=True)
         data = plotly.io.json.to_json_plotly(fig_dict).replace('</', '<\\/')
-        return {'text/html': f'<div class="drawing" style="height:{height}px"></div>'
+        return {'text/html': f'<div class="drawing" role="img" aria-label="{label}" '
+                             f'style="height:{int(layout.get("height", 400))}px"></div>'
                              f'<script type="application/json">{data}</script>'}
 
 

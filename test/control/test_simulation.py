@@ -105,8 +105,6 @@ def test_fast_strain_is_led_and_the_load_s_drag_is_known(paper_bundle):
     assert rms(log.error) < 8e-4
 
 
-@pytest.mark.xfail(strict=True, reason='the largest integral with a sensitivity of 2 comes back '
-                   'with 8 % of the kick')
 def test_a_load_that_changes_suddenly_does_not_swing(paper_bundle):
     """A third of the mass is taken off: one kick, and a return without a second one."""
     load = MassSpring(mass=5.0, damping=40.0)
