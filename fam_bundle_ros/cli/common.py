@@ -167,9 +167,8 @@ def show_muscle(bundle: Any, chosen: bool = True) -> None:
     from fam_bundle_ros.model.own_muscle import muscle_words
     console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
     if not chosen:
-        notes.print(f'note: no model was chosen, so this is {bundle.name}, the bundle of the '
-                    'paper; for another give its model (fam_bundle new-model writes one)',
-                    soft_wrap=True)
+        console.print('no model was chosen: this is the bundle of the paper; for another give its '
+                      'model (fam_bundle new-model writes one)', style='dim', soft_wrap=True)
 
 
 def muscle_of(bundle: Any) -> dict[str, Any]:

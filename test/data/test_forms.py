@@ -10,8 +10,15 @@ import pytest
 from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.errors import InputError
 
-from .library_forms import by_h5py, by_nptdms_runs, by_openpyxl, frame, LIBRARIES
-from .text_forms import BEGIN, cells, HEAD, REST, ROWS, text, TEXTS
+from .library_forms import (
+    by_h5py,
+    by_nptdms_runs,
+    by_openpyxl,
+    by_savemat_trials,
+    frame,
+    LIBRARIES,
+)
+from .text_forms import BEGIN, cells, HEAD, lvm, REST, ROWS, text, TEXTS
 
 pandas = pytest.importorskip('pandas')
 
@@ -178,6 +185,27 @@ def test_groups_of_a_tdms_file_are_trials(log, tmp_path):
     data = read_measurement(tmp_path / 'a.tdms', rest_length=REST)
     assert data.trial_names == ('Run 1', 'Run 2')
     assert np.array_equal(np.bincount(data.trial), [200, 160])
+
+
+def test_structs_of_a_mat_file_with_vectors_are_trials(log, tmp_path):
+    """Each struct of an array is a run of its own."""
+    by_savemat_trials(log, tmp_path / 'a.mat')
+    data = read_measurement(tmp_path / 'a.mat', rest_length=REST)
+    assert data.trial_names == ('1', '2', '3')
+    assert np.array_equal(np.bincount(data.trial), [120, 120, 120])
+
+
+def test_a_slower_channel_of_an_lvm_file_is_brought_to_the_first_clock(log, tmp_path):
+    """With a clock for each channel a pressure at half the rate is interpolated."""
+    plain = lvm(log, 'Multi').splitlines()
+    head, rows = plain[:-ROWS], [line.split('\t') for line in plain[-ROWS:]]
+    slow = [row[2:4] for row in rows[::2]] + [['', '']] * (ROWS // 2)
+    body = ['\t'.join([*row[:2], *own, *row[4:]]) for row, own in zip(rows, slow)]
+    (tmp_path / 'a.lvm').write_text('\r\n'.join([*head, *body]))
+    data = read_measurement(tmp_path / 'a.lvm', rest_length=REST)
+    # the last reading comes after the last of the slow clock
+    assert len(data) == ROWS - 1
+    assert (np.abs(data.pressure[:, 0] - log['pressure'][:-1]) > 1.0).sum() <= 2
 
 
 def test_an_index_of_times_is_the_time_of_a_frame(log):
