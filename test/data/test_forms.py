@@ -275,6 +275,32 @@ def test_a_bad_cell_in_the_first_row_is_no_row_of_units(log, tmp_path, bad, said
     assert read_measurement(path, rest_length=REST).dropped == said
 
 
+def test_rows_with_words_are_left_out_where_that_is_told(log, tmp_path):
+    """By default the first is an error with its row; told, they are dropped and counted."""
+    rows = cells(log)
+    rows[7][3], rows[9][0] = 'weak', 'lost'
+    (tmp_path / 'a.csv').write_text(text([HEAD], rows))
+    with pytest.raises(InputError, match=r"row 9: force \[N\] is 'weak'.*--drop-bad"):
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST, drop_bad=True)
+    assert data.dropped == {'without a number in force': 1, 'without a number in time': 1}
+
+
+@pytest.mark.parametrize('kind', ['csv', 'xlsx'])
+def test_a_footer_that_begins_with_a_word_is_left_out(log, tmp_path, kind):
+    """Means below the data are no readings, and that is said; in the middle a word is an error."""
+    data = frame(log).astype(object)
+    data.loc[len(data)] = ['mean', 230.0, 2.5, 40.0]
+    getattr(data, {'csv': 'to_csv', 'xlsx': 'to_excel'}[kind])(tmp_path / f'a.{kind}', index=False)
+    again = read_measurement(tmp_path / f'a.{kind}', rest_length=REST)
+    same(again, log)
+    assert again.notes == (f"left out from row {ROWS + 2} on: it begins with 'mean'",)
+    data.loc[len(data)] = [18.0, 230.0, 2.5, 40.0]
+    getattr(data, {'csv': 'to_csv', 'xlsx': 'to_excel'}[kind])(tmp_path / f'b.{kind}', index=False)
+    with pytest.raises(InputError, match=f"row {ROWS + 2}: .*is 'mean'"):
+        read_measurement(tmp_path / f'b.{kind}', rest_length=REST)
+
+
 def test_words_for_no_reading_are_blank_cells(log, tmp_path):
     """What C, Excel and instruments write for no number leaves its row out, in any case."""
     rows = cells(log)
