@@ -47,6 +47,7 @@ class Reading:
     max_pressure: str | None = None
     max_strain: float | None = None
     sheet: str | None = None
+    drop_bad: bool | None = None
     recipe: Path | None = None
     save_recipe: Path | None = None
 
@@ -72,6 +73,9 @@ _READING: dict[str, Any] = {
     'sheet': Annotated[str | None, typer.Option(
         '--sheet', metavar='NAME', rich_help_panel=_PANEL, help='Sheet of a workbook, group of a '
         '.tdms file, variable of a .mat file.')],
+    'drop_bad': Annotated[bool | None, typer.Option(
+        '--drop-bad', rich_help_panel=_PANEL, show_default=False, help='Leave rows out, and count '
+        'them, that hold a word where a number is expected.')],
     'recipe': Annotated[Path | None, typer.Option(
         '--recipe', metavar='FILE', rich_help_panel=_PANEL, help='Take all of these from a file.'
     )],
@@ -130,7 +134,7 @@ def read_data(data: str, reading: Reading, model: Any = None) -> Any:
             for option, text, like in (('rest_length', reading.rest_length, 'm'),
                                        ('max_pressure', reading.max_pressure, 'Pa')) if text}
     recipe = recipe.merged(columns=columns, gauge=reading.gauge, max_strain=reading.max_strain,
-                           sheet=reading.sheet, **told)
+                           sheet=reading.sheet, drop_bad=reading.drop_bad, **told)
     lengths = {float(unit.geometry.length) for unit in model.motor_units} if model else set()
     length = lengths.pop() if len(lengths) == 1 else None
     if recipe.rest_length is None:
@@ -167,9 +171,8 @@ def show_muscle(bundle: Any, chosen: bool = True) -> None:
     from fam_bundle_ros.model.own_muscle import muscle_words
     console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
     if not chosen:
-        notes.print(f'note: no model was chosen, so this is {bundle.name}, the bundle of the '
-                    'paper; for another give its model (fam_bundle new-model writes one)',
-                    soft_wrap=True)
+        console.print('no model was chosen: this is the bundle of the paper; for another give its '
+                      'model (fam_bundle new-model writes one)', style='dim', soft_wrap=True)
 
 
 def muscle_of(bundle: Any) -> dict[str, Any]:

@@ -25,7 +25,8 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
                      rest_length: float | str | None = None, gauge: bool | None = None,
                      ambient_pressure: float | None = None,
                      max_pressure: float | str | None = None, max_strain: float | None = None,
-                     sheet: str | None = None, recipe: Recipe | str | Path | None = None,
+                     sheet: str | None = None, drop_bad: bool | None = None,
+                     recipe: Recipe | str | Path | None = None,
                      name: str | None = None) -> Measurement:
     r"""
     Read a measurement from a file, a ROS 2 bag, a pandas frame or a dict of arrays.
@@ -55,6 +56,8 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
         Highest strain of this muscle, where it is above 0.5.
     sheet : str, optional
         Sheet of a workbook, group of a .tdms file, variable of a .mat file.
+    drop_bad : bool, optional
+        Leave rows out, and count them, that hold a word where a number is expected.
     recipe : Recipe or path, optional
         All of these together; what is given beside it counts more.
     name : str, optional
@@ -76,7 +79,7 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
     """
     used = _recipe(recipe, columns=columns, rest_length=rest_length, gauge=gauge,
                    ambient_pressure=ambient_pressure, max_pressure=max_pressure,
-                   max_strain=max_strain, sheet=sheet)
+                   max_strain=max_strain, sheet=sheet, drop_bad=drop_bad)
     path = _path(source)
     if path is not None and is_bag(path):
         if used.columns:

@@ -45,6 +45,9 @@ class Recipe:
         Limits of the muscle (Pa gauge, 1) where it goes beyond 1 MPa or a strain of 0.5.
     sheet : str, optional
         Sheet of a workbook, group of a .tdms file, variable of a .mat file.
+    drop_bad : bool
+        Whether rows with a word where a number is expected are left out and counted; by default
+        the first of them is an error.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -54,6 +57,7 @@ class Recipe:
     max_pressure: float | None = None
     max_strain: float | None = None
     sheet: str | None = None
+    drop_bad: bool = False
 
     def __post_init__(self) -> None:
         for key in self.columns:
@@ -107,11 +111,13 @@ def load_recipe(path: str | Path) -> Recipe:
         if key in _WITH_UNIT:
             content[key] = _quantity(value, _WITH_UNIT[key][0], f'{path.name}: {key}')
         wanted: dict[str, tuple[type, ...]] = {'columns': (dict,), 'gauge': (bool,),
-                                               'sheet': (str,), 'max_strain': (int, float)}
+                                               'sheet': (str,), 'max_strain': (int, float),
+                                               'drop_bad': (bool,)}
         if key in wanted and not isinstance(value, wanted[key]):
             raise InputError(f"{path.name}: {key} is '{value}'; expected "
                              + {'columns': 'quantities with their columns', 'gauge':
-                                'true or false', 'sheet': 'a name', 'max_strain': 'a number'}[key])
+                                'true or false', 'drop_bad': 'true or false', 'sheet': 'a name',
+                                'max_strain': 'a number'}[key])
     content['columns'] = {str(key): str(value) for key, value in content.get('columns',
                                                                              {}).items()}
     try:
@@ -126,7 +132,7 @@ def save_recipe(recipe: Recipe, path: str | Path) -> None:
     content: dict[str, Any] = {'format': FORMAT}
     for entry in fields(Recipe):
         value = getattr(recipe, entry.name)
-        if value is None or value == {}:
+        if value is None or value == {} or (entry.name == 'drop_bad' and not value):
             continue
         if entry.name in _WITH_UNIT:
             value = express(value, _WITH_UNIT[entry.name][1], digits=9)

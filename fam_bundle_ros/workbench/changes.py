@@ -107,8 +107,10 @@ def command(case: Case, step: _Step, asked: Sequence[Change]) -> str:
             *(Change(new, old) for old, new in step.replaced.items()),
             *(Change(old, removes=True) for old in step.removed)]
     words = [change.option for change in (*done, *asked)]
-    told = case.source.told if case.source is not None else {}
-    columns = [f'--columns {shlex.quote(f"{key}={value}")}' for key, value in told.items()]
+    source = case.source
+    columns = [] if source is None else [
+        *(f'--columns {shlex.quote(f"{key}={value}")}' for key, value in source.told.items()),
+        *(['--drop-bad'] if source.drop_bad else [])]
     data, model = (shlex.quote(name or 'FILE') for name in case.files)
     return ' '.join(['fam_bundle add', *words, '--data', data, *columns, '--model', model,
                      '--out better.yaml'])

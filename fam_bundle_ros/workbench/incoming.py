@@ -40,6 +40,7 @@ UNITS = {'N': ('N', 'kN', 'mN', 'lbf', 'kgf', 'gf'),
 _FIELDS = ((r' \(--rest-length, rest_length, or (?:a|its) model\)', ': the Length of your muscle'),
            (r'; (?:tell it|expected it told)\b.*--columns.*', '; choose it in the table'),
            (r'; expected one, or to be told,.*', '; choose one in the table'),
+           (r' \(--drop-bad: so do words\)', ''),
            (r', or --max-pressure for a muscle that goes further',
             ', or a higher pressure of your muscle'))
 
@@ -89,6 +90,8 @@ class Incoming:
         Tells the rest length, and the model to begin with.
     told : dict of str to str
         What the user said: quantity to column, as in a recipe.
+    drop_bad : bool
+        Whether rows with words among the numbers are left out.
     """
 
     name: str
@@ -98,6 +101,7 @@ class Incoming:
     muscle: MuscleForm = field(default_factory=MuscleForm)
     told: dict[str, str] = field(default_factory=dict)
     sha256: str = ''
+    drop_bad: bool = False
 
     def __post_init__(self) -> None:
         if self.table is not None and self.muscle.base is None:
@@ -109,7 +113,8 @@ class Incoming:
     def recipe(self) -> Recipe:
         """How the file is read at present."""
         return Recipe(columns=dict(self.told), rest_length=self.muscle.quantity('length'),
-                      max_pressure=self.muscle.quantity('max_pressure'))
+                      max_pressure=self.muscle.quantity('max_pressure'),
+                      drop_bad=self.drop_bad)
 
     def look(self) -> Preview:
         """Read the file as told; the preview has the measurement, or the problem."""

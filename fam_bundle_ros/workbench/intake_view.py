@@ -62,7 +62,13 @@ class IntakeView:
                 off = {} if seen.measurement is not None and not muscle else {'disabled': 'true'}
                 parts.button('Use these data', self.page.open_incoming, 'main-action',
                              'intake:use', **off)
+                if '--drop-bad' in seen.problem:
+                    parts.button('Leave such rows out', self._drop_bad, mark='intake:drop')
                 parts.button('Other data', self.page.start_over, mark='intake:other')
+
+    def _drop_bad(self) -> None:
+        self.incoming.drop_bad = True
+        self.draw()
 
     # --- the columns ---------------------------------------------------------------------------
 

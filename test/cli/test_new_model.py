@@ -41,6 +41,10 @@ def test_a_part_needs_its_length_only_and_says_where_the_rest_is_from(fam_bundle
     assert '151 N rms' in mine
     assert mine.splitlines()[1:] == shipped.splitlines()[1:]
     assert mine.splitlines()[0].startswith('mine: ')
+    fam_bundle('new-model', 'other.yaml', '--part', 'dmsp-20', '--length', '296 mm', '--wall',
+               '2 mm')
+    assert '# wall of the bladder, at rest. Source: as told.' in (tmp_path / 'other.yaml'
+                                                                  ).read_text()
 
 
 def test_what_is_not_told_is_asked(fam_bundle, tmp_path, monkeypatch):
@@ -101,4 +105,4 @@ def test_the_papers_bundle_is_never_taken_silently(fam_bundle):
     """`map` without a model draws the paper's figures and says that nobody chose it."""
     result = fam_bundle('map')
     assert result.stdout.startswith(f'{common.PAPER}: mu1, mu2 of 1 muscle')
-    assert 'no model was chosen' in result.stderr
+    assert 'no model was chosen' in result.stdout.splitlines()[1]

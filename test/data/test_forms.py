@@ -10,8 +10,15 @@ import pytest
 from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.errors import InputError
 
-from .library_forms import by_h5py, by_nptdms_runs, by_openpyxl, frame, LIBRARIES
-from .text_forms import BEGIN, cells, HEAD, REST, ROWS, text, TEXTS
+from .library_forms import (
+    by_h5py,
+    by_nptdms_runs,
+    by_openpyxl,
+    by_savemat_trials,
+    frame,
+    LIBRARIES,
+)
+from .text_forms import BEGIN, cells, HEAD, lvm, REST, ROWS, text, TEXTS
 
 pandas = pytest.importorskip('pandas')
 
@@ -180,6 +187,27 @@ def test_groups_of_a_tdms_file_are_trials(log, tmp_path):
     assert np.array_equal(np.bincount(data.trial), [200, 160])
 
 
+def test_structs_of_a_mat_file_with_vectors_are_trials(log, tmp_path):
+    """Each struct of an array is a run of its own."""
+    by_savemat_trials(log, tmp_path / 'a.mat')
+    data = read_measurement(tmp_path / 'a.mat', rest_length=REST)
+    assert data.trial_names == ('1', '2', '3')
+    assert np.array_equal(np.bincount(data.trial), [120, 120, 120])
+
+
+def test_a_slower_channel_of_an_lvm_file_is_brought_to_the_first_clock(log, tmp_path):
+    """With a clock for each channel a pressure at half the rate is interpolated."""
+    plain = lvm(log, 'Multi').splitlines()
+    head, rows = plain[:-ROWS], [line.split('\t') for line in plain[-ROWS:]]
+    slow = [row[2:4] for row in rows[::2]] + [['', '']] * (ROWS // 2)
+    body = ['\t'.join([*row[:2], *own, *row[4:]]) for row, own in zip(rows, slow)]
+    (tmp_path / 'a.lvm').write_text('\r\n'.join([*head, *body]))
+    data = read_measurement(tmp_path / 'a.lvm', rest_length=REST)
+    # the last reading comes after the last of the slow clock
+    assert len(data) == ROWS - 1
+    assert (np.abs(data.pressure[:, 0] - log['pressure'][:-1]) > 1.0).sum() <= 2
+
+
 def test_an_index_of_times_is_the_time_of_a_frame(log):
     """A pandas frame by its DatetimeIndex reads like one with a column."""
     data = frame(log).drop(columns='time [s]')
@@ -245,6 +273,32 @@ def test_a_bad_cell_in_the_first_row_is_no_row_of_units(log, tmp_path, bad, said
             read_measurement(path, rest_length=REST)
         return
     assert read_measurement(path, rest_length=REST).dropped == said
+
+
+def test_rows_with_words_are_left_out_where_that_is_told(log, tmp_path):
+    """By default the first is an error with its row; told, they are dropped and counted."""
+    rows = cells(log)
+    rows[7][3], rows[9][0] = 'weak', 'lost'
+    (tmp_path / 'a.csv').write_text(text([HEAD], rows))
+    with pytest.raises(InputError, match=r"row 9: force \[N\] is 'weak'.*--drop-bad"):
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST, drop_bad=True)
+    assert data.dropped == {'without a number in force': 1, 'without a number in time': 1}
+
+
+@pytest.mark.parametrize('kind', ['csv', 'xlsx'])
+def test_a_footer_that_begins_with_a_word_is_left_out(log, tmp_path, kind):
+    """Means below the data are no readings, and that is said; in the middle a word is an error."""
+    data = frame(log).astype(object)
+    data.loc[len(data)] = ['mean', 230.0, 2.5, 40.0]
+    getattr(data, {'csv': 'to_csv', 'xlsx': 'to_excel'}[kind])(tmp_path / f'a.{kind}', index=False)
+    again = read_measurement(tmp_path / f'a.{kind}', rest_length=REST)
+    same(again, log)
+    assert again.notes == (f"left out from row {ROWS + 2} on: it begins with 'mean'",)
+    data.loc[len(data)] = [18.0, 230.0, 2.5, 40.0]
+    getattr(data, {'csv': 'to_csv', 'xlsx': 'to_excel'}[kind])(tmp_path / f'b.{kind}', index=False)
+    with pytest.raises(InputError, match=f"row {ROWS + 2}: .*is 'mean'"):
+        read_measurement(tmp_path / f'b.{kind}', rest_length=REST)
 
 
 def test_words_for_no_reading_are_blank_cells(log, tmp_path):

@@ -213,7 +213,8 @@ TEXTS = {
     'a name beside each value': lambda log: 'boot ok\n' + ''.join(
         f't_s={r[0]} contraction_mm={r[1]} p_kPa={r[2]} F_N={r[3]}\n' for r in cells(log)),
     'a name and a unit beside each value': lambda log: ''.join(
-        f't:{r[0]}s,contraction:{r[1]}mm,p:{r[2]}kPa,F:{r[3]}N\r\n' for r in cells(log)),
+        f't:{r[0]}s,contraction:{r[1]}mm,p:{p / 6894.757:.7f}psi,F:{r[3]}N\r\n'
+        for p, r in zip(log['pressure'], cells(log))),
     'LabVIEW .lvm': lambda log: lvm(log, 'One'),
     'LabVIEW .lvm with German numbers': lambda log: lvm(log, 'One', ','),
     'LabVIEW .lvm without times': lambda log: lvm(log, 'No'),

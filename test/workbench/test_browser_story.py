@@ -245,3 +245,24 @@ def test_every_click_is_answered_and_long_work_says_so(watched):
         page.wait_for_selector(sign, state='attached')
     tab.click('cancel')
     page.wait_for_selector('.busy', state='detached')
+
+
+def test_a_formula_is_typed_key_by_key(watched):
+    """Formula, name, values with units stay as they are typed, and the error is foretold."""
+    tab = watched()
+    page = tab.open()
+    tab.click('open-first')
+    tab.drawn()
+    tab.click('write-own')
+    for mark, typed in (('own-formula', '-k * tanh(strain_rate / v)'), ('own-name', 'my_rub'),
+                        ('own:v:value', '0.002 1/s'), ('own:k:value', '6 N')):
+        page.click(f'[data-mark="{mark}"]')
+        page.keyboard.press('Control+A')
+        page.keyboard.type(typed, delay=15)
+        if mark == 'own-formula':
+            page.wait_for_selector('[data-mark="own:v:value"]')
+    page.wait_for_selector('text=less than the 6.6 N of now')
+    assert page.input_value('[data-mark="own-formula"]') == '-k * tanh(strain_rate / v)'
+    assert page.input_value('[data-mark="own:k:value"]') == '6 N'
+    page.wait_for_selector('.sheet .trace')
+    tab.click('own-cancel')

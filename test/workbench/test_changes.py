@@ -35,6 +35,8 @@ def test_the_button_does_all_that_the_verdict_says(told_to_swap):
     assert told_to_swap.asked() == []
     assert [step.label for step in told_to_swap.steps] == [
         'start', 'bladder_polynomial for bladder_elasticity', '+ coulomb_friction']
+    assert told_to_swap.command().startswith(
+        'fam_bundle add coulomb_friction --replace bladder_elasticity=bladder_polynomial --data')
     assert told_to_swap.now.error_N < 0.2 * told_to_swap.steps[0].error_N
 
 

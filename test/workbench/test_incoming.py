@@ -98,6 +98,18 @@ def test_what_is_told_is_a_recipe(incoming, tmp_path):
     assert np.array_equal(again.pressure, incoming.measurement().pressure)
 
 
+def test_bad_rows_are_left_out_when_the_user_says_so():
+    """The problem names the row in words of the page; then the row is counted as dropped."""
+    force = COLUMNS['A [N]'].astype(object)
+    force[5] = 'err'
+    made = Incoming('lab.csv', '', of_arrays('lab.csv', 'text', {
+        'strain': 0.1 + 0.05 * WAVE, 'p [bar]': COLUMNS['p1 [bar]'], 'F [N]': force}))
+    assert made.said(made.look().problem) == (
+        "lab.csv, row 6: F [N] is 'err'; expected a number, or a blank, which leaves the row out")
+    made.drop_bad = True
+    assert made.measurement().dropped == {'without a number in force': 1}
+
+
 def test_as_many_muscles_as_pressures_are_suggested(incoming):
     """Two pressures are two motor units; a part fills in what it knows, and says from where."""
     assert incoming.muscle.values['muscles'] == '1, 1'
