@@ -262,7 +262,8 @@ class PressurePidNode(BundleNode):
         Where the sensor has been on trial, whether the air explains the reading is seen right
         behind the answer, and before the next one: it takes as long as all the rest.
         """
-        self._check_air()
+        if self._unchecked is not None:
+            self._check_air()
         first = self._answered < 0
         dt = 0.0 if first else (stamp - self._answered) * 1e-9
         if self.lock_step and dt == 0.0 and not first:

@@ -242,7 +242,7 @@ class Loop:
     def __init__(self, noise=1.0, conductance=1.0, delay=0, seed=0):
         self.bundle = load_model(config_path('models/spie2021.yaml'))
         self.rig = Rig(self.bundle, RigConfig(
-            load=Dynamometer(strain=0.1), supply=SupplyConfig(pressure=SUPPLY),
+            load=Dynamometer(strain=0.1), supply=SupplyConfig(pressure=SUPPLY), step=PERIOD / 2,
             valve=ValveConfig(conductance=3.93e-9 * conductance), trip_pressure=1e7,
             sensors=SensorConfig(pressure_noise=350.0 * noise)), seed=seed)
         pid = PidConfig()
@@ -339,6 +339,12 @@ def test_a_spike_is_no_fault():
         loop.run(0.5, lambda t: (150e3, 0.0))
         assert not loop.run(PERIOD, lambda t: (150e3, 0.0), lambda p, s=size: [p[0] + s, p[1]])
         assert not loop.run(0.5, lambda t: (150e3, 0.0))
+    loop = Loop()
+    loop.run(0.5, lambda t: (344.6e3, 0.0))
+    for _ in range(10):
+        # The way back from a spike at the top is no rise.
+        assert not loop.run(PERIOD, lambda t: (344.6e3, 0.0), lambda p: [p[0] - 60e3, p[1]])
+        assert not loop.run(0.1, lambda t: (344.6e3, 0.0))
 
 
 @pytest.mark.parametrize('factor', [1e-3, 1.0 / 6894.8, 1e-5, 0.5, 0.0])
@@ -404,6 +410,15 @@ def test_a_valve_that_hangs_open_at_the_top_is_found_at_once():
     assert 'before an answer acts' in loop.text
     # The rig made a step before that reading and one more with its answer.
     assert loop.highest < before + TWO_PERIODS
+
+
+@pytest.mark.parametrize('rise', [lambda t: 25e3 * t, lambda t: 6e3 * (t > 0.5)])
+def test_a_small_rise_at_the_top_leads_nowhere(rise):
+    """Slow, or once by a little more than noise: what leads above the trip is fast and large."""
+    watch = InflowWatch('mu1', Loop().watches[0].config)
+    for k in range(220):
+        assert watch.see(k * PERIOD, 346e3 + rise(k * PERIOD), 19e-6)[0] == ''
+        watch.commanded(0.0)
 
 
 def test_the_supply_s_reading_cannot_disarm_it():
