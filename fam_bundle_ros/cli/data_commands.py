@@ -16,12 +16,14 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     model_path,
     ModelOption,
+    muscle_of,
     open_model,
     progress_bar,
     read_data,
     Reading,
     reads_data,
     save_json,
+    show_muscle,
     table,
     wrote,
 )
@@ -46,8 +48,8 @@ def register(app: typer.Typer) -> None:
 
 @reads_data
 def compare(
-    data: DataArgument = 'dmsp20_static_map',
-    model: ModelOption = 'dmsp20_static_map',
+    data: DataArgument,
+    model: ModelOption,
     out: PageFile = None,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
@@ -59,6 +61,7 @@ def compare(
     bundle = open_model(model, allow_python)
     measured = read_data(data, reading, bundle)
     result = discovery.compare(bundle, measured)
+    show_muscle(bundle)
     console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
                   f'of the force; mean {result.bias_N:+.3g} N, largest {result.largest_N:.3g} N')
     _check_first(result)
@@ -78,7 +81,8 @@ def compare(
         from fam_bundle_ros.report.page import write_page
         write_page(out, comparison_page(result, bundle, _files(data, model)))
         wrote(out)
-    save_json(json_file, {**result.to_dict(), 'data': measured.to_dict()})
+    save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
+                          'data': measured.to_dict()})
 
 
 @reads_data
@@ -107,6 +111,7 @@ def diagnose(
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick, choices=discovery.Choices(
             unexplained=unexplained, odds=odds))
+    show_muscle(bundle)
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     _check_first(result.comparison)
     error = result.error_N
@@ -147,7 +152,8 @@ def diagnose(
         from fam_bundle_ros.report.page import write_page
         write_page(out, diagnosis_page(result, _files(data, model)))
         wrote(out)
-    save_json(json_file, {**result.to_dict(), 'data': measured.to_dict()})
+    save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
+                          'data': measured.to_dict()})
     if model_out is not None:
         if model_out.suffix not in ('.yaml', '.yml'):
             raise InputError(f'{model_out}: expected the name of a model file (.yaml) to write')
@@ -176,10 +182,12 @@ def convert(
     if model is not None and not target.suffix:
         raise InputError(f'{target}: --model adds columns to a CSV; expected a name that ends in '
                          '.csv')
-    measured = read_data(source, reading)
+    bundle = None if model is None else open_model(model, allow_python)
+    measured = read_data(source, reading, bundle)
     extra = {}
-    if model is not None:
-        result = compare_with(open_model(model, allow_python), measured)
+    if bundle is not None:
+        show_muscle(bundle)
+        result = compare_with(bundle, measured)
         extra = {'model force [N]': result.prediction, 'residual [N]': result.residual}
     if target.suffix:
         write_csv(measured, target, extra)

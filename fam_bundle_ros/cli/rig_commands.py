@@ -13,10 +13,12 @@ from fam_bundle_ros.cli.common import (
     console,
     JsonFile,
     model_path,
-    ModelOption,
     open_model,
+    PAPER,
     progress_bar,
+    quantity,
     save_json,
+    show_muscle,
     table,
     wrote,
 )
@@ -78,10 +80,14 @@ def run(
         ('model', None if model is None else _file(model)),
         ('plant_model', None if plant_model is None else _file(plant_model)),
         ('trajectory', trajectory), ('policy', policy),
-        *(_mass(model or 'spie2021').items() if free else ()),
+        *(_mass(model or PAPER).items() if free else ()),
         ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
     given = ['--params-file', str(params_file)] if params_file else []
+    # a parameter file or what follows --ros-args may name another model: the nodes then log it
+    if model is not None or not (given or any('model' in word or 'params-file' in word
+                                              for word in context.args)):
+        show_muscle(open_model(model or PAPER), model is not None)
     arguments = ['fam_bundle run', *context.args]
     if own or given:
         arguments += ['--ros-args', *given, *own, '--']
@@ -111,30 +117,84 @@ def check_rig(
     namespace: Namespace = 'bundle',
     seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
                                            max=600.0)] = 3.0,
-    model: ModelOption = 'spie2021',
+    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model file, '
+                                              'or a name that ships: how many units, how long.'
+                                              )] = None,
     gauge: Annotated[bool, typer.Option('--gauge', help='The rig sends gauge pressure, and '
                                         'pressure_is_gauge is set.')] = False,
+    active: Annotated[bool, typer.Option('--active', help='Then open the valves, one at a time, '
+                                         'and measure them.')] = False,
+    supply: Annotated[str, typer.Option(metavar='PRESSURE', help='With --active: what the '
+                                        'regulator is set to now.')] = '100 kPa',
+    tube_volume: Annotated[str, typer.Option(metavar='VOLUME', help='With --active: of tube and '
+                                             'fittings of a motor unit.')] = '5 ml',
+    yes: Annotated[bool, typer.Option('--yes', help='With --active: do not ask.')] = False,
+    out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='With --active: new '
+                                      'parameter file for controllers.')] = Path('my_rig.yaml'),
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
 ) -> None:
     """
     Check whether a rig speaks the interface: names, types, rates, units, signs, noise.
 
-    A note is something that cannot be told from here, say the sign of a force at rest.
+    A note is something that cannot be told from here, say the sign of a force at rest. With
+    --active air goes in: reversed, exchanged and scaled channels, dead time, leaks, drivers that
+    do not vent in silence; what was measured goes into a parameter file.
     """
     from fam_bundle_ros.nodes import session
-    bundle = open_model(model, allow_python)
+    bundle = open_model(model or PAPER, allow_python)
+    show_muscle(bundle, model is not None)
     length = float(bundle.motor_units[0].geometry.length)
+    low = quantity(supply, 'Pa', '--supply')
+    tube = quantity(tube_volume, 'm^3', '--tube-volume')
+    if active and out.exists():
+        raise InputError(f'{out} is there already; expected a new file (--out)')
     with progress_bar('check-rig') as tick:
         findings = session.check_rig(namespace.strip('/'), seconds, units=bundle.n, length=length,
                                      gauge=gauge, progress=lambda elapsed: tick(elapsed / seconds))
+    _show(findings)
+    result: dict[str, Any] = {'ok': all(finding.ok for finding in findings),
+                              'findings': findings}
+    if active and result['ok']:
+        _ask_leave(low, yes)
+        from fam_bundle_ros.nodes.rig_probe import probe_rig
+        with progress_bar('check-rig --active') as tick:
+            probe = probe_rig(bundle, low, namespace=namespace.strip('/'), tube_volume=tube,
+                              progress=tick)
+        _show(probe.findings)
+        result['findings'] = [*findings, *probe.findings]
+        result['ok'] = all(finding.ok for finding in probe.findings)
+        result['parameters'] = probe.parameters
+        if probe.parameters:
+            _write_rig(out, model, low, probe.parameters)
+    save_json(json_file, result)
+    if not result['ok']:
+        raise typer.Exit(1)
+
+
+def _show(findings: Any) -> None:
     styles = {'ok': 'green', 'note': 'yellow', 'FAIL': 'bold red'}
     table(('', 'what', 'seen'), [(Text(finding.verdict, style=styles[finding.verdict]),
                                   finding.what, finding.detail) for finding in findings])
-    bad = sum(not finding.ok for finding in findings)
-    save_json(json_file, {'ok': not bad, 'findings': findings})
-    if bad:
-        raise typer.Exit(1)
+
+
+def _ask_leave(supply: float, yes: bool) -> None:
+    """Ask before air goes in."""
+    text = (f'Now the valves are opened one at a time, up to the supply: is the regulator at '
+            f'{supply / 1e3:.0f} kPa, is everybody away from the muscles, are hoses tied down and '
+            'the stop button at hand?')
+    if not (yes or typer.confirm(text)):
+        raise InputError('no leave: nothing was opened')
+
+
+def _write_rig(out: Path, model: str, supply: float, parameters: dict[str, Any]) -> None:
+    from fam_bundle_ros.atomic import write_whole
+    from fam_bundle_ros.nodes.rig_file import fill_in
+    head = (f'Measured by fam_bundle check-rig --active at a supply of {supply / 1e3:.0f} kPa.\n'
+            'Not measured: supply.pressure at work, load_model, policy, time-outs. Look at them.')
+    write_whole(out, fill_in(config_path('rig.yaml').read_text(),
+                             {**parameters, 'model': _file(model)}, head))
+    wrote(out)
 
 
 def _mass(model: str) -> dict[str, Any]:

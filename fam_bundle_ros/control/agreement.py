@@ -99,6 +99,35 @@ class ForceWatch:
         """Start anew."""
         self._since: float | None = None
 
+    def above(self, force: float, strain: float, pressure: Any, limit: Any) -> int | None:
+        """
+        Return which motor unit (from 0) the force says is above its limit, None where it does not.
+
+        A best estimate, as a reading is one: all that the pressures shown leave unexplained, if
+        it is more than the tolerance, is taken for the air of one unit.
+
+        Parameters
+        ----------
+        force, strain : float, N and 1
+        pressure, limit : sequence of float (n,), Pa (gauge)
+            As it is shown, and above which there must not be leave to go on.
+
+        Examples
+        --------
+        >>> watch = ForceWatch(lambda unit, strain, pressure: pressure / 4e3, 10.0, 0.02)
+        >>> watch.above(95.0, 0.1, [340e3, 0.0], [396e3, 396e3])
+        >>> watch.above(105.0, 0.1, [340e3, 0.0], [396e3, 396e3])
+        0
+        """
+        shown = [self._unit_force(unit, strain, max(value, 0.0))
+                 for unit, value in enumerate(pressure)]
+        excess = force - sum(shown)
+        if excess > self._tolerance:
+            for unit, most in enumerate(limit):
+                if excess > self._unit_force(unit, strain, most) - shown[unit]:
+                    return unit
+        return None
+
     def see(self, now: float, force: float, strain: float, pressure: Any,
             off_target: bool = False) -> str:
         """Take readings (N, 1, Pa gauge); return what is wrong, empty while nothing is."""

@@ -6,8 +6,9 @@ Holds a pressure against the air that the valve lets in.
 The valve and its commands bound what the pressure can do (ISO 6358); a pressure outside of the
 bounds by more than the margin between largest pressure and trip could hide one above the trip.
 Slow changes leave room for leaks, temperature and an inexact dead band: there it is the force
-that tells (`agreement`). Nothing here depends on the setpoint. Pressures are gauge; knows nothing
-of ROS.
+that tells (`agreement`). Nothing here depends on the setpoint. Above the largest pressure, a rise
+that nothing explains is taken on to when an answer acts: what would be above the trip by then is
+too high now. Pressures are gauge; knows nothing of ROS.
 """
 
 from collections import deque
@@ -43,7 +44,7 @@ _DELAYS = 6
 _TRIAL_TIME = 0.3
 #: s that a sensor on trial gets to answer; the valve is shut meanwhile.
 _PATIENCE = 0.1
-#: s without an answer after which a driver may have vented by itself (docs/driver.md: 0.1 s).
+#: s without an answer after which a driver may have vented by itself (docs/how_to/driver.md: 0.1).
 _WATCHDOG = 0.05
 #: s: longer than the longest lag and the samples that confirm.
 _GENTLE_TIME = 0.1
@@ -151,6 +152,8 @@ class InflowWatch:
         self._bottom, self._top = [0.0] * _DELAYS, [0.0] * _DELAYS
         self._spacing = self.config.lag / (_DELAYS - 1)
         self._below = self._above = 0
+        #: Pa: the largest rise since the reading before that the valve allows.
+        self._rise = 0.0
         self._begin_trial()
 
     def _begin_trial(self) -> None:
@@ -159,6 +162,11 @@ class InflowWatch:
         self._start: float | None = None
         self._let_in = self._surely = 0.0
         self._held_since = self._trial_since = 0.0
+
+    @property
+    def settled(self) -> bool:
+        """Whether what is seen does not bear on the answer to the same reading."""
+        return self.trusted and not (self.holding or self.gentle)
 
     def commanded(self, command: float) -> None:
         """Note the command that answers the last reading."""
@@ -212,6 +220,7 @@ class InflowWatch:
         if held_up:
             self._begin_trial()
         trial = '' if self.trusted else self._judge_trial(surely, pressure, small, swept, source)
+        heading = self._heading(dt, pressure)
         self._before = pressure
         if trial:
             return NO_RESPONSE, trial
@@ -219,6 +228,12 @@ class InflowWatch:
             return NO_RESPONSE, (
                 f'{self.name} shows {kilopascals(pressure)}; supply, valve commands and volume '
                 f'give {kilopascals(min(self._bottom))} or more')
+        trip = self.config.max_pressure + self.config.margin
+        if heading > trip:
+            return UNEXPLAINED_PRESSURE, (
+                f'{self.name} shows {kilopascals(pressure)} and rises to {kilopascals(heading)}, '
+                f'above {kilopascals(trip)}, before an answer acts; valve commands give '
+                f'{kilopascals(max(self._top))} at most')
         # No setpoint is above the largest pressure: there is nothing to wait for.
         if self._above >= (1 if pressure > self.config.max_pressure else _CONFIRM):
             return UNEXPLAINED_PRESSURE, (
@@ -246,9 +261,12 @@ class InflowWatch:
         # A dead band that is narrower opens wider.
         wide = (command > 0.0) == highest
         valve = self._wide if wide else self._narrow
+        opening = valve_opening(valve, command)
+        if opening == 0.0:
+            return 0.0
         absolute = max(pressure, 0.0) + config.ambient
-        flow = valve_flow(config.valve, valve_opening(valve, command), absolute,
-                          source + config.ambient, config.ambient)
+        flow = valve_flow(config.valve, opening, absolute, source + config.ambient,
+                          config.ambient)
         return pressure_rate(absolute, volume, 0.0, (MOST if wide else LEAST) * flow)
 
     def _motion(self, pressure: float, volume: float, swept: float, highest: bool) -> float:
@@ -268,6 +286,7 @@ class InflowWatch:
         # Against the reading before as well: a spike moves no bound.
         least, most = sorted((pressure, self._before))
         same, moved = None, (0.0, 0.0)
+        self._rise = 0.0
         for k in range(_DELAYS):
             low, high = self._range_of_commands(surely, k * self._spacing)
             if held_up:
@@ -281,8 +300,10 @@ class InflowWatch:
                 most_rate = self._rate(high, top, small if high > 0.0 else large, source, True)
                 bottom += (least_rate * (surely if least_rate > 0.0 else dt)
                            + self._motion(bottom, small, swept, False))
-                top += (most_rate * (surely if most_rate < 0.0 else dt)
+                rise = (most_rate * (surely if most_rate < 0.0 else dt)
                         + self._motion(top, small, swept, True))
+                self._rise = max(self._rise, rise)
+                top += rise
                 bottom += (pressure - bottom) * share
                 top += (pressure - top) * share
                 # A valve fills to the supply and vents to ambient at most.
@@ -292,6 +313,20 @@ class InflowWatch:
         limit = config.margin + config.noise
         self._below = self._below + 1 if pressure < min(self._bottom) - limit else 0
         self._above = self._above + 1 if pressure > max(self._top) + limit else 0
+
+    def _heading(self, dt: float, pressure: float) -> float:
+        """
+        Return where an unexplained rise leads before the answer to this reading acts, Pa.
+
+        The rise goes on as in the last ``dt`` (s) for the longest lag. Below the largest pressure
+        and where the rise may be explained it is the reading: setpoints lead there, too.
+        """
+        config = self.config
+        if pressure <= config.max_pressure:
+            return 0.0
+        # Above the bounds as well as since the reading before, which may have been a spike.
+        beyond = min(pressure - max(self._top), pressure - self._before - self._rise)
+        return pressure + max(beyond - config.noise, 0.0) * config.lag / dt
 
     def _judge_trial(self, dt: float, pressure: float, volume: float, swept: float, source: float
                      ) -> str:

@@ -78,6 +78,8 @@ class Oversight:
         self.guard = Guard()
         self.watches = self._make_watches()
         self.pressure = [math.nan] * bundle.n
+        #: N and 1, nan where they cannot be trusted.
+        self._force = self._strain = math.nan
         self.believe(bundle)
         self._moved_from: dict[str, tuple[float, list[float]]] = {}
         self._lost_since: float | None = None
@@ -143,6 +145,7 @@ class Oversight:
         force, strain, *pressure = (
             value if watch.health == Health.GOOD else math.nan
             for watch, value in zip(self.watches, values))
+        self._force, self._strain = force, strain
         return Measurement(force, strain, sample.rate, np.array(pressure))
 
     def _must_move(self, name: str, value: float, pressure: list[float]) -> bool:
@@ -241,7 +244,18 @@ class Oversight:
             elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
                 reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
                                f'{kilopascals(pressure)}')
-        return '; '.join(reasons)
+        return '; '.join(reasons or self._felt())
+
+    def _felt(self) -> list[str]:
+        """Return what the force says of pressures that look harmless."""
+        limits = [self._trip(unit) for unit in range(self._n)]
+        if not math.isfinite(self._force + self._strain + sum(self.pressure)):
+            return []
+        unit = self._force_watch.above(self._force, self._strain, self.pressure, limits)
+        if unit is None:
+            return []
+        return [f'mu{unit + 1} shows {kilopascals(self.pressure[unit])}, but a force of '
+                f'{self._force:.3g} N says that it is above {kilopascals(limits[unit])}']
 
     def release(self) -> None:
         """Begin anew: somebody has enabled."""

@@ -21,18 +21,15 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.agreement import SupplyWatch
-from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch
+from fam_bundle_ros.control.plausibility import GENTLE
 from fam_bundle_ros.control.safety import (
     Change,
     Guard,
     Health,
     kilopascals,
     OVER_PRESSURE,
-    OVER_PRESSURE_FACTOR,
     SensorWatch,
     State,
-    SUPPLY,
     trip_pressure,
     WatchConfig,
 )
@@ -45,8 +42,9 @@ from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import table
+from fam_bundle_ros.nodes.pid_air import Air, SAMPLES
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
-from fam_bundle_ros.nodes.pid_readings import Latest, Stretch, Volume
+from fam_bundle_ros.nodes.pid_readings import Stretch
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 
@@ -56,17 +54,10 @@ _GAP = 0.5
 _AMBIENT = 1e3
 #: Pa: noise and drift of a reading stay below; errors above are worth a word.
 _NOTABLE = 10e3
+#: s from an answer to the check of its reading: what other nodes of the process do first.
+_BEHIND = 3e-4
 #: An error lasts when it is there for longer than any step takes to settle, s.
 _SETTLING = 0.5
-#: s from command to flow besides the dead time.
-_SPOOL_LAG = 2e-3
-#: Samples that a driver may need to read a command and show its effect, where nothing is told.
-_SAMPLES = 3.0
-#: Standard deviations of pressure noise in ``quiet_error`` are three: what noise twice as large
-#: does to the difference of two readings stays below this many of it.
-_NOISE = 4.0
-#: s that a supply gets to come up after `supply_enable`; what it gets where it is not measured.
-_SUPPLY_START, _SUPPLY_UNSEEN = 1.0, 0.3
 
 
 class PressurePidNode(BundleNode):
@@ -95,25 +86,27 @@ class PressurePidNode(BundleNode):
                              f'{bundle.n}')
         self._length = float(bundle.motor_units[0].geometry.length)
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
-        self._volumes = Volume(bundle, self.unit - 1, p['tube_volume'])
         self.pid = PressurePid(*self._settings())
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(
             low=-50e3, high=1.6e6, timeout=p['sensor_timeout'], hold_time=p['hold_time'],
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
             max_latency=self.max_latency))
-        self._inflow = InflowWatch(f'mu{self.unit}', self._inflow_config())
-        self._supply_watch = SupplyWatch(p['supply.pressure'], p['hold_time'])
+        self._air = Air(self, bundle, self.unit, self.pid.config)
         self._leave = Leave(math.inf if self.lock_step else max(TIMEOUT, p['sensor_timeout']))
-        self._leave_since = -math.inf
         self._setpoint: tuple[int, float] | None = None
         self._setpoint_received = 0.0
-        self._strain, self._supply = Latest('strain'), Latest('supply')
         self._guard = Guard(self._on_state)
         #: Pa, that was last answered by the loop.
         self._pressure = 0.0
         self._off = Stretch()
         self._command = -1.0
         self._answered = -1
+        #: A pressure (nan where it cannot be trusted) and its answer, to be held against the air.
+        self._unchecked: tuple[float, float] | None = None
+        self._due = self.every(_BEHIND, self._check_air)
+        self._due.cancel()
+        #: In lock-step: an answer waits until the supply is cut.
+        self._withheld = False
         #: s between the arrivals of the last two readings; time stands still in lock-step.
         self._gap = 0.0
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
@@ -144,21 +137,10 @@ class PressurePidNode(BundleNode):
         if self.lock_step:
             # There time stands still with it.
             return gains, config
-        late = self.max_latency if math.isfinite(self.max_latency) else _SAMPLES / self.p['rate']
+        late = self.max_latency if math.isfinite(self.max_latency) else SAMPLES / self.p['rate']
         return gains, replace(
             config, reach=late + 2.0 / self.p['rate'],
             ceiling=trip_pressure(self._max_pressure, self.p['over_pressure_factor']))
-
-    def _inflow_config(self) -> InflowConfig:
-        p = self.p
-        period = 1.0 / p['rate']
-        late = self.max_latency
-        return InflowConfig(
-            self.pid.config.valve, p['supply.pressure'], self._max_pressure,
-            trip_pressure(self._max_pressure, OVER_PRESSURE_FACTOR) - self._max_pressure,
-            p['transport_delay'] + _SPOOL_LAG + (
-                late if math.isfinite(late) else _SAMPLES * period),
-            period, _NOISE * p['quiet_error'], self.ambient)
 
     # --- messages ------------------------------------------------------------------------------
 
@@ -191,14 +173,14 @@ class PressurePidNode(BundleNode):
         if self.lock_step:
             self._collect('strain', interface.stamp_ns(message.header.stamp), value)
         else:
-            self._strain.take(*value)
+            self._air.strain.take(*value)
 
     def _on_supply(self, message: FluidPressure) -> None:
         value = interface.read_pressure(message, self.ambient, self.p['pressure_is_gauge'])
         if self.lock_step:
             self._collect('supply', interface.stamp_ns(message.header.stamp), value)
         else:
-            self._supply.take(value)
+            self._air.supply.take(value)
 
     def _on_e_stop(self) -> None:
         self._vent_now('E_STOP')
@@ -210,15 +192,17 @@ class PressurePidNode(BundleNode):
             now = self._now(max(self._answered, 0))
             self._guard.release(now)
             self._watch.forgive_repeats()
-            self._inflow.begin()
-            self._supply_watch.begin()
-            self._leave_since = now
+            self._air.begin(now)
+            self._unchecked = None
             if not self.lock_step:
                 # The command that was good without air would fill through a reversed valve.
                 self._command = max(self._command, -GENTLE)
                 self._publish(self.now_ns(), self._command)
         else:
             self._vent_now('OFF')
+            if self._withheld:
+                self._withheld = False
+                self._publish(self._answered, self._command)
 
     def _vent_now(self, cause: str) -> None:
         """Vent at once, whether or not a reading comes to be answered."""
@@ -244,8 +228,8 @@ class PressurePidNode(BundleNode):
         gate = self._gate
         setpoint = gate.value('setpoint')
         self._setpoint = None if setpoint is None else (gate.stamp, setpoint)
-        self._strain.take(*gate.value('strain', (math.nan, math.nan)))
-        self._supply.take(gate.value('supply', math.nan))
+        self._air.strain.take(*gate.value('strain', (math.nan, math.nan)))
+        self._air.supply.take(gate.value('supply', math.nan))
         self._answer(gate.stamp, gate.value('pressure', math.nan))
 
     # --- time ----------------------------------------------------------------------------------
@@ -272,7 +256,14 @@ class PressurePidNode(BundleNode):
     # --- control -------------------------------------------------------------------------------
 
     def _answer(self, stamp: int, pressure: float, latency: float = 0.0) -> None:
-        """Answer a reading with a valve command of the same stamp."""
+        """
+        Answer a reading with a valve command of the same stamp.
+
+        Where the sensor has been on trial, whether the air explains the reading is seen right
+        behind the answer, and before the next one: it takes as long as all the rest.
+        """
+        if self._unchecked is not None:
+            self._check_air()
         first = self._answered < 0
         dt = 0.0 if first else (stamp - self._answered) * 1e-9
         if self.lock_step and dt == 0.0 and not first:
@@ -289,7 +280,9 @@ class PressurePidNode(BundleNode):
             self.pid.reset()
         if new:
             self._answered = stamp
-        forced = self._judge(self._now(stamp), pressure, new, latency)
+        latched = self._guard.latched
+        later = new and self._air.inflow.settled and not self.lock_step
+        forced = self._judge(self._now(stamp), pressure, new, latency, later)
         if forced is not None:
             self.pid.reset()
             self._off = Stretch()
@@ -297,26 +290,43 @@ class PressurePidNode(BundleNode):
         elif new:
             assert self._setpoint is not None
             self._command = self._regulate(self._setpoint[1], pressure, dt)
-            if self._inflow.gentle:
+            if self._air.inflow.gentle:
                 self._command = max(self._command, -GENTLE)
             self._observe(self._now(stamp), pressure)
-        if new:
-            self._inflow.commanded(self._command)
-        self._publish(stamp, self._command)
+        if later:
+            sound = self._watch.health == Health.GOOD
+            self._unchecked = pressure if sound else math.nan, self._command
+            self._due.reset()
+        elif new:
+            self._air.inflow.commanded(self._command)
+        # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
+        # nobody cuts it, the rig asks again.
+        self._withheld = (self.lock_step and self._guard.latched and not latched
+                          and self._leave.given)
+        if not self._withheld:
+            self._publish(stamp, self._command)
 
-    @property
-    def _patience(self) -> float:
-        """Largest age of strain and supply, s; in lock-step they come with the pressure."""
-        return math.inf if self.lock_step else self.p['auxiliary_timeout']
+    def _check_air(self) -> None:
+        """Hold the last reading against the air, if that was left for later; vent at once."""
+        self._due.cancel()
+        if self._unchecked is None:
+            return
+        (pressure, command), self._unchecked = self._unchecked, None
+        if not math.isnan(pressure) and self._unexplained(time.monotonic(), pressure):
+            self.pid.reset()
+            self._off = Stretch()
+            self._command = command = -1.0
+            self._publish(self._answered, command)
+        self._air.inflow.commanded(command)
+
+    def _unexplained(self, now: float, pressure: float) -> bool:
+        """Latch where the air does not explain a pressure; return whether that is new."""
+        cause, reason = self._air.impossible(self._answered * 1e-9, pressure, self._gap)
+        return bool(cause) and self._guard.latch(now, cause, reason)
 
     def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
-        strain, rate = self._strain.value(self._patience)
-        volume, slope = self._volumes.at(strain)
-        supply = self._supply.value(self._patience)[0]
         return float(self.pid.update(
-            min(max(setpoint, 0.0), self._max_pressure), pressure, dt,
-            supply if math.isfinite(supply) else None, volume,
-            slope * rate if math.isfinite(rate) else 0.0))
+            min(max(setpoint, 0.0), self._max_pressure), pressure, dt, *self._air.now()))
 
     def _observe(self, now: float, pressure: float) -> None:
         """Note how long the pressure has been off."""
@@ -330,16 +340,19 @@ class PressurePidNode(BundleNode):
                 f'{kilopascals(setpoint)}, valve at {self._command:.2f}')
 
     def _judge(self, now: float, pressure: float | None, new: bool = True,
-               latency: float = 0.0) -> float | None:
+               latency: float = 0.0, later: bool = False) -> float | None:
         """
         Return a command that safety asks for, or None where the loop may act.
 
-        A reading that is not new counts for over-pressure only.
+        A reading that is not new counts for over-pressure only; one whose air is looked at
+        ``later`` for all but that.
         """
         guard, watch, setpoint = self._guard, self._watch, self._setpoint
         health = (watch.check(now) if pressure is None or not new
                   else watch.see(now, pressure, self._must_move(pressure), latency))
-        self._look_for_latches(now, pressure if new else None, pressure, health)
+        self._look_for_latches(now, pressure)
+        if pressure is not None and new and not later and health == Health.GOOD:
+            self._unexplained(now, pressure)
         if self._e_stop.on:
             return self._vent(now, 'E_STOP')
         if guard.latched:
@@ -359,42 +372,26 @@ class PressurePidNode(BundleNode):
                               f"ago; at most {self.p['setpoint_timeout']:g} s is taken")
         if health == Health.HOLD:
             return self._hold(now, watch.reason)
-        if not self._supply_agrees(now):
+        agrees, cause, reason = self._air.supply_agrees(now)
+        if cause:
+            guard.latch(now, cause, reason)
+        if not agrees:
             return -1.0 if guard.latched else self._hold(
                 now, f'mu{self.unit} waits for the supply')
-        if self._inflow.holding:
+        if self._air.inflow.holding:
             guard.enter(now, State.ACTIVE)
             return 0.0
         guard.enter(now, State.ACTIVE)
         return None
 
-    def _look_for_latches(self, now: float, fresh: float | None, pressure: float | None,
-                          health: Health) -> None:
-        """Latch where a reading says so; one that is not ``fresh`` counts for over-pressure."""
+    def _look_for_latches(self, now: float, pressure: float | None) -> None:
+        """Latch where a reading or its watch says so."""
         limit = trip_pressure(self._max_pressure, self.p['over_pressure_factor'])
         if pressure is not None and pressure > limit:
             self._guard.latch(now, OVER_PRESSURE, f'mu{self.unit} at {kilopascals(pressure)}, '
                               f'above {kilopascals(limit)}')
         if cause := self._watch.cause:
             self._guard.latch(now, cause, self._watch.reason)
-        if fresh is not None and health == Health.GOOD:
-            volume, _ = self._volumes.at(self._strain.value(self._patience)[0])
-            cause, reason = self._inflow.see(
-                self._answered * 1e-9, fresh, self._volumes.ends if volume is None else volume,
-                self._supply.value(self._patience)[0], self._gap)
-            if cause:
-                self._guard.latch(now, cause, reason)
-
-    def _supply_agrees(self, now: float) -> bool:
-        """Return whether the supply is what its parameter says; latch when that lasts."""
-        watch, since = self._supply_watch, now - self._leave_since
-        supply = self._supply.value(self._patience)[0]
-        if not math.isfinite(supply):
-            return since > _SUPPLY_UNSEEN
-        agrees = watch.see(now, supply, _SUPPLY_START if since < _SUPPLY_START else None)
-        if watch.text:
-            self._guard.latch(now, SUPPLY, watch.text)
-        return agrees
 
     def _hold(self, now: float, reason: str) -> float:
         self._guard.enter(now, State.HOLD, 'HOLD', reason)
@@ -427,7 +424,7 @@ class PressurePidNode(BundleNode):
         if set(changes) <= {'setpoint_timeout', 'auxiliary_timeout'}:
             return
         self.pid.gains, self.pid.config = self._settings()
-        self._inflow.change(self._inflow_config())
+        self._air.change(self.pid.config)
 
     def _report(self, report: Report) -> None:
         self._pressure_meter.report(report, 'pressure')
@@ -445,15 +442,7 @@ class PressurePidNode(BundleNode):
             urgent = now.state is State.LATCHED or now.cause in ('SENSOR', 'NO_SETPOINT')
             report.add(ERROR if urgent else WARN, f'{self._state} {now.reason}'.strip())
             return
-        supply = self._supply.value(self._patience)[0]
-        report.value('supply, Pa', supply if math.isfinite(supply) else 'not measured')
-        report.value('volume', 'of the measured strain' if math.isfinite(
-            self._strain.value(self._patience)[0]) else 'not measured')
-        for reading, name in ((self._strain, 'volume'), (self._supply, 'supply.pressure')):
-            if reading.lost(self._patience):
-                report.add(WARN, f'no {reading.name} any more: the parameter {name}, '
-                           f'{self.p[name]:g}, takes its place')
-        supply = supply if math.isfinite(supply) else self.p['supply.pressure']
+        supply = self._air.report(report)
         if self._setpoint and self._setpoint[1] > supply:
             report.add(WARN, f'supply at {kilopascals(supply)}, below the setpoint of '
                        f'{kilopascals(self._setpoint[1])}')

@@ -55,15 +55,19 @@ class ReferenceRate:
     def _slope(self) -> float:
         """Return the slope of the line that is believed, N/s."""
         last, value = self._values[-1]
-        times = [(stamp - last) * 1e-9 for stamp, _ in self._values]
-        changes = [each - value for _, each in self._values]
         believed, low, high = 0.0, -math.inf, math.inf
-        jitter = _JITTER * -times[0] / max(len(times) - 1, 1)
-        for count in range(2, len(times) + 1):
-            middle, mean = sum(times[-count:]) / count, sum(changes[-count:]) / count
-            spread = sum((time - middle) ** 2 for time in times[-count:])
-            slope = sum((time - middle) * (change - mean) for time, change in zip(
-                times[-count:], changes[-count:])) / spread
+        jitter = _JITTER * (last - self._values[0][0]) * 1e-9 / max(len(self._values) - 1, 1)
+        time_sum = change_sum = squares = products = 0.0
+        for count, (stamp, each) in enumerate(reversed(self._values), 1):
+            time, change = (stamp - last) * 1e-9, each - value
+            time_sum += time
+            change_sum += change
+            squares += time * time
+            products += time * change
+            if count == 1:
+                continue
+            spread = squares - time_sum * time_sum / count
+            slope = (products - time_sum * change_sum / count) / spread
             doubt = _AGREE * jitter * abs(slope) / math.sqrt(spread)
             low, high = max(low, slope - doubt), min(high, slope + doubt)
             if low > high:

@@ -242,7 +242,7 @@ class Loop:
     def __init__(self, noise=1.0, conductance=1.0, delay=0, seed=0):
         self.bundle = load_model(config_path('models/spie2021.yaml'))
         self.rig = Rig(self.bundle, RigConfig(
-            load=Dynamometer(strain=0.1), supply=SupplyConfig(pressure=SUPPLY),
+            load=Dynamometer(strain=0.1), supply=SupplyConfig(pressure=SUPPLY), step=PERIOD / 2,
             valve=ValveConfig(conductance=3.93e-9 * conductance), trip_pressure=1e7,
             sensors=SensorConfig(pressure_noise=350.0 * noise)), seed=seed)
         pid = PidConfig()
@@ -323,6 +323,15 @@ def test_no_false_alarm_in_normal_work(setpoint, delay, conductance):
     assert not loop.run(3.0, setpoint, strain=lambda t: 0.1 + 0.06 * math.sin(9.4 * t)), loop.text
 
 
+@pytest.mark.parametrize(('delay', 'conductance'), [(0, 1.3), (1, 1.2), (2, 1.2)])
+def test_overshoot_at_the_largest_pressure_is_no_fault(delay, conductance):
+    """The valve explains a rise that goes on above the last setpoint while commands are late."""
+    loop = Loop(noise=2.0, delay=delay, conductance=conductance)
+    assert not loop.run(1.6, lambda t: (344e3, 100e3) if t % 0.8 < 0.4 else (0.0, 344e3)), \
+        loop.text
+    assert loop.highest > 350e3
+
+
 def test_a_spike_is_no_fault():
     """One reading far off, up or down, is left to the other watches."""
     for size in (-60e3, 120e3):
@@ -330,6 +339,12 @@ def test_a_spike_is_no_fault():
         loop.run(0.5, lambda t: (150e3, 0.0))
         assert not loop.run(PERIOD, lambda t: (150e3, 0.0), lambda p, s=size: [p[0] + s, p[1]])
         assert not loop.run(0.5, lambda t: (150e3, 0.0))
+    loop = Loop()
+    loop.run(0.5, lambda t: (344.6e3, 0.0))
+    for _ in range(10):
+        # The way back from a spike at the top is no rise.
+        assert not loop.run(PERIOD, lambda t: (344.6e3, 0.0), lambda p: [p[0] - 60e3, p[1]])
+        assert not loop.run(0.1, lambda t: (344.6e3, 0.0))
 
 
 @pytest.mark.parametrize('factor', [1e-3, 1.0 / 6894.8, 1e-5, 0.5, 0.0])
@@ -386,6 +401,26 @@ def test_a_valve_that_hangs_open_is_found(opening):
     assert loop.highest < loop.trip + opening * TWO_PERIODS
 
 
+def test_a_valve_that_hangs_open_at_the_top_is_found_at_once():
+    """The first reading that shows it rises tells where it leads: no second one is needed."""
+    loop = Loop()
+    loop.run(1.0, lambda t: (344e3, 0.0))
+    before = loop.rig.truth.pressure[0]
+    assert loop.run(1.0, lambda t: (344e3, 0.0), valves=lambda c: [1.0, c[1]])
+    assert 'before an answer acts' in loop.text
+    # The rig made a step before that reading and one more with its answer.
+    assert loop.highest < before + TWO_PERIODS
+
+
+@pytest.mark.parametrize('rise', [lambda t: 25e3 * t, lambda t: 6e3 * (t > 0.5)])
+def test_a_small_rise_at_the_top_leads_nowhere(rise):
+    """Slow, or once by a little more than noise: what leads above the trip is fast and large."""
+    watch = InflowWatch('mu1', Loop().watches[0].config)
+    for k in range(220):
+        assert watch.see(k * PERIOD, 346e3 + rise(k * PERIOD), 19e-6)[0] == ''
+        watch.commanded(0.0)
+
+
 def test_the_supply_s_reading_cannot_disarm_it():
     """A supply that is shown as zero expects no less air than its parameter."""
     watches = [InflowWatch('mu1', Loop().watches[0].config) for _ in range(2)]
@@ -436,7 +471,7 @@ def test_a_rig_that_is_held_up_is_no_fault(filled):
 
 
 def test_a_rig_that_vents_by_itself_is_no_fault():
-    """Commands were lost for so long that the driver exhausted, as docs/driver.md asks of it."""
+    """Commands were lost for so long that the driver exhausted, as docs/how_to/driver.md asks."""
     loop = Loop()
     loop.run(1.0, lambda t: (200e3, 0.0))
     loop.time += 0.4
@@ -497,3 +532,13 @@ def test_a_muscle_that_folds_where_its_model_pushes_is_no_fault():
         assert watch.see(0.01 * k, 25.0 - 3.0, 0.1, [100e3, 0.0]) == ''
     watch.see(0.1, 60.0, 0.1, [100e3, 0.0])
     assert watch.see(0.2, 60.0, 0.1, [100e3, 0.0])
+
+
+@pytest.mark.parametrize('gain', [0.93, 1.0, 1.07])
+def test_the_force_tells_which_unit_is_above_its_limit(force_watch, gain):
+    """A reading that drifted down at the top; not a model 7 % off, whatever the pressures."""
+    watch, force = force_watch
+    limit = [396e3, 396e3]
+    assert watch.above(force([440e3, 72e3]), 0.1, [340e3, 72e3], limit) == 0
+    for shown in ([0.0, 0.0], [340e3, 0.0], [340e3, 340e3], [200e3, 60e3]):
+        assert watch.above(gain * force(shown) + 2.0, 0.1, shown, limit) is None

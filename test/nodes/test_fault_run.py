@@ -41,11 +41,16 @@ def test_faults_strike_over_ros_as_they_do_without(domain_id, paper_bundle, brok
     assert abs(ros.pressure[strikes + 5, 0] - ros.pressure[strikes - 1, 0]) > 50e3
 
 
-@pytest.mark.parametrize(('fault', 'verdict'), [('mu1 pressure nan', 'safe'),
-                                                ('nothing', 'quiet')])
-def test_run_is_judged_by_what_is_true_at_the_rig(domain_id, paper_bundle, fault, verdict):
-    """A reading of nan is noticed at once and vented; where nothing is wrong nobody notices."""
-    case = Case(fault, 'ramp', 'reversal_aware')
+@pytest.mark.parametrize(('fault', 'phase', 'verdict'), [
+    ('mu1 pressure nan', 'ramp', 'safe'), ('mu1 valve stuck open', 'transition', 'safe'),
+    ('nothing', 'ramp', 'quiet')])
+def test_run_is_judged_by_what_is_true_at_the_rig(domain_id, paper_bundle, fault, phase, verdict):
+    """
+    A reading of nan is noticed at once and vented; where nothing is wrong nobody notices.
+
+    A valve that hangs open at the top is found at once, and the supply cut with that answer.
+    """
+    case = Case(fault, phase, 'reversal_aware')
     rig = faults.rig_of(case)
     record = run_with_faults(paper_bundle, faults.trajectory_of(case, paper_bundle), rig,
                              faults.told(case), seed=1, domain=domain_id)
@@ -61,12 +66,12 @@ def test_run_is_judged_by_what_is_true_at_the_rig(domain_id, paper_bundle, fault
 
 
 def test_somebody_calls_enable_while_the_fault_is_there(domain_id, paper_bundle):
-    """The answer of the service is in the record; the run goes on to its end."""
-    case = Case('force nan', 'enabled', 'reversal_aware')
+    """A pressure that drifted past the trip unseen is not enabled: the force tells."""
+    case = Case('mu1 pressure drifts by -50 kPa/s', 'enabled', 'reversal_aware')
     rig = faults.rig_of(case)
     record = run_with_faults(paper_bundle, faults.trajectory_of(case, paper_bundle), rig,
                              faults.told(case), enable_at=case.enable_at, domain=domain_id)
-    assert record['enable'] in ('accepted', 'refused')
+    assert record['enable'] == 'refused'
     assert record['time'][-1] == pytest.approx(faults.END)
     row = judge(case, record, Limits.of(paper_bundle, rig))
     assert row['verdict'] == 'safe'

@@ -1,0 +1,164 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Conductance, dead band and dead time of a valve from pressures that answered known commands.
+
+Knows nothing of ROS. Pressures are gauge.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, POLYTROPIC, RT, ValveFlow
+
+#: Dead times (s) and dead bands (of the full command) that are tried, and how finely in the end.
+_DELAYS, _BANDS = np.linspace(0.0, 0.08, 41), np.linspace(0.0, 0.5, 51)
+_FINER = 3
+#: Least number of samples to tell three numbers from.
+_LEAST = 20
+
+
+@dataclass(frozen=True)
+class ValveFit:
+    """
+    What a record says of a valve.
+
+    Attributes
+    ----------
+    conductance : float, m^3/(s Pa)
+        For the gas volume that was told: their ratio is what pressures show.
+    dead_band : float
+    delay : float, s
+        From the stamp of a reading to the flow that the command answering it makes, the spool's
+        lag in it.
+    misfit : float, Pa
+        rms of what is left.
+    """
+
+    conductance: float
+    dead_band: float
+    delay: float
+    misfit: float
+
+
+def fit_valve(time: ArrayLike, pressure: ArrayLike, command: ArrayLike, volume: ArrayLike,
+              supply: float, ambient: float = ATMOSPHERE,
+              critical_ratio: float = ValveFlow().critical_ratio, blocks: Sequence[int] = ()
+              ) -> ValveFit:
+    """
+    Fit the valve of one motor unit by least squares.
+
+    For a dead time and a dead band the integral of dp/dt = n R T m/V (`pressure_rate` without
+    the motion's part, ISO 6358 for m) at the measured pressures is known but for the conductance,
+    in which it is linear. The two are searched for on a grid that is refined around the best.
+
+    Parameters
+    ----------
+    time, pressure, command : array_like (T,), s, Pa and 1
+        Stamps, readings, and the command that answered each.
+    volume : array_like, scalar or (T,), m^3
+        Gas volume with tubing.
+    supply : float, Pa
+    ambient : float, Pa (absolute)
+    critical_ratio : float
+    blocks : sequence of int
+        Samples at which a new record begins; each has an offset of its own, so that leaks and
+        settling air do not add up.
+
+    Raises
+    ------
+    InputError
+        Without enough samples, or where no command moves the pressure.
+    """
+    t, p, u = (np.asarray(values, float) for values in (time, pressure, command))
+    v = np.broadcast_to(np.asarray(volume, float), t.shape)
+    if len(t) < _LEAST:
+        raise InputError(f'{len(t)} samples of valve and pressure; expected {_LEAST} or more')
+    flow_in, flow_out = (np.array([mass_flow(1.0, critical_ratio, *ends) for ends in pairs])
+                         for pairs in ([(supply + ambient, x + ambient) for x in p],
+                                       [(x + ambient, ambient) for x in p]))
+    record = _Record(t, p, u, POLYTROPIC * RT * flow_in / v, POLYTROPIC * RT * flow_out / v,
+                     [0, *blocks, len(t)])
+    delays, bands = _DELAYS, _BANDS
+    best = (np.inf, 0.0, 0.0, 0.0)
+    for _ in range(_FINER):
+        for delay in delays:
+            for band in bands:
+                cost, conductance = record.cost(max(delay, 0.0), min(max(band, 0.0), 0.9))
+                if cost < best[0]:
+                    best = cost, conductance, max(delay, 0.0), min(max(band, 0.0), 0.9)
+        delays = best[2] + (delays[1] - delays[0]) * np.linspace(-1.0, 1.0, 9)
+        bands = best[3] + (bands[1] - bands[0]) * np.linspace(-1.0, 1.0, 9)
+    cost, conductance, delay, band = best
+    if not conductance > 0.0:
+        raise InputError('no command moves the pressure; expected it to rise with positive ones')
+    return ValveFit(float(conductance), float(band), float(delay), float(np.sqrt(cost)))
+
+
+class _Record:
+    """A record, made ready for many trials."""
+
+    def __init__(self, time, pressure, command, filling, venting, edges):
+        self._time, self._command = time, command
+        self._filling, self._venting = filling, venting
+        self._blocks = [slice(a, b) for a, b in zip(edges, edges[1:]) if b - a > 1]
+        self._pressure = self._centred(pressure)
+
+    def _centred(self, values):
+        return np.concatenate([values[block] - values[block].mean() for block in self._blocks])
+
+    def cost(self, delay: float, band: float) -> tuple[float, float]:
+        """Return the mean squared misfit (Pa^2) and the conductance."""
+        size = np.clip((np.abs(self._command) - band) / (1.0 - band), 0.0, 1.0)
+        opened = np.sign(self._command) * size
+        # Commands are held until the next: their integrals over time, later by the dead time.
+        widths = np.diff(self._time)
+        rise = np.zeros(len(self._time))
+        for side, rate in ((np.maximum(opened, 0.0), self._filling),
+                           (np.minimum(opened, 0.0), self._venting)):
+            total = np.concatenate([[0.0], np.cumsum(side[:-1] * widths)])
+            late = np.interp(self._time - delay, self._time, total)
+            rise[1:] += np.diff(late) * 0.5 * (rate[1:] + rate[:-1])
+        shape = self._centred(np.cumsum(rise))
+        power = float(shape @ shape)
+        if power <= 0.0:
+            return float(np.mean(self._pressure ** 2)), 0.0
+        conductance = max(float(shape @ self._pressure) / power, 0.0)
+        return float(np.mean((self._pressure - conductance * shape) ** 2)), conductance
+
+
+def split_volume(conductances: Sequence[float], gas: Sequence[float], told: float
+                 ) -> tuple[float, float] | None:
+    """
+    Return conductance and tube volume of valves that are alike on muscles that are not.
+
+    Pressures show C/(V + T) alone; with gas volumes V that differ, C and T follow from two or
+    more of them by least squares.
+
+    Parameters
+    ----------
+    conductances : sequence (n,), m^3/(s Pa)
+        As they were fitted with the tube volume that was told.
+    gas : sequence (n,), m^3
+        Of the muscles.
+    told : float, m^3
+
+    Returns
+    -------
+    (float, float) or None
+        None where the volumes are too much alike, or no tube is that small or large.
+    """
+    volume = np.asarray(gas, float)
+    if volume.max() < 1.5 * volume.min():
+        return None
+    ratio = np.asarray(conductances, float) / (volume + told)
+    # C - r T = r V, weighted so that ratios count alike.
+    (conductance, tube), *_ = np.linalg.lstsq(
+        np.stack([1.0 / ratio, -np.ones(len(ratio))], axis=1), volume, rcond=None)
+    if not 0.0 <= tube <= volume.max():
+        return None
+    return float(conductance), float(tube)

@@ -1,0 +1,121 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a pressure loop knows of the air of its motor unit: volume, supply, and what fits them."""
+
+import math
+from typing import Any
+
+from fam_bundle_ros.control import PidConfig
+from fam_bundle_ros.control.agreement import SupplyWatch
+from fam_bundle_ros.control.plausibility import InflowConfig, InflowWatch
+from fam_bundle_ros.control.safety import OVER_PRESSURE_FACTOR, SUPPLY, trip_pressure
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.diagnostics import Report, WARN
+from fam_bundle_ros.nodes.pid_readings import Latest, Volume
+
+#: s from command to flow besides the dead time.
+_SPOOL_LAG = 2e-3
+#: Samples that a driver may need to read a command and show its effect, where nothing is told.
+SAMPLES = 3.0
+#: Standard deviations of pressure noise in ``quiet_error`` are three: what noise twice as large
+#: does to the difference of two readings stays below this many of it.
+_NOISE = 4.0
+#: s that a supply gets to come up after `supply_enable`; what it gets where it is not measured.
+_SUPPLY_START, _SUPPLY_UNSEEN = 1.0, 0.3
+
+
+class Air:
+    """
+    Readings of strain and supply, and what they say of pressure and valve.
+
+    Parameters
+    ----------
+    node : BundleNode
+        With the parameters of `pid_parameters`.
+    bundle : Bundle
+    unit : int
+        From 1.
+    config : PidConfig
+
+    Attributes
+    ----------
+    strain, supply : Latest
+    inflow : InflowWatch
+    """
+
+    def __init__(self, node: BundleNode, bundle: Any, unit: int, config: PidConfig):
+        self._node = node
+        self._max_pressure = float(bundle.max_pressure[unit - 1])
+        self._volumes = Volume(bundle, unit - 1, node.p['tube_volume'])
+        self.strain, self.supply = Latest('strain'), Latest('supply')
+        self.inflow = InflowWatch(f'mu{unit}', self._inflow_config(config))
+        self._supply_watch = SupplyWatch(node.p['supply.pressure'], node.p['hold_time'])
+        self._begun = -math.inf
+
+    def begin(self, now: float) -> None:
+        """Start anew at a time, s: the supply opens."""
+        self.inflow.begin()
+        self._supply_watch.begin()
+        self._begun = now
+
+    def change(self, config: PidConfig) -> None:
+        """Go on with other settings."""
+        self.inflow.change(self._inflow_config(config))
+
+    def _inflow_config(self, config: PidConfig) -> InflowConfig:
+        p, late = self._node.p, self._node.max_latency
+        period = 1.0 / p['rate']
+        return InflowConfig(
+            config.valve, p['supply.pressure'], self._max_pressure,
+            trip_pressure(self._max_pressure, OVER_PRESSURE_FACTOR) - self._max_pressure,
+            p['transport_delay'] + _SPOOL_LAG + (
+                late if math.isfinite(late) else SAMPLES * period),
+            period, _NOISE * p['quiet_error'], self._node.ambient)
+
+    @property
+    def _patience(self) -> float:
+        """Largest age of strain and supply, s; in lock-step they come with the pressure."""
+        return math.inf if self._node.lock_step else self._node.p['auxiliary_timeout']
+
+    def now(self) -> tuple[float | None, float | None, float]:
+        """Return supply (Pa) and volume (m^3), None where not known, and volume rate (m^3/s)."""
+        strain, rate = self.strain.value(self._patience)
+        volume, slope = self._volumes.at(strain)
+        supply = self.supply.value(self._patience)[0]
+        return (supply if math.isfinite(supply) else None, volume,
+                slope * rate if math.isfinite(rate) else 0.0)
+
+    def impossible(self, time: float, pressure: float, gap: float) -> tuple[str, str]:
+        """
+        Return cause and reason where a pressure (Pa) cannot be; see `InflowWatch.see`.
+
+        ``time`` is its stamp, ``gap`` what lay between its arrival and that of the one before, s.
+        """
+        volume, _ = self._volumes.at(self.strain.value(self._patience)[0])
+        return self.inflow.see(time, pressure, self._volumes.ends if volume is None else volume,
+                               self.supply.value(self._patience)[0], gap)
+
+    def supply_agrees(self, now: float) -> tuple[bool, str, str]:
+        """
+        Return whether the supply is there; and cause and reason where it never comes.
+
+        That is where it stays away from its parameter for so long that it is no start.
+        """
+        watch, since = self._supply_watch, now - self._begun
+        supply = self.supply.value(self._patience)[0]
+        if not math.isfinite(supply):
+            return since > _SUPPLY_UNSEEN, '', ''
+        agrees = watch.see(now, supply, _SUPPLY_START if since < _SUPPLY_START else None)
+        return agrees, SUPPLY if watch.text else '', watch.text
+
+    def report(self, report: Report) -> float:
+        """Say what is measured; return the supply that counts, Pa."""
+        p = self._node.p
+        supply, volume, _ = self.now()
+        report.value('supply, Pa', 'not measured' if supply is None else supply)
+        report.value('volume', 'not measured' if volume is None else 'of the measured strain')
+        for reading, name in ((self.strain, 'volume'), (self.supply, 'supply.pressure')):
+            if reading.lost(self._patience):
+                report.add(WARN, f'no {reading.name} any more: the parameter {name}, '
+                           f'{p[name]:g}, takes its place')
+        return float(p['supply.pressure'] if supply is None else supply)

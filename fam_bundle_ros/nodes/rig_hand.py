@@ -1,0 +1,238 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The hand of `check-rig --active` on the valves: it answers readings, notes them, and lets go.
+
+Every pressure reading is answered with the command of its motor unit, as the pressure loops do. A
+reading beyond its limit, or silence, vents everything in the same callback; nothing is asked.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+import math
+import time
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rclpy.context import Context
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
+
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.process import Spinner
+from fam_bundle_ros.nodes.supply_enable import PERIOD
+
+#: s: a pressure that says nothing for so long is lost.
+_SILENCE = 0.25
+#: s that one spin takes at most.
+_SLICE = 0.01
+#: s in which a driver hears the last word.
+_FAREWELL = 0.3
+
+
+@dataclass
+class Channel:
+    """Readings of a channel, with what answered them."""
+
+    #: Age when it came and stamp (s), value (as it came), command that answered it.
+    rows: list[tuple[float, float, float, float]] = field(default_factory=list)
+    #: Steady time of the last one, s.
+    seen: float = 0.0
+    #: Value at rest without air, the standard deviation of its noise, and the largest age, s.
+    zero: float = 0.0
+    noise: float = 0.0
+    late: float = 0.0
+
+    @property
+    def last(self) -> float:
+        """Return the last reading over that at rest."""
+        return self.rows[-1][2] - self.zero if self.rows else math.nan
+
+    def since(self, start: int) -> np.ndarray:
+        """Return the rows from one on, shape (T, 4)."""
+        return np.array(self.rows[start:]).reshape(-1, 4)
+
+    def level(self, count: int = 10) -> float:
+        """Return the median of the last readings over that at rest."""
+        return float(np.median([row[2] for row in self.rows[-count:]])) - self.zero
+
+    def rest(self) -> None:
+        """Take what has come so far for readings at rest."""
+        values = np.array([row[2] for row in self.rows])
+        self.zero = float(np.median(values))
+        self.noise = float(np.std(values)) if len(values) > 1 else 0.0
+        self.late = max((row[0] for row in self.rows), key=abs)
+
+
+class Vented(Exception):
+    """Everything had to be vented; the text says why."""
+
+
+class Hand(BundleNode):
+    """
+    Opens valves and notes what follows.
+
+    Parameters
+    ----------
+    context : Context
+    namespace : str
+    units : int
+    length : float, m
+        Rest length, for a rig that sends the contraction alone.
+
+    Attributes
+    ----------
+    pressure : list of Channel (n,), Pa as they come
+    force, strain, supply : Channel
+    command : list (n,)
+        For each valve; None, as at first, to say nothing.
+    leave : bool or None
+        For ``supply_enable``; None, as at first, to say nothing.
+    limit : float, Pa
+        Rise of any pressure at which everything is vented.
+    most_force : float, N
+        Change of the force at which everything is vented.
+    trouble : str
+        Why everything was vented; empty while nothing is wrong.
+    """
+
+    def __init__(self, context: Context, namespace: str, units: int, length: float):
+        super().__init__('check_rig', (), context=context, namespace=namespace)
+        self._length = length
+        self.pressure = [Channel() for _ in range(units)]
+        self.force, self.strain, self.supply = Channel(), Channel(), Channel()
+        self.command: list[float | None] = [None] * units
+        self.leave: bool | None = None
+        self._acting = False
+        self.limit = self.most_force = math.inf
+        self.trouble = ''
+        self.stopped: bool | None = None
+        self._send_leave = self.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
+        self._send = [self.sender(interface.valve_topic(i + 1), JointState,
+                                  interface.valve_writer(i + 1)) for i in range(units)]
+        for i in range(units):
+            def take(message: FluidPressure, i: int = i) -> None:
+                self._on_pressure(i, message)
+            self.subscribe(interface.pressure_topic(i + 1), FluidPressure, take)
+        self.subscribe(interface.FORCE, WrenchStamped, self._on_force)
+        self.subscribe(interface.STRAIN, JointState, self._on_strain)
+        self.subscribe(interface.SUPPLY, FluidPressure, self._on_supply)
+        self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.LATCHED)
+        self.every(0.5 * PERIOD, self._beat)
+
+    def others(self) -> list[str]:
+        """Return topics on which somebody else speaks: a controller is running."""
+        names = [interface.SUPPLY_ENABLE, *(interface.valve_topic(i + 1)
+                                            for i in range(len(self.pressure)))]
+        return [name for name in names if self.publisher_count(name) > 1]
+
+    def begin(self) -> None:
+        """Speak from now on: shut and exhausting."""
+        self._acting, self.command = True, [-1.0] * len(self.command)
+        self.give_leave(False)
+
+    def give_leave(self, value: bool | None) -> None:
+        """Say ``supply_enable`` at once, and from now on."""
+        self.leave = value
+        self._beat()
+
+    def vent(self, why: str) -> None:
+        """Cut the supply and exhaust everything; the first reason stays."""
+        self.trouble = self.trouble or why
+        if not self._acting:
+            # Who acts is not to be disturbed.
+            return
+        self.command = [-1.0] * len(self.command)
+        self.give_leave(False)
+        for send in self._send:
+            send(self.now_ns(), -1.0)
+
+    def stop(self) -> None:
+        """Vent."""
+        self.vent('ended')
+
+    def _beat(self) -> None:
+        if self.leave is not None:
+            self._send_leave(self.leave)
+
+    def _note(self, channel: Channel, stamp: int, value: float, command: float = math.nan) -> None:
+        channel.seen = time.monotonic()
+        channel.rows.append((self.latency(stamp), stamp * 1e-9, value, command))
+
+    def _on_pressure(self, unit: int, message: FluidPressure) -> None:
+        stamp, channel = interface.stamp_ns(message.header.stamp), self.pressure[unit]
+        command = self.command[unit]
+        self._note(channel, stamp, message.fluid_pressure,
+                   math.nan if command is None else command)
+        if not channel.last <= self.limit:
+            self.vent(f'mu{unit + 1}/pressure rose by {channel.last / 1e3:.1f} kPa; at most '
+                      f'{self.limit / 1e3:.0f} kPa can be')
+        elif command is not None:
+            self._send[unit](stamp, command)
+
+    def _on_force(self, message: WrenchStamped) -> None:
+        self._note(self.force, interface.stamp_ns(message.header.stamp),
+                   interface.read_force(message))
+        if abs(self.force.last) > self.most_force:
+            self.vent(f'the force changed by {self.force.last:.1f} N; at most '
+                      f'{self.most_force:.0f} N can be')
+
+    def _on_strain(self, message: JointState) -> None:
+        self._note(self.strain, interface.stamp_ns(message.header.stamp),
+                   interface.read_strain(message, self._length)[0])
+
+    def _on_supply(self, message: FluidPressure) -> None:
+        self._note(self.supply, interface.stamp_ns(message.header.stamp), message.fluid_pressure)
+
+    def _on_e_stop(self, message: Bool) -> None:
+        self.stopped = message.data
+        if message.data and self.leave:
+            self.vent('the emergency stop went on')
+
+
+class Session:
+    """
+    A hand with time: lets it act for so long, or until something is so.
+
+    Parameters
+    ----------
+    hand : Hand
+    spinner : Spinner
+    stop : callable
+        Returns whether the user wants to end.
+    """
+
+    def __init__(self, hand: Hand, spinner: Spinner, stop: Callable[[], bool]):
+        self.hand, self._spinner, self._stop = hand, spinner, stop
+
+    def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """
+        Go on for some time; return whether ``until`` came true.
+
+        Raises
+        ------
+        Vented
+            When the hand had to vent: it says why.
+        """
+        end = time.monotonic() + seconds
+        while not (done := until()) and time.monotonic() < end:
+            self._spinner.spin(_SLICE)
+            if self._stop():
+                self.hand.vent('interrupted')
+                raise KeyboardInterrupt
+            now = time.monotonic()
+            for i, channel in enumerate(self.hand.pressure):
+                if channel.rows and self.hand.leave and now - channel.seen > _SILENCE:
+                    self.hand.vent(f'mu{i + 1}/pressure fell silent')
+            if self.hand.trouble:
+                self.let_go()
+                raise Vented(self.hand.trouble)
+        return done
+
+    def let_go(self) -> None:
+        """Vent, and see that it is heard."""
+        self.hand.vent('done')
+        end = time.monotonic() + _FAREWELL
+        while time.monotonic() < end:
+            self._spinner.spin(_SLICE)

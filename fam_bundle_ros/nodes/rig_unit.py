@@ -1,0 +1,300 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One motor unit of a rig, probed with air at low pressure: the steps of `check-rig --active`.
+
+Which reading rises at which command, how fast, up to what; whether it stays tight, and empties
+when commands stop. Whatever does not fit is a finding, and ends with the air out.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.control.plausibility import GENTLE
+from fam_bundle_ros.control.rig_fit import fit_valve, ValveFit
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.nodes.rig_check import Finding
+from fam_bundle_ros.nodes.rig_hand import Channel, Session
+
+#: Share of the supply, and of the noise's standard deviation, by which a reading has to rise.
+_RISE, _RISE_NOISE = 0.04, 6.0
+#: Shares by which a full reading may differ from the supply.
+_SCALE = 0.15
+#: Steps of the staircase: command or share of it, s that each lasts, and where it ends.
+_STAIR, _STAIR_SHARE, _STAIR_TIME, _STAIR_TOP = 0.01, 0.1, 0.04, 0.6
+#: Commands of the pulses beyond the first that moved air; s of a stroke at most, and of the rest.
+_BEYOND = (0.02, 0.04, 0.08, 0.16)
+_STROKE, _REST = 0.12, 0.06
+#: Shares of the supply between which pulses go.
+_LOW, _HIGH = 0.25, 0.65
+#: Share of the supply that the law of the valve may leave.
+_MISFIT = 0.03
+#: s for which a shut valve is watched; share lost in a second that plausibility takes for a fault.
+_HOLD, _LEAK = 0.2, 1.0
+#: s: commands are silent for so long (docs/how_to/driver.md: 0.1), and the leave (0.5); what is
+#: taken.
+_MUTE, _MUTE_MOST, _LEAVE_MUTE, _LEAVE_MOST = 0.6, 0.25, 1.2, 0.8
+#: What a driver may have multiplied a pressure by.
+_FACTORS = {1e-3: 'kPa', 1e-5: 'bar', 1.0 / 6894.757: 'psi', 1e-2: 'mbar', 0.5: 'half of it',
+            2.0: 'twice it'}
+#: s that the supply gets to come up, a full motor unit to settle, and to empty.
+COME_UP, _FILL, _EMPTY = 0.4, 1.0, 2.0
+
+
+@dataclass
+class Probe:
+    """
+    What came of it.
+
+    Attributes
+    ----------
+    findings : list of Finding
+    parameters : dict
+        Of the controllers, by what was measured; empty where something failed.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+    def say(self, ok: bool, what: str, detail: str, note: bool = False) -> None:
+        """Add a finding."""
+        self.findings.append(Finding(ok, what, detail, note))
+
+
+class UnitProbe:
+    """
+    The steps on motor units, one at a time.
+
+    Parameters
+    ----------
+    session : Session
+    result : Probe
+        Gets the findings.
+    bundle : Bundle
+    supply, ambient : float, Pa (gauge), Pa (absolute)
+    tube_volume : float, m^3
+
+    Attributes
+    ----------
+    left_out : set of int
+        Motor units (from 0) that hold air for a reason that is known.
+    loss : dict
+        Share of its pressure that a shut motor unit loses in a second.
+    """
+
+    def __init__(self, session: Session, result: Probe, bundle: Bundle, supply: float,
+                 tube_volume: float, ambient: float):
+        self._session, self._hand, self._result = session, session.hand, result
+        self._bundle, self._supply, self._ambient = bundle, supply, ambient
+        self._tube = tube_volume
+        self._units = range(bundle.n)
+        self.left_out: set[int] = set()
+        self.loss: dict[int, float] = {}
+
+    def rise(self, channel: Channel) -> float:
+        """Return by how much a pressure has to rise to have risen, Pa."""
+        return max(_RISE * self._supply, _RISE_NOISE * channel.noise)
+
+    def risen(self) -> list[int]:
+        """Return which pressures have risen."""
+        return [i for i in self._units if i not in self.left_out
+                and self._hand.pressure[i].level(3) > self.rise(self._hand.pressure[i])]
+
+    def _tell(self, unit: int, command: float | None) -> None:
+        """Give a command to one valve; all others stay shut."""
+        self._hand.command = [0.0] * len(self._units)
+        self._hand.command[unit] = command
+
+    def exhaust_does_not_fill(self, unit: int) -> bool:
+        """Open an exhaust a little: a reversed valve fills."""
+        self._tell(unit, -GENTLE)
+        self._session.wait(0.08, lambda: bool(self.risen()))
+        self._tell(unit, 0.0)
+        self._session.wait(0.06)
+        risen = self.risen()
+        if not risen:
+            return True
+        self._result.say(False, f'mu{unit + 1} valve', f'reversed: told to exhaust, it fills '
+                         f'{self._named(risen)}')
+        self._dump()
+        return False
+
+    def _named(self, units: list[int]) -> str:
+        return ' and '.join(f'mu{i + 1}' for i in units)
+
+    def _dump(self) -> None:
+        """Let all air out by the supply, whichever way the valves go, and open it again."""
+        self._hand.give_leave(False)
+        self._hand.command = [0.0] * len(self._units)
+        emptied = self._session.wait(_EMPTY, lambda: not self.risen())
+        if not emptied:
+            self._hand.vent(f'{self._named(self.risen())} does not empty with supply_enable '
+                            'false')
+        self._hand.give_leave(True)
+        self._session.wait(COME_UP)
+
+    def probe(self, unit: int) -> ValveFit | None:
+        """Take all steps on a motor unit; return its valve, None where a step failed."""
+        name, channel = f'mu{unit + 1}', self._hand.pressure[unit]
+        first = self._first_air(unit)
+        if first is None:
+            return None
+        start = len(channel.rows)
+        blocks = self._pulses(unit, first)
+        pulses = channel.since(start)
+        full = self._fill(unit, first)
+        if full is None:
+            return None
+        self._answers_silence(unit)
+        self._tell(unit, -1.0)
+        if not self._session.wait(_EMPTY, lambda: channel.level(3) < self.rise(channel)):
+            self._hand.vent(f'{name} does not empty')
+        volume = self.gas(unit) + self._tube
+        fit = fit_valve(pulses[:, 1], pulses[:, 2] - channel.zero, pulses[:, 3],
+                        volume, full, self._ambient, blocks=blocks)
+        ok = fit.misfit < _MISFIT * self._supply + 3.0 * channel.noise
+        self._result.say(ok, f'{name} valve', f'conductance {fit.conductance:.3g} m^3/(s Pa), '
+                         f'dead band {fit.dead_band:.3f}, acts {1e3 * fit.delay:.1f} ms after the '
+                         'reading it answers; the law of such a valve leaves '
+                         f'{fit.misfit / 1e3:.2f} kPa')
+        return fit
+
+    def gas(self, unit: int) -> float:
+        """Return the muscles' gas volume at this strain, m^3."""
+        strain = self._hand.strain
+        shown = float(strain.rows[-1][2]) if strain.rows else 0.0
+        return float(self._bundle.gas_volume(shown if np.isfinite(shown) else 0.0)[unit])
+
+    def _first_air(self, unit: int) -> float | None:
+        """Open more and more until a pressure rises; return the command, None where none does."""
+        command, name = 0.0, f'mu{unit + 1}'
+        while not (risen := self.risen()) and command < _STAIR_TOP:
+            command += max(_STAIR, _STAIR_SHARE * command)
+            self._tell(unit, command)
+            self._session.wait(_STAIR_TIME, lambda: bool(self.risen()))
+        self._tell(unit, 0.0)
+        self._session.wait(_REST)
+        if risen == [unit]:
+            return command
+        if risen:
+            self._result.say(False, f'{name} valve', f'told to fill, {self._named(risen)} rises: '
+                             'valves or pressure channels are exchanged')
+        else:
+            self._result.say(False, f'{name} valve', f'told to fill by {command:.2f}, no pressure '
+                             f'rises by {self.rise(self._hand.pressure[unit]):.0f} of what '
+                             'comes: valve, hose, supply_enable, or the unit of the pressure')
+        self._dump()
+        return None
+
+    def _pulses(self, unit: int, first: float) -> list[int]:
+        """Fill and exhaust at several openings; return the rows at which each begins."""
+        channel, blocks = self._hand.pressure[unit], []
+        start = len(channel.rows)
+        for beyond in _BEYOND:
+            for side, reached in ((1.0, lambda: channel.last > _HIGH * self._supply),
+                                  (-1.0, lambda: channel.last < _LOW * self._supply)):
+                blocks.append(len(channel.rows) - start)
+                self._tell(unit, side * min(first + beyond, 1.0))
+                self._session.wait(_STROKE, reached)
+                self._tell(unit, 0.0)
+                self._session.wait(_REST)
+        return blocks[1:]
+
+    def _fill(self, unit: int, first: float) -> float | None:
+        """Fill to the supply: what is shown then is its scale; so are the signs of the load."""
+        hand, name, channel = self._hand, f'mu{unit + 1}', self._hand.pressure[unit]
+        before = tuple(c.level() if c.rows else np.nan for c in (hand.force, hand.strain))
+        self._tell(unit, min(first + 0.3, 1.0))
+
+        def settled() -> bool:
+            values = [row[2] for row in channel.rows[-40:]]
+            return bool(abs(np.mean(values[:20]) - np.mean(values[20:]))
+                        < 0.005 * self._supply)
+        self._session.wait(0.3)
+        self._session.wait(_FILL, settled)
+        full = channel.level(20)
+        self._judge_load(unit, before[0], before[1], full)
+        ratio = full / self._supply
+        if abs(ratio - 1.0) <= _SCALE:
+            self._result.say(True, f'{name} scale', f'{full / 1e3:.1f} kPa at a supply of '
+                             f'{self._supply / 1e3:.0f} kPa')
+            return full
+        near = min(_FACTORS, key=lambda factor: abs(np.log(abs(ratio) / factor)))
+        guess = f': as if it were {_FACTORS[near]}' if abs(ratio / near - 1.0) < _SCALE else ''
+        self._result.say(False, f'{name} scale', f'shows {full / 1e3:.3g} kPa at a supply of '
+                         f'{self._supply / 1e3:.0f} kPa{guess}')
+        self._answers_silence(unit)
+        self._dump()
+        return None
+
+    def _judge_load(self, unit: int, force: float, strain: float, full: float) -> None:
+        """Hold changes of force and strain against those of a muscle that fills."""
+        hand, name = self._hand, f'mu{unit + 1}'
+        if not (hand.force.rows and hand.strain.rows):
+            return
+        pulled, moved = hand.force.level() - force, hand.strain.level() - strain
+        shortened = moved > max(5.0 * hand.strain.noise, 2e-3)
+        if moved < -max(5.0 * hand.strain.noise, 2e-3):
+            self._result.say(False, f'{name} strain', f'changed by {moved:.3f} when it filled; '
+                             'expected more, positive when shorter')
+        if shortened:
+            self._result.say(True, f'{name} strain', f'changed by {moved:.3f} when it filled')
+        pressure = np.zeros(len(self._units))
+        at = hand.strain.level() + hand.strain.zero
+        rest = float(self._bundle.force(at, pressure))
+        pressure[unit] = full
+        expected = float(self._bundle.force(at, pressure)) - rest
+        least = max(5.0 * hand.force.noise, 0.3 * expected)
+        text = f'changed by {pulled:.2f} N when it filled; the model says {expected:.1f} N'
+        if pulled < -5.0 * hand.force.noise - 1.0:
+            self._result.say(False, f'{name} force', f'{text}: expected tension positive')
+        elif not shortened and expected > 10.0 * hand.force.noise and pulled < least:
+            self._result.say(False, f'{name} force', f'{text}: is it N, and does it pull?')
+        else:
+            self._result.say(True, f'{name} force', text)
+
+    def _answers_silence(self, unit: int) -> None:
+        """Say nothing to one valve: the driver has to exhaust it."""
+        channel, name = self._hand.pressure[unit], f'mu{unit + 1}'
+        self._tell(unit, 0.0)
+        self._session.wait(_REST)
+        start, full = len(channel.rows), channel.level(5)
+        self._session.wait(_HOLD)
+        before, full = full, channel.level(5)
+        hold = channel.since(start)
+        loss = max(1.0 - full / before, 0.0) / max(hold[-1, 1] - hold[0, 1], 1e-3)
+        self.loss[unit] = loss
+        self._result.say(loss < _LEAK, f'{name} tightness', f'loses {loss:.0%} of its pressure in '
+                         'a second while its valve is shut' + (
+                             '' if loss < _LEAK else f'; expected less than {_LEAK:.0%}'))
+        begin = len(channel.rows)
+        self._tell(unit, None)
+        fell = self._session.wait(_MUTE, lambda: channel.last < 0.7 * full)
+        rows = channel.since(begin)
+        took = rows[-1, 1] - rows[0, 1] if len(rows) else 0.0
+        self._result.say(fell and took < _MUTE_MOST, f'{name} watchdog', (
+            f'exhausts {took:.2f} s after its last command' if fell else
+            f'stays at {channel.level() / 1e3:.1f} kPa for {_MUTE:g} s without commands')
+            + ('' if fell and took < _MUTE_MOST else '; expected to exhaust after 0.1 s '
+               '(docs/how_to/driver.md)'))
+
+    def answers_silent_leave(self, unit: int, fit: ValveFit) -> None:
+        """Shut a full motor unit; it must empty when supply_enable falls silent."""
+        hand, channel = self._hand, self._hand.pressure[unit]
+        self._tell(unit, min(0.3 + fit.dead_band, 1.0))
+        self._session.wait(0.3, lambda: channel.last > 0.5 * self._supply)
+        self._tell(unit, 0.0)
+        self._session.wait(0.1)
+        full, begin = channel.level(), len(channel.rows)
+        hand.leave = None
+        fell = self._session.wait(_LEAVE_MUTE, lambda: channel.last < 0.7 * full)
+        rows = channel.since(begin)
+        took = rows[-1, 1] - rows[0, 1] if len(rows) else 0.0
+        self._result.say(fell and took < _LEAVE_MOST, 'supply_enable', (
+            f'exhausts {took:.2f} s after its last message' if fell else
+            f'mu{unit + 1} stays at {channel.level() / 1e3:.1f} kPa for {_LEAVE_MUTE:g} s '
+            'without it')
+            + ('' if fell and took < _LEAVE_MOST else '; expected to shut and exhaust after '
+               '0.5 s (docs/how_to/driver.md)'))

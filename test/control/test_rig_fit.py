@@ -1,0 +1,60 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What pressures tell of a valve, without ROS."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control.rig_fit import fit_valve, split_volume
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.pneumatics import pressure_rate, valve_flow, valve_opening, ValveFlow
+
+PERIOD, SUPPLY, AMBIENT, VOLUME = 5e-3, 100e3, 101325.0, 19e-6
+
+
+def record(valve, delay, noise=350.0, fine=10):
+    """Return stamps, pressures and commands of strokes on a chamber of constant volume."""
+    rng = np.random.default_rng(1)
+    commands = np.concatenate([np.r_[np.full(n, side * (valve.dead_band + beyond)), np.zeros(10)]
+                               for beyond in (0.03, 0.06, 0.1, 0.2)
+                               for side, n in ((1.0, 12), (-1.0, 9))])
+    pressure, shown = AMBIENT, []
+    for k in range(len(commands) * fine):
+        if k % fine == 0:
+            shown.append(pressure - AMBIENT)
+        time = k * PERIOD / fine - delay
+        command = commands[int(time / PERIOD)] if time >= 0.0 else 0.0
+        flow = valve_flow(valve, valve_opening(valve, command), pressure, SUPPLY + AMBIENT,
+                          AMBIENT)
+        pressure += PERIOD / fine * pressure_rate(pressure, VOLUME, 0.0, flow)
+    return (PERIOD * np.arange(len(commands)), shown + noise * rng.standard_normal(len(commands)),
+            commands)
+
+
+@pytest.mark.parametrize(('conductance', 'band', 'delay'), [
+    (3.93e-9, 0.04, 0.0), (1.5e-9, 0.12, 0.017), (6e-9, 0.0, 0.006)])
+def test_a_valve_is_found_from_its_strokes(conductance, band, delay):
+    """Conductance to 5 %, dead band to 0.01, dead time to 2 ms, below the noise of the gauge."""
+    fit = fit_valve(*record(ValveFlow(conductance, 0.3, band), delay), VOLUME, SUPPLY)
+    assert fit.conductance == pytest.approx(conductance, rel=0.05)
+    assert fit.dead_band == pytest.approx(band, abs=0.01)
+    assert fit.delay == pytest.approx(delay, abs=2e-3)
+    assert fit.misfit < 2.0 * 350.0
+
+
+def test_a_valve_that_moves_nothing_is_refused():
+    """A pressure that does not follow the commands has no conductance."""
+    time, _, command = record(ValveFlow(), 0.0)
+    with pytest.raises(InputError, match='no command moves the pressure'):
+        fit_valve(time, -1e3 * np.cumsum(command), command, VOLUME, SUPPLY)
+    with pytest.raises(InputError, match='5 samples'):
+        fit_valve(time[:5], time[:5], command[:5], VOLUME, SUPPLY)
+
+
+def test_muscles_of_different_size_tell_the_tube():
+    """C/(V + T) of two sizes gives both; of one size it does not."""
+    gas, tube, told = np.array([9e-6, 30e-6]), 7e-6, 4e-6
+    fitted = 3e-9 * (gas + told) / (gas + tube)
+    conductance, found = split_volume(fitted, gas, told)
+    assert (conductance, found) == (pytest.approx(3e-9), pytest.approx(tube))
+    assert split_volume(fitted, [14e-6, 14e-6], told) is None

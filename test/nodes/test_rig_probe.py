@@ -1,0 +1,101 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A rig that is probed with air: one simulator process, faults one after another by service."""
+
+import json
+
+import pytest
+from rclpy.context import Context
+
+from fam_bundle_ros.cli.rig_commands import check_rig
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import load_model
+from fam_bundle_ros.nodes.known import refuse_unknown
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.nodes.rig_probe import probe_rig
+from fam_bundle_ros.resources import config_path
+
+SUPPLY = 120e3
+
+
+@pytest.fixture(scope='module')
+def bundle():
+    """Return the bundle of the paper."""
+    return load_model(config_path('models/spie2021.yaml'))
+
+
+@pytest.fixture
+def simulator(graph, start):
+    """Yield a function that sets parameters of a simulated rig at low supply, in a process."""
+    process = start('plant_simulator', '--ros-args', *(item for name, value in {
+        'supply.pressure': SUPPLY, 'start_stopped': 'false', 'load.kind': 'dynamometer',
+        'valve.conductance': 3.0e-9, 'valve.dead_band': 0.07,
+        'valve.delay': 0.008}.items() for item in ('-p', f'{name}:={value}')))
+    yield lambda **values: graph.set('plant_simulator', **values)
+    process.terminate()
+    process.communicate(timeout=10)
+
+
+def failed(probe):
+    """Return what failed, in words."""
+    return [f'{finding.what}: {finding.detail}' for finding in probe.findings if not finding.ok]
+
+
+def test_a_rig_is_probed(simulator, bundle, domain_id, tmp_path):
+    """A sound rig gives a file that controllers start from; each fault is named, and vents."""
+    def probe():
+        return probe_rig(bundle, SUPPLY, domain=domain_id, patience=15.0)
+    simulator()
+    written, told = tmp_path / 'rig.yaml', tmp_path / 'found.json'
+    check_rig('bundle', 0.5, 'spie2021', active=True, supply='120 kPa', yes=True, out=written,
+              json_file=told)
+    found = json.loads(told.read_text())['parameters']
+    assert found['valve.conductance'] == pytest.approx(3.0e-9, rel=0.1)
+    assert found['valve.dead_band'] == pytest.approx(0.07, abs=0.01)
+    # The spool's own lag is not in it; a busy machine may answer a sample later.
+    assert 0.006 < found['transport_delay'] < 0.016
+    assert found['quiet_error'] == pytest.approx(3 * 350.0, rel=0.3)
+    assert (found['pressure_is_gauge'], found['rate']) == (False, pytest.approx(200.0, rel=0.02))
+    assert_controllers_start(written, found, domain_id)
+
+    simulator(faults__units='mu1/pressure=kPa', faults__gain='mu2/pressure=0.5',
+              command_timeout=10.0)
+    assert_says(probe(), 'mu1 valve: told to fill by', 'mu2 scale: shows 60',
+                'mu2 watchdog: stays at')
+    simulator(faults__units='', faults__gain='force=-1.0', faults__leak='mu1=0.3',
+              command_timeout=0.1, supply_timeout=10.0)
+    assert_says(probe(), 'mu1 tightness: loses', 'mu2 force: changed by -',
+                'supply_enable: mu2 stays at')
+    simulator(faults__gain='', faults__leak='', faults__reversed_valve='mu1', faults__supply=5.0)
+    assert_says(probe(), 'vented: supply/pressure shows')
+    simulator(faults__supply=1.0, faults__exchanged_valves='mu1=mu2')
+    # mu1's command goes to mu2's valve, which is in order; the other way it is reversed.
+    assert_says(probe(), 'mu1 valve: reversed', 'mu2 valve: told to fill')
+    with pytest.raises(InputError, match='supply is 600 kPa; expected a low one'):
+        probe_rig(bundle, 600e3, domain=domain_id)
+
+
+def assert_says(probe, *words):
+    """A probe that failed in these ways leaves no parameters."""
+    text = '\n'.join(failed(probe))
+    for word in words:
+        assert word in text
+    assert probe.parameters == {}
+
+
+def assert_controllers_start(written, found, domain_id):
+    """Start controllers from a parameter file and look at what they were told."""
+    context = Context()
+    context.init(args=['--ros-args', '--params-file', str(written)], domain_id=domain_id)
+    nodes = [PressurePidNode(1, context=context), RecruitmentNode(context=context)]
+    try:
+        refuse_unknown(nodes)
+        for name, value in found.items():
+            told = [node.p[name] for node in nodes if node.has_parameter(name)]
+            assert told, name
+            assert set(told) == {value}, name
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        context.try_shutdown()
