@@ -27,6 +27,7 @@ from fam_bundle_ros.cli.common import (
     table,
     wrote,
 )
+from fam_bundle_ros.cli.specimens import diagnose_table
 from fam_bundle_ros.errors import InputError
 
 PANEL = 'Discovery'
@@ -87,8 +88,16 @@ def compare(
 
 @reads_data
 def diagnose(
-    data: DataArgument,
-    model: ModelOption,
+    recordings: Annotated[list[str] | None, typer.Argument(
+        metavar='DATA', help='Log (CSV or text, .xlsx, .lvm, .tdms, .mat, .parquet), ROS 2 bag, '
+        'or the name of data that ships. With --specimens several, or none for all of the table.'
+    )] = None,
+    model: ModelOption = ...,  # type: ignore[assignment]
+    specimens: Annotated[Path | None, typer.Option('--specimens', metavar='TABLE', help='Several '
+                                                   'muscles together: a CSV with a column "file", '
+                                                   'dimensions with their units in brackets '
+                                                   '(length, diameter, ...), and further numbers, '
+                                                   'such as an age.')] = None,
     out: PageFile = None,
     model_out: Annotated[Path | None, typer.Option('--model-out', metavar='FILE', help='Also '
                                                    'write the model that it recommends (.yaml; '
@@ -107,10 +116,21 @@ def diagnose(
     """Find out which physical effect a model is missing, if any, and what to measure next."""
     from fam_bundle_ros import discovery
     bundle = open_model(model, allow_python)
+    choices = discovery.Choices(unexplained=unexplained, odds=odds)
+    if model_out is not None and model_out.suffix not in ('.yaml', '.yml'):
+        raise InputError(f'{model_out}: expected the name of a model file (.yaml) to write')
+    if specimens is not None:
+        if out is not None:
+            raise InputError(f'--out {out}: several specimens have no page yet; expected --json')
+        diagnose_table(bundle, specimens, recordings or [], reading, choices, model_out, json_file)
+        return
+    if not recordings or len(recordings) > 1:
+        raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with a '
+                         'table of their dimensions')
+    data = recordings[0]
     measured = read_data(data, reading, bundle)
     with progress_bar('diagnose') as tick:
-        result = discovery.diagnose(bundle, measured, progress=tick, choices=discovery.Choices(
-            unexplained=unexplained, odds=odds))
+        result = discovery.diagnose(bundle, measured, progress=tick, choices=choices)
     show_muscle(bundle)
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     _check_first(result.comparison)
@@ -155,8 +175,6 @@ def diagnose(
     save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
                           'data': measured.to_dict()})
     if model_out is not None:
-        if model_out.suffix not in ('.yaml', '.yml'):
-            raise InputError(f'{model_out}: expected the name of a model file (.yaml) to write')
         wrote(*result.recommended.save(model_out))
 
 

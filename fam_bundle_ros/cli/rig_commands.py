@@ -142,6 +142,9 @@ def check_rig(
     do not vent in silence; what was measured goes into a parameter file.
     """
     from fam_bundle_ros.nodes import session
+    if active and model is None:
+        raise InputError('--active without --model; expected the model file of the muscles on the '
+                         'rig')
     bundle = open_model(model or PAPER, allow_python)
     show_muscle(bundle, model is not None)
     length = float(bundle.motor_units[0].geometry.length)
@@ -155,7 +158,7 @@ def check_rig(
     _show(findings)
     result: dict[str, Any] = {'ok': all(finding.ok for finding in findings),
                               'findings': findings}
-    if active and result['ok']:
+    if active and model is not None and result['ok']:
         _ask_leave(low, yes)
         from fam_bundle_ros.nodes.rig_probe import probe_rig
         with progress_bar('check-rig --active') as tick:
