@@ -125,8 +125,8 @@ def diagnose(
         diagnose_table(bundle, specimens, recordings or [], reading, choices, model_out, json_file)
         return
     if not recordings or len(recordings) > 1:
-        raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with a '
-                         'table of their dimensions')
+        raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with '
+                         'a table of their dimensions')
     data = recordings[0]
     measured = read_data(data, reading, bundle)
     with progress_bar('diagnose') as tick:
