@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import functools
 import inspect
 from pathlib import Path
+import shlex
 import sys
 from typing import Annotated, Any
 
@@ -50,6 +51,18 @@ class Reading:
     drop_bad: bool | None = None
     recipe: Path | None = None
     save_recipe: Path | None = None
+
+    @property
+    def words(self) -> str:
+        """The options as they are typed: for a command that is to read the same file alike."""
+        words = [f'--columns {shlex.quote(text)}' for text in self.columns]
+        words += [f'--{key.replace("_", "-")} {shlex.quote(str(value))}' for key, value in (
+            ('rest_length', self.rest_length), ('max_pressure', self.max_pressure),
+            ('max_strain', self.max_strain), ('sheet', self.sheet), ('recipe', self.recipe))
+            if value is not None]
+        if self.gauge is not None:
+            words.append('--gauge' if self.gauge else '--absolute')
+        return ' '.join([*words, *(['--drop-bad'] if self.drop_bad else [])])
 
 
 _PANEL = 'How the data are read'

@@ -148,7 +148,8 @@ def diagnose(
     words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
              *(f'--remove {name}' for name in result.removed)]
     if words:
-        console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data)} "
+        again = f' {reading.words}' if reading.words else ''
+        console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data + again)} "
                       f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')

@@ -8,6 +8,7 @@ file again with it, so that nothing is called good that is then refused.
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy, deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 import re
@@ -108,6 +109,12 @@ class Incoming:
             pressures = sum(taken.quantity.partition('.')[0] == 'pressure'
                             for taken in self.look().taken)
             self.muscle.values['muscles'] = ', '.join(['1'] * max(pressures, 1))
+
+    def again(self) -> 'Incoming':
+        """Return the same file to be told anew, so that this one stays as it is."""
+        other = copy(self)
+        other.told, other.muscle = dict(self.told), deepcopy(self.muscle)
+        return other
 
     @property
     def recipe(self) -> Recipe:

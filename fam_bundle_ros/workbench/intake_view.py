@@ -64,6 +64,8 @@ class IntakeView:
                              'intake:use', **off)
                 if '--drop-bad' in seen.problem:
                     parts.button('Leave such rows out', self._drop_bad, mark='intake:drop')
+                if self.page.session.case is not None:
+                    parts.button('Back', self.page.leave_columns, mark='intake:back')
                 parts.button('Other data', self.page.start_over, mark='intake:other')
 
     def _drop_bad(self) -> None:

@@ -136,6 +136,8 @@ class Page:
             parts.box('span', 'grow')
             if self.session.case is not None and self.view == 'find' and (
                     self.session.incoming is None):
+                if self.session.case.source is not None:
+                    parts.button('Columns and units', self.ask_columns, mark='columns')
                 parts.button('Other data', self.start_over, mark='start-over')
             parts.button('Light' if self.dark else 'Dark', self.change_theme, mark='theme',
                          **{'aria-label': 'change to the other colour theme'})
@@ -198,8 +200,13 @@ class Page:
         """Go back to the columns of the open file."""
         case = self.session.case
         if case is not None and case.source is not None:
-            self.session.incoming = case.source
+            self.session.incoming = case.source.again()
             self.show('find')
+
+    def leave_columns(self) -> None:
+        """Go back to the open file as it was."""
+        self.session.incoming = None
+        self.show('find')
 
     #: A model that was dropped before its data.
     pending_model: Bundle | None = None

@@ -223,8 +223,6 @@ class SideView:
             with parts.box('div', 'row'):
                 parts.button('Use it', self._use_muscle, 'main-action small', 'muscle:use')
                 parts.button('Save as a model file', view.save, mark='muscle:save')
-                if source is not None:
-                    parts.button('Columns and units', self.case.page.ask_columns, mark='columns')
         self._would_be(form)
 
     def _would_be(self, form: MuscleForm) -> None:

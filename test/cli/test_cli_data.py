@@ -3,6 +3,7 @@
 """Commands on measurements: what they find, and one line for what is wrong with a file."""
 
 import json
+import shlex
 
 import pytest
 
@@ -259,3 +260,17 @@ def test_convert_makes_a_plain_csv_of_a_workbook(fam_bundle, repository, tmp_pat
     errors = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.partition(';')[0]
               for data in ('plain.csv', f'{case}.csv')]
     assert errors[0] == errors[1]
+
+
+def test_the_printed_command_reads_the_file_as_it_was_told(fam_bundle, repository, tmp_path):
+    """What `diagnose` says to type takes the same columns and makes the better model."""
+    case = repository / 'test/data/practice/p03'
+    rows = [','.join(row[:4]) + f',{-float(row[4]):.4f}' for row in lab_rows(repository)]
+    (tmp_path / 'one.csv').write_text('\n'.join(['c1,c2,c3,c4,c5', *rows]))
+    found = fam_bundle('diagnose', 'one.csv', '--model', f'{case}.model.yaml', '--columns',
+                       'time=c1 [ms]', '--columns', 'trial=c2', '--columns', 'length=c3 [mm]',
+                       '--columns', 'pressure=c4 [bar]', '--columns', 'force=-c5 [N]')
+    command = next(line for line in found.stdout.splitlines() if line.startswith('add: '))
+    done = fam_bundle(*shlex.split(command)[2:])
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / 'better.yaml').exists()

@@ -166,18 +166,6 @@ def test_every_figure_is_drawn_and_a_region_zooms_it(watched):
     tab.drawn()
 
 
-def test_hovering_a_point_shows_its_row(watched):
-    """The label under the pointer names the row of the file and its numbers."""
-    tab = watched()
-    page = tab.open()
-    tab.click('open-first')
-    tab.drawn()
-    page.wait_for_timeout(600)
-    place = page.locator('.plot .points path.point').nth(40).bounding_box()
-    page.mouse.move(place['x'] + place['width'] / 2, place['y'] + place['height'] / 2)
-    page.wait_for_selector('.hoverlayer >> text=/row \\d+/')
-
-
 def test_curves_move_from_the_old_model_to_the_new(watched):
     """Between the old and the new place a curve is somewhere in between."""
     shapes = {}
@@ -232,12 +220,20 @@ def test_two_browsers_keep_separate_sessions(watched):
     assert first.locator('.rung').count() == 1
 
 
-def test_every_click_is_answered_and_long_work_says_so(watched):
-    """Figures change at a click; what takes long shows that it is at work, and can be ended."""
+def test_every_click_and_hover_is_answered_and_long_work_says_so(watched):
+    """
+    Figures change at a click; what takes long shows that it is at work, and can be ended.
+
+    The label under the pointer names the row of the file and its numbers.
+    """
     tab = watched()
     page = tab.open()
     tab.click('open-first')
     tab.drawn()
+    page.wait_for_timeout(600)
+    place = page.locator('.plot .points path.point').nth(40).bounding_box()
+    page.mouse.move(place['x'] + place['width'] / 2, place['y'] + place['height'] / 2)
+    page.wait_for_selector('.hoverlayer >> text=/row \\d+/')
     for mark, sign in (('figure:maps', '.plot .hm'), ('figure:curves', '.plot .points'),
                        ('region:0', '[data-mark="region:0"][aria-pressed=true]'),
                        ('diagnose', '.busy')):

@@ -116,6 +116,12 @@ async def test_an_uploaded_measurement_asks_for_the_muscle(user):
     await sees(user, 'mine.csv · your own file')
     await user.should_see('Model my_muscle: mu1 of 1 muscle, radius 6.35 mm, length 127 mm')
     await user.should_see('Where the model fails')
+    user.find(marker='columns').click()
+    await sees(user, 'Is this how the file is meant?')
+    user.find(marker='map:force [N]:quantity').trigger('change', '')
+    await sees(user, "column 'force' is missing")
+    user.find(marker='intake:back').click()
+    await sees(user, 'Where the model fails')
     user.find(marker='tab:explore').click()
     await sees(user, 'Model my_muscle: mu1 of 1 muscle')
 
