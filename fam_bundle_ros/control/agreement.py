@@ -119,12 +119,13 @@ class ForceWatch:
         >>> watch.above(105.0, 0.1, [340e3, 0.0], [396e3, 396e3])
         0
         """
-        shown = [self._unit_force(unit, strain, max(value, 0.0))
-                 for unit, value in enumerate(pressure)]
+        # A motor unit that should push may as well be slack.
+        shown, full = ([max(self._unit_force(unit, strain, max(value, 0.0)), 0.0)
+                        for unit, value in enumerate(values)] for values in (pressure, limit))
         excess = force - sum(shown)
         if excess > self._tolerance:
-            for unit, most in enumerate(limit):
-                if excess > self._unit_force(unit, strain, most) - shown[unit]:
+            for unit, (now, most) in enumerate(zip(shown, full)):
+                if excess > most - now:
                     return unit
         return None
 
