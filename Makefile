@@ -13,7 +13,7 @@ OLDEST ?= $(PLAIN) test/nodes
 WITHOUT_NUMBA := --ignore test/control/test_benchmark.py
 export PYTHON CHROMIUM
 
-.PHONY: help install demo test test-plain test-oldest browser-test lint build clean
+.PHONY: help install demo test test-plain test-oldest browser-test docs lint build clean
 
 help:  ## show this list (default)
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | \
@@ -40,6 +40,12 @@ browser-test: install  ## run the workbench's browser tests; pictures go to docs
 	@CI=true FAM_BUNDLE_SCREENSHOTS=docs/images $(BIN)/python -m pytest \
 		test/workbench/test_browser_story.py test/workbench/test_browser_quality.py
 
+docs:  ## build the documentation into docs/_build/html; runs its notebooks
+	@sh scripts/venv.sh .venv-docs docs
+	@PATH="$$PWD/.venv-docs/bin:$$PATH" .venv-docs/bin/python -m sphinx -E -W --keep-going -q \
+		docs docs/_build/html
+	@echo docs/_build/html/index.html
+
 lint: install  ## run ruff and mypy
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
@@ -48,6 +54,6 @@ build: install  ## build with colcon into install/ (ament_python)
 	@$(if $(ROS_DISTRO),$(shell command -v colcon || echo $(BIN)/colcon),$(BIN)/colcon) build
 
 clean:  ## remove .venv, build products and caches; keeps report/
-	rm -rf .venv .venv-oldest build install log *.egg-info
+	rm -rf .venv .venv-oldest .venv-docs docs/_build build install log *.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find fam_bundle_ros test -name __pycache__ -type d -prune -exec rm -rf {} +

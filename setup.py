@@ -54,6 +54,7 @@ setup(
         'serial': ['pyserial>=3.5'],
         'tools': ['typer', 'rich', 'rosbags', 'plotly>=6', 'pandas>=2'],
         'web': ['nicegui>=3'],
+        'docs': ['sphinx>=9', 'myst-nb', 'pydata-sphinx-theme', 'sphinx-copybutton'],
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'playwright',
                  'scikit-learn'],
     },

@@ -2,7 +2,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Writes the reference pages of docs/ from the code: python docs/make.py.
+Writes pages of docs/reference/ from the code: python docs/make.py.
 
 A test compares them with what this would write, so they cannot fall behind.
 """
@@ -15,10 +15,11 @@ from typing import Any
 
 HEAD = '<!-- Written by docs/make.py from the code; do not edit. -->\n\n'
 
-#: What each topic carries. A topic without a line here fails `api`.
+#: What each topic carries. A topic without a line here fails `ros`.
 TOPICS = {
     'force': 'force.x in N, tension positive, frame `load_cell`',
-    'strain': 'joints `contraction` (m) and `strain`, positive when shorter, with velocities',
+    'strain': 'joints `contraction` (m) and `strain`, positive when shorter, with velocities; '
+              '`contraction` alone is enough',
     'mu/pressure': 'absolute pressure of the motor unit, Pa',
     'mu/pressure_setpoint': 'absolute pressure asked for, Pa',
     'mu/valve_command': 'joint `mu<i>_valve`, effort -1 exhaust, 0 closed, 1 fill; stamp of the '
@@ -32,7 +33,7 @@ TOPICS = {
     'adaptation': 'what the controller has learnt of each motor unit, in words; latched',
     'model/force': 'what the model predicts, N',
     'model/residual': 'measured minus predicted, N',
-    'e_stop': 'emergency stop, latched',
+    'e_stop': 'emergency stop, latched; one publisher',
     'supply_enable': 'true: the supply may be open; on change and 10 times a second; false or '
                      'silent for 0.5 s: cut it and dump',
     'mu/pid_state': 'how the pressure loop is: `ACTIVE`, `LATCHED NO_RESPONSE: mu1 shows ...`; '
@@ -51,7 +52,7 @@ SERVICES = {
 }
 
 
-def api() -> str:
+def ros() -> str:
     """Return the nodes' interface: topics, services and parameters with their defaults."""
     from rclpy.context import Context
 
@@ -63,7 +64,9 @@ def api() -> str:
     try:
         parts = [HEAD, '# ROS 2 interface\n\n',
                  'All names are relative; the default namespace is `/bundle`. Two motor units are '
-                 'shown (`mu1`, `mu2`); a model with more has `mu3`, ...\n\n',
+                 'shown (`mu1`, `mu2`); a model with more has `mu3`, ... Pressures on topics are '
+                 'absolute, as FluidPressure is defined (`pressure_is_gauge` for drivers that '
+                 'send gauge).\n\n',
                  '## Topics\n\n', _topics(nodes), '\n## Services\n\n', _services(nodes),
                  '\n## Parameters\n\nEvery parameter has a descriptor with its range. "Running" '
                  'says whether it may change while the node runs.\n']
@@ -85,8 +88,11 @@ def effects() -> str:
     """Return the catalogue of effects."""
     from fam_bundle_ros.model import catalogue
     parts = [HEAD, '# Effects\n\n',
-             'What a model file can name, in the order of places in which the engine composes '
-             'them. `fam_bundle effects NAME` shows the same in the terminal.\n']
+             'What a model file can name, by family. `fam_bundle effects NAME` shows the same in '
+             'the terminal.\n\n',
+             _rows(('effect', 'acts on', 'what it is'), (
+                 (f'[{name}](#{name})', catalogue.get(name).place.value,
+                  catalogue.get(name).summary) for name in catalogue.names()))]
     for name in catalogue.names():
         effect = catalogue.get(name)
         formula = inspect.cleandoc(effect.__doc__ or '')
@@ -127,8 +133,8 @@ def commands() -> str:
     return ''.join(parts)
 
 
-#: File below docs/ -> what makes it.
-PAGES: dict[str, Callable[[], str]] = {'api.md': api, 'effects.md': effects, 'cli.md': commands}
+#: File below docs/reference/ -> what makes it.
+PAGES: dict[str, Callable[[], str]] = {'ros.md': ros, 'effects.md': effects, 'cli.md': commands}
 
 
 def _one_of_each(nodes: list[Any]) -> Iterator[Any]:
@@ -218,5 +224,5 @@ def _rows(head: tuple[str, ...], rows: Any) -> str:
 
 if __name__ == '__main__':
     for name, page in PAGES.items():
-        Path(__file__).with_name(name).write_text(page(), encoding='utf-8')
-        print(f'docs/{name}')
+        Path(__file__).with_name('reference').joinpath(name).write_text(page(), encoding='utf-8')
+        print(f'docs/reference/{name}')

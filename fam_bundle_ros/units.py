@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 import math
+import re
 from typing import TYPE_CHECKING
 
 from fam_bundle_ros.errors import InputError
@@ -104,6 +105,19 @@ def parse(value: str | int | float, like: str) -> float:
     if not unit and si_dimension(like) != '':
         raise InputError(f"'{value}' has no unit; expected a unit like {like}")
     return magnitude * si_factor(unit, like)
+
+
+def spaced(text: str) -> str:
+    """
+    Return a quantity as people type it in the form that `parse` takes.
+
+    Examples
+    --------
+    >>> spaced('5ms'), spaced(' 6,35 mm')
+    ('5 ms', '6.35 mm')
+    """
+    plain = re.sub(r'^([-+]?\d+),(\d+)(?![\d.,])', r'\1.\2', text.strip())
+    return re.sub(r'^([-+]?[\d.]+(?:e[-+]?\d+)?)(?=[^\d.\s])', r'\1 ', plain, flags=re.I)
 
 
 @lru_cache(maxsize=128)

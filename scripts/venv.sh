@@ -7,6 +7,7 @@
 #
 #   scripts/venv.sh FOLDER            the pins of requirements.txt
 #   scripts/venv.sh FOLDER ubuntu     numpy, scipy, ... as Ubuntu 24.04 ships them, no numba
+#   scripts/venv.sh FOLDER docs       the same as without, and docs/requirements.txt
 #
 # PYTHON names the interpreter; without it the first that works is taken. With ROS_DISTRO set
 # (ROS sourced) that ROS is used: its Python, its rclpy, and Ubuntu's numpy, for which the
@@ -18,6 +19,7 @@ set -eu
 
 venv=$1
 flavour=${2:-newest}
+purpose=$flavour
 if [ -n "${ROS_DISTRO:-}" ]; then flavour=ubuntu; fi
 stamp=$venv/.complete
 log=$venv/install.log
@@ -73,20 +75,22 @@ pip_install() {
     fail "pip failed: see the lines above and $log, then run make again"
 }
 
+# The pins of requirements.txt, or of a further file where that has one for the same package.
 pins() {
-    if [ "$flavour" = ubuntu ]; then
-        names=$(sed -n 's/^\([A-Za-z0-9_.-]*\)==.*/^\1==/p' requirements-ubuntu.txt)
-        # Without numba, which nothing needs: the tests there show that.
-        grep -viE "$(printf '%s' "$names" | tr '\n' '|')" requirements.txt |
-            grep -vE '^(numba|llvmlite)=='
-        cat requirements-ubuntu.txt
-    else
-        cat requirements.txt
-    fi | if [ -n "${ROS_DISTRO:-}" ]; then grep -v '^ros-'; else cat; fi
+    further=/dev/null
+    if [ "$flavour" = ubuntu ]; then further="$further requirements-ubuntu.txt"; fi
+    if [ "$purpose" = docs ]; then further="$further docs/requirements.txt"; fi
+    # shellcheck disable=SC2086
+    names=$(cat $further | sed -n 's/^\([A-Za-z0-9_.-]*\)==.*/^\1==/p')
+    # shellcheck disable=SC2086
+    { grep -viE "$(printf '%s' "${names:-^$}" | tr '\n' '|')" requirements.txt; cat $further; } |
+        # Without numba, which nothing needs: the tests with Ubuntu's packages show that.
+        if [ "$flavour" = ubuntu ]; then grep -vE '^(numba|llvmlite)=='; else cat; fi |
+        if [ -n "${ROS_DISTRO:-}" ]; then grep -v '^ros-'; else cat; fi
 }
 
 made_from="$PWD/$venv, ROS: ${ROS_DISTRO:-wheels}, \
-$(cat requirements*.txt setup.py setup.cfg scripts/venv.sh | cksum)"
+$(pins | cat - setup.py setup.cfg scripts/venv.sh | cksum)"
 
 # A complete environment keeps its interpreter unless the user names another.
 if [ -f "$stamp" ] && [ "$(sed 1q "$stamp")" = "$made_from" ] &&

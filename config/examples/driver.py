@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A driver of a rig as docs/driver.md asks for: copy it and fill in `Board`."""
+"""A driver of a rig as docs/how_to/driver.md asks for: copy it and fill in `Board`."""
 
 import time
 

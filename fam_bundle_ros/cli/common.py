@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import functools
 import inspect
 from pathlib import Path
-import re
+import shlex
 import sys
 from typing import Annotated, Any
 
@@ -24,6 +24,8 @@ from fam_bundle_ros.resources import config_names, config_path
 
 #: A pipe or a file has no width: wide enough that no row of a table is folded for it.
 _PIPE_WIDTH = 160
+#: The bundle that the paper measured; where it stands in for a model, that is said.
+PAPER = 'spie2021'
 #: Results go here; progress and notes to `notes`, so that a pipe gets the results only.
 console = Console(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 notes = Console(stderr=True, highlight=False)
@@ -32,8 +34,6 @@ JsonFile = Annotated[Path | None, typer.Option('--json', metavar='FILE', help='A
                                                'result as JSON.')]
 AllowPython = Annotated[bool, typer.Option('--allow-python', help='Run Python files of effects '
                                            'that a model names. Only for models you trust.')]
-ModelArgument = Annotated[str, typer.Argument(metavar='MODEL', help='Model file, or a name that '
-                                              'ships.')]
 ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help='Model file, or '
                                           'a name that ships.')]
 
@@ -48,8 +48,21 @@ class Reading:
     max_pressure: str | None = None
     max_strain: float | None = None
     sheet: str | None = None
+    drop_bad: bool | None = None
     recipe: Path | None = None
     save_recipe: Path | None = None
+
+    @property
+    def words(self) -> str:
+        """The options as they are typed: for a command that is to read the same file alike."""
+        words = [f'--columns {shlex.quote(text)}' for text in self.columns]
+        words += [f'--{key.replace("_", "-")} {shlex.quote(str(value))}' for key, value in (
+            ('rest_length', self.rest_length), ('max_pressure', self.max_pressure),
+            ('max_strain', self.max_strain), ('sheet', self.sheet), ('recipe', self.recipe))
+            if value is not None]
+        if self.gauge is not None:
+            words.append('--gauge' if self.gauge else '--absolute')
+        return ' '.join([*words, *(['--drop-bad'] if self.drop_bad else [])])
 
 
 _PANEL = 'How the data are read'
@@ -57,7 +70,7 @@ _READING: dict[str, Any] = {
     'columns': Annotated[list[str] | None, typer.Option(
         '--columns', metavar='QUANTITY=COLUMN', rich_help_panel=_PANEL, help='What a column is: '
         '"length=L \\[mm]", "force=-F \\[N]" to turn the sign, "pressure=300 kPa" for a constant, '
-        '"time=100 Hz". May be given several times.')],
+        '"time=100 Hz", "trial=none" for no column. May be given several times.')],
     'rest_length': Annotated[str | None, typer.Option(
         '--rest-length', metavar='LENGTH', rich_help_panel=_PANEL, help='Rest length, "127 mm", '
         'where the data have lengths; by default that of the model.')],
@@ -73,6 +86,9 @@ _READING: dict[str, Any] = {
     'sheet': Annotated[str | None, typer.Option(
         '--sheet', metavar='NAME', rich_help_panel=_PANEL, help='Sheet of a workbook, group of a '
         '.tdms file, variable of a .mat file.')],
+    'drop_bad': Annotated[bool | None, typer.Option(
+        '--drop-bad', rich_help_panel=_PANEL, show_default=False, help='Leave rows out, and count '
+        'them, that hold a word where a number is expected.')],
     'recipe': Annotated[Path | None, typer.Option(
         '--recipe', metavar='FILE', rich_help_panel=_PANEL, help='Take all of these from a file.'
     )],
@@ -131,7 +147,7 @@ def read_data(data: str, reading: Reading, model: Any = None) -> Any:
             for option, text, like in (('rest_length', reading.rest_length, 'm'),
                                        ('max_pressure', reading.max_pressure, 'Pa')) if text}
     recipe = recipe.merged(columns=columns, gauge=reading.gauge, max_strain=reading.max_strain,
-                           sheet=reading.sheet, **told)
+                           sheet=reading.sheet, drop_bad=reading.drop_bad, **told)
     lengths = {float(unit.geometry.length) for unit in model.motor_units} if model else set()
     length = lengths.pop() if len(lengths) == 1 else None
     if recipe.rest_length is None:
@@ -157,6 +173,25 @@ def open_model(name: str, allow_python: bool = False):
     """Return the Bundle of a model file, or of a shipped model by its name."""
     from fam_bundle_ros.model import load_model
     return load_model(model_path(name), allow_python=allow_python)
+
+
+def show_muscle(bundle: Any, chosen: bool = True) -> None:
+    """
+    Print which muscle a result is about: the model's name and geometry.
+
+    Where the user did not choose it (``chosen`` False) the line says so.
+    """
+    from fam_bundle_ros.model.own_muscle import muscle_words
+    console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
+    if not chosen:
+        console.print('no model was chosen: this is the bundle of the paper; for another give its '
+                      'model (fam_bundle new-model writes one)', style='dim', soft_wrap=True)
+
+
+def muscle_of(bundle: Any) -> dict[str, Any]:
+    """Return a model's name and dimensions, for JSON."""
+    from fam_bundle_ros.model.own_muscle import dimensions_of
+    return {'name': bundle.name, **dimensions_of(bundle)}
 
 
 def model_path(name: str) -> Path:
@@ -186,14 +221,9 @@ def data_path(name: str) -> Path:
     raise InputError(f'{name}: no such file or bag; measurements that ship: {known or "none"}')
 
 
-def spaced(text: str) -> str:
-    """Return a quantity with a space before its unit: on a command line people write 5ms."""
-    return re.sub(r'^([-+]?[\d.]+(?:e[-+]?\d+)?)(?=[^\d.\s])', r'\1 ', text.strip(), flags=re.I)
-
-
 def quantity(text: str, like: str, option: str) -> float:
     """Return an option's value with its unit in SI; the error names the option."""
-    from fam_bundle_ros.units import parse
+    from fam_bundle_ros.units import parse, spaced
     try:
         return parse(spaced(text), like)
     except InputError as error:

@@ -16,15 +16,18 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     model_path,
     ModelOption,
+    muscle_of,
     open_model,
     progress_bar,
     read_data,
     Reading,
     reads_data,
     save_json,
+    show_muscle,
     table,
     wrote,
 )
+from fam_bundle_ros.cli.specimens import diagnose_table
 from fam_bundle_ros.errors import InputError
 
 PANEL = 'Discovery'
@@ -46,8 +49,8 @@ def register(app: typer.Typer) -> None:
 
 @reads_data
 def compare(
-    data: DataArgument = 'dmsp20_static_map',
-    model: ModelOption = 'dmsp20_static_map',
+    data: DataArgument,
+    model: ModelOption,
     out: PageFile = None,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
@@ -59,6 +62,7 @@ def compare(
     bundle = open_model(model, allow_python)
     measured = read_data(data, reading, bundle)
     result = discovery.compare(bundle, measured)
+    show_muscle(bundle)
     console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
                   f'of the force; mean {result.bias_N:+.3g} N, largest {result.largest_N:.3g} N')
     _check_first(result)
@@ -78,13 +82,22 @@ def compare(
         from fam_bundle_ros.report.page import write_page
         write_page(out, comparison_page(result, bundle, _files(data, model)))
         wrote(out)
-    save_json(json_file, {**result.to_dict(), 'data': measured.to_dict()})
+    save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
+                          'data': measured.to_dict()})
 
 
 @reads_data
 def diagnose(
-    data: DataArgument,
-    model: ModelOption,
+    recordings: Annotated[list[str] | None, typer.Argument(
+        metavar='DATA', help='Log (CSV or text, .xlsx, .lvm, .tdms, .mat, .parquet), ROS 2 bag, '
+        'or the name of data that ships. With --specimens several, or none for all of the table.'
+    )] = None,
+    model: ModelOption = ...,  # type: ignore[assignment]
+    specimens: Annotated[Path | None, typer.Option('--specimens', metavar='TABLE', help='Several '
+                                                   'muscles together: a CSV with a column "file", '
+                                                   'dimensions with their units in brackets '
+                                                   '(length, diameter, ...), and further numbers, '
+                                                   'such as an age.')] = None,
     out: PageFile = None,
     model_out: Annotated[Path | None, typer.Option('--model-out', metavar='FILE', help='Also '
                                                    'write the model that it recommends (.yaml; '
@@ -103,10 +116,22 @@ def diagnose(
     """Find out which physical effect a model is missing, if any, and what to measure next."""
     from fam_bundle_ros import discovery
     bundle = open_model(model, allow_python)
+    choices = discovery.Choices(unexplained=unexplained, odds=odds)
+    if model_out is not None and model_out.suffix not in ('.yaml', '.yml'):
+        raise InputError(f'{model_out}: expected the name of a model file (.yaml) to write')
+    if specimens is not None:
+        if out is not None:
+            raise InputError(f'--out {out}: several specimens have no page yet; expected --json')
+        diagnose_table(bundle, specimens, recordings or [], reading, choices, model_out, json_file)
+        return
+    if not recordings or len(recordings) > 1:
+        raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with '
+                         'a table of their dimensions')
+    data = recordings[0]
     measured = read_data(data, reading, bundle)
     with progress_bar('diagnose') as tick:
-        result = discovery.diagnose(bundle, measured, progress=tick, choices=discovery.Choices(
-            unexplained=unexplained, odds=odds))
+        result = discovery.diagnose(bundle, measured, progress=tick, choices=choices)
+    show_muscle(bundle)
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     _check_first(result.comparison)
     error = result.error_N
@@ -123,7 +148,8 @@ def diagnose(
     words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
              *(f'--remove {name}' for name in result.removed)]
     if words:
-        console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data)} "
+        again = f' {reading.words}' if reading.words else ''
+        console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data + again)} "
                       f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
@@ -147,10 +173,9 @@ def diagnose(
         from fam_bundle_ros.report.page import write_page
         write_page(out, diagnosis_page(result, _files(data, model)))
         wrote(out)
-    save_json(json_file, {**result.to_dict(), 'data': measured.to_dict()})
+    save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
+                          'data': measured.to_dict()})
     if model_out is not None:
-        if model_out.suffix not in ('.yaml', '.yml'):
-            raise InputError(f'{model_out}: expected the name of a model file (.yaml) to write')
         wrote(*result.recommended.save(model_out))
 
 
@@ -176,10 +201,12 @@ def convert(
     if model is not None and not target.suffix:
         raise InputError(f'{target}: --model adds columns to a CSV; expected a name that ends in '
                          '.csv')
-    measured = read_data(source, reading)
+    bundle = None if model is None else open_model(model, allow_python)
+    measured = read_data(source, reading, bundle)
     extra = {}
-    if model is not None:
-        result = compare_with(open_model(model, allow_python), measured)
+    if bundle is not None:
+        show_muscle(bundle)
+        result = compare_with(bundle, measured)
         extra = {'model force [N]': result.prediction, 'residual [N]': result.residual}
     if target.suffix:
         write_csv(measured, target, extra)

@@ -15,12 +15,14 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     model_path,
     ModelOption,
+    muscle_of,
     notes,
     open_model,
     read_data,
     Reading,
     reads_data,
     save_json,
+    show_muscle,
     table,
     wrote,
 )
@@ -92,6 +94,7 @@ def add(
         wrote(*result.recommended.save(out))
     else:
         save_model(result.model, out)
+    show_muscle(result.model)
     console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
                   f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on data left out; '
                   f'noise floor {result.noise.value:.3g} N', soft_wrap=True)
@@ -99,7 +102,8 @@ def add(
           [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}', e.flag)
            for e in result.parameters], numeric=(1,))
     wrote(out)
-    save_json(json_file, {**result.to_dict(), 'out': out, 'data': measured.to_dict()})
+    save_json(json_file, {**result.to_dict(), 'out': out, 'muscle': muscle_of(result.model),
+                          'data': measured.to_dict()})
 
 
 @reads_data
@@ -121,6 +125,7 @@ def ladder(
     with notes.status('refitting on blocks left out'):
         result = discovery.ladder(measured, bundles)
         orders = _orders(bundles, measured)
+    show_muscle(bundles[0])
     table(('model', 'error (N)', 'refitted (N)', 'held out (N)'),
           [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'])
            for step in result.steps], numeric=(1, 2, 3))
@@ -136,7 +141,8 @@ def ladder(
                  *(('model file', model_path(model)) for model in models)]
         write_page(out, ladder_page(result, orders, files))
         wrote(out)
-    save_json(json_file, {**result.to_dict(), 'orders': orders, 'data': measured.to_dict()})
+    save_json(json_file, {**result.to_dict(), 'orders': orders, 'muscle': muscle_of(bundles[0]),
+                          'data': measured.to_dict()})
 
 
 def _orders(bundles: list[Any], measured: Any) -> dict[str, list[float]]:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that need a model only: `map`, `effects`, `tune`."""
+"""Commands that need a model only: `new-model`, `map`, `effects`, `tune`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,31 +13,37 @@ from fam_bundle_ros.cli.common import (
     effect_name,
     JsonFile,
     model_path,
-    ModelArgument,
-    ModelOption,
+    muscle_of,
     notes,
     open_model,
+    PAPER,
     quantity,
     save_json,
-    spaced,
+    show_muscle,
     state_name,
     table,
     wrote,
 )
+from fam_bundle_ros.cli.new_model import new_model
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.units import spaced
 
 PANEL = 'Model'
+ChosenModel = Annotated[str | None, typer.Argument(metavar='[MODEL]', help='Model file, or a name '
+                                                   'that ships; by default the bundle of the '
+                                                   'paper, and that is said.')]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands of this module."""
+    app.command('new-model', rich_help_panel=PANEL)(new_model)
     app.command('map', rich_help_panel=PANEL)(draw_map)
     app.command('effects', rich_help_panel=PANEL)(effects)
     app.command('tune', rich_help_panel=PANEL)(tune)
 
 
 def draw_map(
-    model: ModelArgument = 'spie2021',
+    model: ChosenModel = None,
     out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='The page to write.'
                                       )] = Path('map.html'),
     json_file: JsonFile = None,
@@ -47,9 +53,10 @@ def draw_map(
     from fam_bundle_ros.report.map_page import map_page
     from fam_bundle_ros.report.page import write_page
     from fam_bundle_ros.report.paper import paper_figures
-    bundle = open_model(model, allow_python)
+    bundle = open_model(model or PAPER, allow_python)
+    show_muscle(bundle, model is not None)
     figures = paper_figures(bundle)
-    write_page(out, map_page(bundle, figures, model_path(model)))
+    write_page(out, map_page(bundle, figures, model_path(model or PAPER)))
     found = figures.summary()
     table(('', 'blocked force (N)', 'free strain'),
           [(state_name(k + 1), float(figures.space.high['included'][k][0]),
@@ -68,7 +75,7 @@ def draw_map(
     if bundle.unusual_order:
         notes.print(f'note: {bundle.unusual_order}')
     wrote(out)
-    save_json(json_file, {**found, 'figures': figures})
+    save_json(json_file, {**found, 'muscle': muscle_of(bundle), 'figures': figures})
 
 
 def effects(
@@ -115,7 +122,8 @@ def tune(
                                               min=0.0, max=1.0)] = 0.5,
     inertia: Annotated[float, typer.Option(help='Strain: force per strain acceleration of the '
                                            'load, N s^2.', min=0.0)] = 0.3,
-    model: ModelOption = 'spie2021',
+    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Strain: '
+                                              'model file, or a name that ships.')] = None,
     json_file: JsonFile = None,
 ) -> None:
     """
@@ -155,7 +163,7 @@ def tune(
 
 
 def _tune_outer(loop: str, period: float, delay: float, gain_error: float, inertia: float,
-                model: str, json_file: Any) -> None:
+                model: str | None, json_file: Any) -> None:
     """Show settings, margins and steps of the force or strain loop."""
     from fam_bundle_ros.control import LoadModel, OuterConfig
     from fam_bundle_ros.control.loop_tuning import tune_force, tune_strain
@@ -163,7 +171,12 @@ def _tune_outer(loop: str, period: float, delay: float, gain_error: float, inert
     if loop == 'force':
         result = tune_force(config, period)
     elif loop == 'strain':
-        result = tune_strain(open_model(model), LoadModel(inertia=inertia), config, period)
+        if model is None:
+            raise InputError('--loop strain needs --model: the gain of the loop is that of the '
+                             'muscle (fam_bundle new-model writes one)')
+        bundle = open_model(model)
+        show_muscle(bundle)
+        result = tune_strain(bundle, LoadModel(inertia=inertia), config, period)
     else:
         raise InputError(f"--loop is '{loop}'; expected pressure, force or strain")
     console.print('[bold]' + '   '.join(f'{name} {value:.4g}' for name, value

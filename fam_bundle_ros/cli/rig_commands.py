@@ -13,11 +13,12 @@ from fam_bundle_ros.cli.common import (
     console,
     JsonFile,
     model_path,
-    ModelOption,
     open_model,
+    PAPER,
     progress_bar,
     quantity,
     save_json,
+    show_muscle,
     table,
     wrote,
 )
@@ -79,10 +80,14 @@ def run(
         ('model', None if model is None else _file(model)),
         ('plant_model', None if plant_model is None else _file(plant_model)),
         ('trajectory', trajectory), ('policy', policy),
-        *(_mass(model or 'spie2021').items() if free else ()),
+        *(_mass(model or PAPER).items() if free else ()),
         ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
     given = ['--params-file', str(params_file)] if params_file else []
+    # a parameter file or what follows --ros-args may name another model: the nodes then log it
+    if model is not None or not (given or any('model' in word or 'params-file' in word
+                                              for word in context.args)):
+        show_muscle(open_model(model or PAPER), model is not None)
     arguments = ['fam_bundle run', *context.args]
     if own or given:
         arguments += ['--ros-args', *given, *own, '--']
@@ -112,7 +117,9 @@ def check_rig(
     namespace: Namespace = 'bundle',
     seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
                                            max=600.0)] = 3.0,
-    model: ModelOption = 'spie2021',
+    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model file, '
+                                              'or a name that ships: how many units, how long.'
+                                              )] = None,
     gauge: Annotated[bool, typer.Option('--gauge', help='The rig sends gauge pressure, and '
                                         'pressure_is_gauge is set.')] = False,
     active: Annotated[bool, typer.Option('--active', help='Then open the valves, one at a time, '
@@ -135,7 +142,11 @@ def check_rig(
     do not vent in silence; what was measured goes into a parameter file.
     """
     from fam_bundle_ros.nodes import session
-    bundle = open_model(model, allow_python)
+    if active and model is None:
+        raise InputError('--active without --model; expected the model file of the muscles on the '
+                         'rig')
+    bundle = open_model(model or PAPER, allow_python)
+    show_muscle(bundle, model is not None)
     length = float(bundle.motor_units[0].geometry.length)
     low = quantity(supply, 'Pa', '--supply')
     tube = quantity(tube_volume, 'm^3', '--tube-volume')
@@ -147,7 +158,7 @@ def check_rig(
     _show(findings)
     result: dict[str, Any] = {'ok': all(finding.ok for finding in findings),
                               'findings': findings}
-    if active and result['ok']:
+    if active and model is not None and result['ok']:
         _ask_leave(low, yes)
         from fam_bundle_ros.nodes.rig_probe import probe_rig
         with progress_bar('check-rig --active') as tick:

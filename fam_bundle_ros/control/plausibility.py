@@ -44,7 +44,7 @@ _DELAYS = 6
 _TRIAL_TIME = 0.3
 #: s that a sensor on trial gets to answer; the valve is shut meanwhile.
 _PATIENCE = 0.1
-#: s without an answer after which a driver may have vented by itself (docs/driver.md: 0.1 s).
+#: s without an answer after which a driver may have vented by itself (docs/how_to/driver.md: 0.1).
 _WATCHDOG = 0.05
 #: s: longer than the longest lag and the samples that confirm.
 _GENTLE_TIME = 0.1

@@ -19,6 +19,7 @@ from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.vocabulary import (
+    dimension_of,
     likes,
     Match,
     QUANTITIES,
@@ -31,6 +32,8 @@ from fam_bundle_ros.errors import InputError
 
 #: A name that stands among other words is taken only with a unit that fits.
 _ENOUGH = 2
+#: Told in place of a column: the file has none for this quantity.
+NONE = 'none'
 #: More trials than rows over this: the column counts rows.
 _ROWS_PER_TRIAL = 2
 
@@ -70,12 +73,16 @@ class Choices:
     table: Table
     chosen: dict[str, Choice] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    without: set[str] = field(default_factory=set)
 
     def make(self, told: Mapping[str, str]) -> None:
         """Choose the columns: those that are told first."""
+        self.without = {_family(key) for key, text in told.items() if text.strip() == NONE}
         for key, text in told.items():
-            self.chosen[key] = self._find(key, text.strip())
+            if text.strip() != NONE:
+                self.chosen[key] = self._find(key, text.strip())
         self._recognised()
+        self._by_unit()
 
     @property
     def strains(self) -> list[str]:
@@ -84,8 +91,13 @@ class Choices:
 
     @property
     def pressures(self) -> list[str]:
-        """Pressures, in the order of the file."""
-        return [key for key in self.chosen if key.partition('.')[0] == 'pressure']
+        """Pressures: those of mu1, mu2, ... by their number, others in the order of the file."""
+        keys = [key for key in self.chosen if key.partition('.')[0] == 'pressure']
+        numbers = [re.fullmatch(r'pressure(?:\.mu(\d+))?', key) for key in keys]
+        if all(numbers):
+            return sorted(keys, key=lambda key: int(key.partition('.mu')[2] or 1))
+        headers = list(self.table.columns)
+        return sorted(keys, key=lambda key: headers.index(self.chosen[key].header or headers[-1]))
 
     def complete(self) -> None:
         """Raise InputError where strain, pressure or force is missing."""
@@ -161,7 +173,7 @@ class Choices:
 
     def _recognised(self) -> None:
         used = {choice.header for choice in self.chosen.values()}
-        families = {_family(key) for key in self.chosen}
+        families = {_family(key) for key in self.chosen} | self.without
         found: dict[str, list[tuple[str, Match]]] = {}
         for header, column in self.table.columns.items():
             if header in used:
@@ -179,10 +191,35 @@ class Choices:
             found.setdefault(key, []).append((header, match))
         self._one_of_each(found)
         for header in list(self.refused):
-            if 'time' not in self.chosen and re.fullmatch(r'column \d+', header) and (
-                    looks_like_time(self.table.columns[header])):
+            if 'time' not in self.chosen and 'time' not in self.without and re.fullmatch(
+                    r'column \d+', header) and looks_like_time(self.table.columns[header]):
                 self.chosen['time'] = Choice(header, why='dates without a name')
                 del self.refused[header]
+
+    def _by_unit(self) -> None:
+        """Take a column of an unknown name for what is missing, if it alone has such a unit."""
+        families = {_family(key) for key in self.chosen} | self.without
+        for like, family in (('N', 'force'), ('Pa', 'pressure'), ('m', 'strain'), ('s', 'time')):
+            if family in families:
+                continue
+            found = []
+            for header in self.table.columns:
+                why, column = self.refused.get(header, ''), self.table.columns[header]
+                unit = dimension_of(header, self.table.units.get(header, ''))
+                if unit is not None and unit.like == like and column.dtype.kind == 'f' and (
+                        why == 'not known' or why.startswith('may be ')):
+                    found.append((header, unit, column[np.isfinite(column)]))
+            if len(found) != 1:
+                continue
+            (header, unit, values), = found
+            if family == 'time' and (np.diff(values) < 0).mean() > 0.02:
+                continue
+            # a displacement comes near zero, a length never does: no muscle shortens by half
+            key = family if family != 'strain' else 'length' if (
+                values.min() > 0.5 * values.max()) else 'shift'
+            self.chosen[key] = Choice(header, unit, absolute=unit.absolute,
+                                      why='by its unit alone')
+            del self.refused[header]
 
     def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
         if not match.quantity or not match.score:
@@ -223,8 +260,11 @@ class Choices:
             self._refuse(found.pop(key), f'{strains[0]} is there')
         for key, entries in found.items():
             best_score = max(match.score for _, match in entries)
-            best_ones = [entry for entry in entries if entry[1].score == best_score]
+            best_ones = self._different([entry for entry in entries
+                                         if entry[1].score == best_score])
+            entries = [entry for entry in entries if entry[0] not in self.refused]
             if len(best_ones) > 1:
+                self._refuse(best_ones, f'may be {_shown(key)}, as another may')
                 names = ' and '.join(f"'{header}'" for header, _ in best_ones[:3])
                 raise InputError(
                     f'{self.table.name}: {names} both may be {_shown(key)}; expected one, or to '
@@ -235,6 +275,20 @@ class Choices:
             absolute = match.unit.absolute if match.unit else match.absolute
             self.chosen[key] = Choice(header, match.unit, -1 if key == 'elongation' else 1,
                                        absolute=absolute)
+
+    def _different(self, entries: list[tuple[str, Match]]) -> list[tuple[str, Match]]:
+        """Return the columns without those that repeat another's cells: a clock per channel."""
+        kept: list[tuple[str, Match]] = []
+        for entry in entries:
+            header, match = entry
+            cells = self.table.columns[header]
+            same = next((other for other, known in kept if known.unit == match.unit
+                         and _equal(self.table.columns[other], cells)), None)
+            if same is None:
+                kept.append(entry)
+            else:
+                self.refused[header] = f"the same as '{same}'"
+        return kept
 
     def _refuse(self, entries: list[tuple[str, Match]], why: str) -> None:
         self.refused.update({header: why for header, _ in entries})
@@ -265,10 +319,20 @@ class Choices:
             words.append(f"'{header}' {meant}")
         free = [header for header, column in self.table.columns.items()
                 if header in self.refused and not is_text(column)]
-        example, unit = free[0] if free else '...', {'force': 'N', 'pressure': 'kPa',
-                                                     'strain': '%'}[key]
+        unit = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}[key]
+        # without a column left it is a constant, or it is not in this file
+        example = f'{_name_of(free[0])} [{unit}]' if free else (
+            '300 kPa' if key == 'pressure' else f'... [{unit}]')
+        constant = ', a constant' if key == 'pressure' and not free else ''
         return (f"{self.table.name}: column '{key}' is missing; found {', '.join(words)}; tell "
-                f'it, for example --columns "{key}={_name_of(example)} [{unit}]"')
+                f'it{constant}, for example --columns "{key}={example}"')
+
+
+def _equal(one: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two columns hold the same cells."""
+    if one.dtype.kind == 'f' and other.dtype.kind == 'f':
+        return np.array_equal(one, other, equal_nan=True)
+    return one.dtype.kind == other.dtype.kind and one.tolist() == other.tolist()
 
 
 def _family(key: str) -> str:

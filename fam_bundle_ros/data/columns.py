@@ -75,10 +75,28 @@ class _Reader:
                     choice.unit = choice.unit._replace(factor=1.0)
                 continue
             values[key], words[choice.header] = numbers(self.table.columns[choice.header])
+        footer = self._footer()
+        for key in values:
+            values[key] = np.where(footer, np.nan, values[key])
         rows = self._with_readings(values)
         for header, bad in words.items():
             self._refuse_words(header, bad & rows)
         return values
+
+    def _footer(self) -> np.ndarray:
+        """Return the rows at the end that begin with a word, below rows that do not: a mean."""
+        column = next(iter(self.table.columns.values()))
+        nothing = np.zeros(len(column), bool)
+        if looks_like_time(column):
+            return nothing
+        _, words = numbers(column)
+        footer = np.cumprod(words[::-1])[::-1].astype(bool)
+        if footer.mean() > 0.1 or not footer.any() or words[~footer].mean() > 0.5:
+            return nothing
+        at = int(np.argmax(footer))
+        self.notes.append(f"left out from row {self.table.rows[at]} on: it begins with "
+                          f"'{str(column[at])[:40]}'")
+        return footer
 
     def _with_readings(self, values: dict[str, np.ndarray]) -> np.ndarray:
         """Return the rows with at least one number: others are words between the data."""
@@ -89,13 +107,14 @@ class _Reader:
         return rows
 
     def _refuse_words(self, header: str, bad: np.ndarray) -> None:
-        if not bad.any():
+        if not bad.any() or self.recipe.drop_bad:
             return
         at = int(np.argmax(bad))
         cell = str(self.table.columns[header][at])[:40]
         comma = re.fullmatch(r'[-+]?\d+,\d+', cell)
         raise InputError(f"{self.table.name}, row {self.table.rows[at]}: {header} is '{cell}'; "
-                         f'expected a number{" with a point, not a comma" if comma else ""}')
+                         f'expected a number{" with a point, not a comma" if comma else ""}, or '
+                         'a blank, which leaves the row out (--drop-bad: so do words)')
 
     def _time(self, values: dict[str, np.ndarray]) -> np.ndarray | None:
         choice = self.choices.chosen.get('time')
@@ -178,11 +197,12 @@ class _Reader:
         choice.sign = -1 if along > 0.2 else 1
         if abs(along) > 0.2:
             word = 'positive when longer' if along > 0 else 'positive when shorter'
-            choice.why = f'{word}, as the force tells'
+            said = f'{word}, as the force tells'
         else:
-            choice.why = 'taken as positive when shorter'
+            said = 'taken as positive when shorter'
             self.notes.append(f"'{choice.header}' is taken as positive when shorter; the force "
                               'does not tell')
+        choice.why = f'{choice.why}, {said}'.removeprefix(', ')
         return choice.sign
 
 

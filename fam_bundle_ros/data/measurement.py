@@ -135,7 +135,7 @@ class Measurement:
 
     @property
     def is_static(self) -> bool:
-        """True for a map without time: nothing that depends on history can be seen."""
+        """True for a map without time, in which nothing that depends on history can be seen."""
         return self.time is None
 
     @property

@@ -25,7 +25,8 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
                      rest_length: float | str | None = None, gauge: bool | None = None,
                      ambient_pressure: float | None = None,
                      max_pressure: float | str | None = None, max_strain: float | None = None,
-                     sheet: str | None = None, recipe: Recipe | str | Path | None = None,
+                     sheet: str | None = None, drop_bad: bool | None = None,
+                     recipe: Recipe | str | Path | None = None,
                      name: str | None = None) -> Measurement:
     r"""
     Read a measurement from a file, a ROS 2 bag, a pandas frame or a dict of arrays.
@@ -36,11 +37,12 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
 
     Parameters
     ----------
-    source : path, pandas.DataFrame or mapping of str to array
+    source : path, pandas.DataFrame, mapping of str to array, or Table
     columns : mapping of str to str, optional
         Quantity (time, trial, strain, contraction, elongation, length, pressure,
         pressure.<motor unit>, force, strain_rate) to column: the header, its name with a unit,
-        ``'-F [N]'`` to turn the sign, its number, or a constant (``'300 kPa'``, ``'100 Hz'``).
+        ``'-F [N]'`` to turn the sign, its number, a constant (``'300 kPa'``, ``'100 Hz'``), or
+        ``'none'`` where no column is to be taken for it.
     rest_length : float (m) or str ('250 mm'), optional
         Needed where the data give a length instead of a strain.
     gauge : bool, optional
@@ -54,6 +56,8 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
         Highest strain of this muscle, where it is above 0.5.
     sheet : str, optional
         Sheet of a workbook, group of a .tdms file, variable of a .mat file.
+    drop_bad : bool, optional
+        Leave rows out, and count them, that hold a word where a number is expected.
     recipe : Recipe or path, optional
         All of these together; what is given beside it counts more.
     name : str, optional
@@ -75,7 +79,7 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
     """
     used = _recipe(recipe, columns=columns, rest_length=rest_length, gauge=gauge,
                    ambient_pressure=ambient_pressure, max_pressure=max_pressure,
-                   max_strain=max_strain, sheet=sheet)
+                   max_strain=max_strain, sheet=sheet, drop_bad=drop_bad)
     path = _path(source)
     if path is not None and is_bag(path):
         if used.columns:
@@ -175,7 +179,7 @@ def _recipe(recipe: Recipe | str | Path | None, **options: Any) -> Recipe:
 
 
 def _path(source: Any) -> Path | None:
-    if hasattr(source, 'columns') or isinstance(source, Mapping):
+    if isinstance(source, (Mapping, Table)) or hasattr(source, 'columns'):
         return None
     path = Path(source)
     if not path.exists():
@@ -187,6 +191,8 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
     if path is not None:
         table = read_table(path, recipe.sheet)
         return table if name is None else replace(table, name=name)
+    if isinstance(source, Table):
+        return source if name is None else replace(source, name=name)
     if isinstance(source, Mapping):
         return of_arrays(name or 'arrays', 'arrays', source)
     return of_frame(source, name or 'frame')

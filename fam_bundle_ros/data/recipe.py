@@ -32,7 +32,8 @@ class Recipe:
         Quantity to column, ``{'length': 'L [mm]', 'force': '-F [N]'}``: the header as it stands
         or its name, with another unit in brackets if need be, a minus where the sign is to be
         turned round, or the column's number. A quantity that no column has may be a constant:
-        ``{'pressure': '300 kPa'}``, ``{'time': '100 Hz'}``. What is not named is recognised.
+        ``{'pressure': '300 kPa'}``, ``{'time': '100 Hz'}``. ``{'trial': 'none'}``: no column is
+        that. What is not named is recognised.
     rest_length : float, m, optional
         By which lengths become strains.
     gauge : bool, optional
@@ -44,6 +45,9 @@ class Recipe:
         Limits of the muscle (Pa gauge, 1) where it goes beyond 1 MPa or a strain of 0.5.
     sheet : str, optional
         Sheet of a workbook, group of a .tdms file, variable of a .mat file.
+    drop_bad : bool
+        Whether rows with a word where a number is expected are left out and counted; by default
+        the first of them is an error.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -53,6 +57,7 @@ class Recipe:
     max_pressure: float | None = None
     max_strain: float | None = None
     sheet: str | None = None
+    drop_bad: bool = False
 
     def __post_init__(self) -> None:
         for key in self.columns:
@@ -106,11 +111,13 @@ def load_recipe(path: str | Path) -> Recipe:
         if key in _WITH_UNIT:
             content[key] = _quantity(value, _WITH_UNIT[key][0], f'{path.name}: {key}')
         wanted: dict[str, tuple[type, ...]] = {'columns': (dict,), 'gauge': (bool,),
-                                               'sheet': (str,), 'max_strain': (int, float)}
+                                               'sheet': (str,), 'max_strain': (int, float),
+                                               'drop_bad': (bool,)}
         if key in wanted and not isinstance(value, wanted[key]):
             raise InputError(f"{path.name}: {key} is '{value}'; expected "
                              + {'columns': 'quantities with their columns', 'gauge':
-                                'true or false', 'sheet': 'a name', 'max_strain': 'a number'}[key])
+                                'true or false', 'drop_bad': 'true or false', 'sheet': 'a name',
+                                'max_strain': 'a number'}[key])
     content['columns'] = {str(key): str(value) for key, value in content.get('columns',
                                                                              {}).items()}
     try:
@@ -125,7 +132,7 @@ def save_recipe(recipe: Recipe, path: str | Path) -> None:
     content: dict[str, Any] = {'format': FORMAT}
     for entry in fields(Recipe):
         value = getattr(recipe, entry.name)
-        if value is None or value == {}:
+        if value is None or value == {} or (entry.name == 'drop_bad' and not value):
             continue
         if entry.name in _WITH_UNIT:
             value = express(value, _WITH_UNIT[entry.name][1], digits=9)

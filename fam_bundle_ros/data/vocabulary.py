@@ -118,7 +118,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     'time': ('time', 't', 'zeit', 'timestamp', 'time stamp', 'stamp', 'zeitstempel', 'uhrzeit',
              'elapsed', 'elapsed time', 'clock', 'x value', 'seconds', 'sekunden', 'datetime',
              'date time', 'datum uhrzeit', 'datum zeit', 'messzeit', 'laufzeit', 'zeitpunkt',
-             'relative time', 'rel time', 'test time', 'run time'),
+             'relative time', 'rel time', 'test time', 'run time', 'tout'),
     'trial': ('trial', 'run', 'test', 'versuch', 'messung', 'lauf', 'wiederholung', 'rep',
               'repeat', 'repetition', 'experiment', 'cycle', 'zyklus', 'series', 'reihe',
               'messreihe'),
@@ -144,7 +144,7 @@ _NEUTRAL = frozenset("""measured meas measurement actual act ist current gemesse
     wert sensor signal channel kanal ch ai raw roh reading muscle muskel pam mckibben bpa dmsp
     mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen der
     des the of in am im total id nr no number nummer name avg average mean mittelwert filtered
-    filt gefiltert smoothed smooth""".split())
+    filt gefiltert smoothed smooth signals values data""".split())
 #: Of these a column of its own is better, where there is one.
 _LESSER = frozenset('filtered filt gefiltert smoothed smooth avg average mean mittelwert'.split())
 #: Words of columns that are no reading of the muscle.
@@ -153,7 +153,8 @@ _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref referenc
     luft vor atmospheric atmosphere barometric model predicted prediction simulated sim residual
     error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration temperature
     temperatur temp voltage volt spannung strom valve ventil derivative noise max min limit
-    offset line regulator""".split())
+    offset line regulator torque moment drehmoment weight gewicht friction reibung diameter
+    durchmesser radius thickness dicke width breite height hoehe""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
                      r'kontraktion)$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')
@@ -228,6 +229,29 @@ def recognise(header: str, unit_text: str = '') -> Match:
         if found.score > best.score or (found.quantity and not best.quantity):
             best = found
     return best
+
+
+#: Units that columns of other things carry too: masses, a share, an acceleration.
+_VAGUE = frozenset(('g', 'kg', 'lb', 'lbs', 'at', 'd', 'h', 'nm', 'um', '-', '', '1', '%'))
+
+
+def dimension_of(header: str, unit_text: str = '') -> Unit | None:
+    """
+    Return the unit of a header whose name says nothing, where it leaves no doubt of the quantity.
+
+    Examples
+    --------
+    >>> dimension_of('Longueur (mm)').like, dimension_of('ai0', 'lbf').like, dimension_of('T [%]')
+    ('m', 'N', None)
+    """
+    for _, text in _splits(header, unit_text):
+        if text is None or text.strip().casefold() in _VAGUE:
+            continue
+        for like in ('N', 'Pa', 'm', 's'):
+            unit = unit_of(text, like)
+            if unit is not None:
+                return unit
+    return None
 
 
 def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:

@@ -252,7 +252,7 @@ class Diagnosis:
 
     @property
     def shortlist_title(self) -> str:
-        """What to call the shortlist: no answer where nothing explains the error."""
+        """What to call the shortlist, which is no answer where nothing explains the error."""
         return ('nearest in the catalogue, none of them the answer'
                 if self.verdict == 'unexplained' else 'candidates')
 

@@ -117,7 +117,7 @@ class Bundle:
 
     @cached_property
     def pneumatics(self) -> Pneumatics:
-        """What the plant must know about the air: leaks and the resistance of the supply."""
+        """Leaks and the resistance of the supply, which the plant must know."""
         total = {'leak_rate': 0.0, 'supply_resistance': 0.0}
         for _, law, part in self._muscles.laws.at(Place.PNEUMATICS):
             total[part.changes] += part.function(**self._arguments(law))

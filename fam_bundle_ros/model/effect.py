@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 #: What a file of the first version, with effects as classes, is told.
 CLASSES_ARE_GONE = ('an effect is a function now, not a class: write @law(...) above a function '
-                    'that returns what contribution(x) returned; docs/guide.md, "An effect in '
-                    'Python", shows one')
+                    'that returns what contribution(x) returned; '
+                    'docs/how_to/own_effect.md, "An effect in Python", shows one')
 
 
 class Effect:

@@ -77,3 +77,28 @@ class Geometry:
 def ideal_free_strain(geometry):
     """Return the free strain of the ideal muscle, 1 - 1/(sqrt(3) cos a0) [CH96]."""
     return 1.0 - 1.0 / np.sqrt(3.0 * geometry.cos2)
+
+
+def geometry_problem(radius: float, length: float, braid_angle: float, wall_thickness: float,
+                     ) -> tuple[str, str] | None:
+    """
+    Return which dimension a muscle cannot have and what it must be, None where all can be.
+
+    Parameters
+    ----------
+    radius, length, wall_thickness : float, m
+    braid_angle : float, rad
+    """
+    given = {'radius': radius, 'length': length, 'braid_angle': braid_angle,
+             'wall_thickness': wall_thickness}
+    for key, value in given.items():
+        if value <= 0.0:
+            return key, 'must be above zero'
+    if radius > 0.4 * length:
+        return 'radius', ('must be below 0.4 of the length: a muscle is longer than thick (is it '
+                          'the diameter?)')
+    if wall_thickness >= radius:
+        return 'wall_thickness', 'must be below the radius'
+    if not 5.0 < np.degrees(braid_angle) < 54.7:
+        return 'braid_angle', 'must lie between 5 and 54.7 deg: a muscle that contracts'
+    return None

@@ -11,7 +11,6 @@ is loaded only with ``allow_python=True``.
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from fam_bundle_ros.atomic import write_whole
@@ -20,9 +19,9 @@ from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.expression import check_division, expression_law
-from fam_bundle_ros.model.geometry import Geometry
+from fam_bundle_ros.model.geometry import Geometry, geometry_problem
 from fam_bundle_ros.model.laws.base import Law, Parameter
-from fam_bundle_ros.model.parts import MotorUnit
+from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
 from fam_bundle_ros.units import express, parse, si_factor
 
 FORMAT = 'fam-bundle-model/1'
@@ -167,25 +166,16 @@ class _Reader:
             if key not in shape:
                 raise self.error(shape.line, f'geometry of {what} has no {key}')
             values[key] = self.quantity(shape[key], unit, key, shape.lines[key])
-            if values[key] <= 0.0:
-                raise self.error(shape.lines[key], f'{key} must be above zero')
-        if values['radius'] > 0.4 * values['length']:
-            raise self.error(shape.lines['radius'], 'radius must be below 0.4 of the length: a '
-                             'muscle is longer than thick (is it the diameter?)')
-        if values['wall_thickness'] >= values['radius']:
-            raise self.error(shape.lines['wall_thickness'],
-                             'wall_thickness must be below the radius')
-        if not 5.0 < np.degrees(values['braid_angle']) < 54.7:
-            raise self.error(shape.lines['braid_angle'],
-                             'braid_angle must lie between 5 and 54.7 deg: a muscle that '
-                             'contracts')
+        problem = geometry_problem(**values)
+        if problem:
+            raise self.error(shape.lines[problem[0]], ' '.join(problem))
         pressure = self.quantity(item.get('max_pressure', '413.7 kPa'), 'kPa', 'max_pressure',
                                  item.lines.get('max_pressure', item.line))
-        if not 0.0 < pressure <= 2e6:
+        if not 0.0 < pressure <= MAX_PRESSURE:
             raise self.error(item.lines.get('max_pressure', item.line),
-                             'max_pressure must lie between 0 and 2 MPa')
+                             f'max_pressure must lie between 0 and {MAX_PRESSURE / 1e6:g} MPa')
         count = item.get('muscles', '1')
-        if not (isinstance(count, str) and count.isdecimal() and 1 <= int(count) <= 1000):
+        if not (isinstance(count, str) and count.isdecimal() and 1 <= int(count) <= MOST_MUSCLES):
             raise self.error(item.lines.get('muscles', item.line),
                              f"muscles is '{count}'; expected a whole number from 1")
         return MotorUnit(str(item.get('name') or f'mu{number}'), int(count), Geometry(**values),

@@ -8,6 +8,10 @@ import numpy as np
 
 from fam_bundle_ros.model.geometry import Geometry
 
+#: Highest gauge pressure that a motor unit may have, Pa, and its most muscles.
+MAX_PRESSURE = 2e6
+MOST_MUSCLES = 1000
+
 
 @dataclass(frozen=True)
 class MotorUnit:

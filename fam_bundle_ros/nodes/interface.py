@@ -45,7 +45,7 @@ ADAPTATION = 'adaptation'
 MODEL_FORCE = 'model/force'
 MODEL_RESIDUAL = 'model/residual'
 E_STOP = 'e_stop'
-#: Leave to open the supply; see docs/driver.md.
+#: Leave to open the supply; see docs/how_to/driver.md.
 SUPPLY_ENABLE = 'supply_enable'
 # Global by convention (REP-107 and use_sim_time); all other names are relative.
 DIAGNOSTICS = '/diagnostics'

@@ -33,7 +33,8 @@ _LOW, _HIGH = 0.25, 0.65
 _MISFIT = 0.03
 #: s for which a shut valve is watched; share lost in a second that plausibility takes for a fault.
 _HOLD, _LEAK = 0.2, 1.0
-#: s: commands are silent for so long (docs/driver.md: 0.1), and the leave (0.5); what is taken.
+#: s: commands are silent for so long (docs/how_to/driver.md: 0.1), and the leave (0.5); what is
+#: taken.
 _MUTE, _MUTE_MOST, _LEAVE_MUTE, _LEAVE_MOST = 0.6, 0.25, 1.2, 0.8
 #: What a driver may have multiplied a pressure by.
 _FACTORS = {1e-3: 'kPa', 1e-5: 'bar', 1.0 / 6894.757: 'psi', 1e-2: 'mbar', 0.5: 'half of it',
@@ -277,7 +278,7 @@ class UnitProbe:
             f'exhausts {took:.2f} s after its last command' if fell else
             f'stays at {channel.level() / 1e3:.1f} kPa for {_MUTE:g} s without commands')
             + ('' if fell and took < _MUTE_MOST else '; expected to exhaust after 0.1 s '
-               '(docs/driver.md)'))
+               '(docs/how_to/driver.md)'))
 
     def answers_silent_leave(self, unit: int, fit: ValveFit) -> None:
         """Shut a full motor unit; it must empty when supply_enable falls silent."""
@@ -296,4 +297,4 @@ class UnitProbe:
             f'mu{unit + 1} stays at {channel.level() / 1e3:.1f} kPa for {_LEAVE_MUTE:g} s '
             'without it')
             + ('' if fell and took < _LEAVE_MOST else '; expected to shut and exhaust after '
-               '0.5 s (docs/driver.md)'))
+               '0.5 s (docs/how_to/driver.md)'))

@@ -1,7 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The line protocol between serial_rig and a microcontroller (docs/serial_rig.md). No ROS, no port.
+The line protocol between serial_rig and a microcontroller. No ROS, no port.
+
+Described for users in docs/how_to/serial_rig.md.
 
 A line is ``body*CRC`` and a line feed: comma separated ASCII, and the CRC-16/CCITT-FALSE of the
 body in four hexadecimal digits. What does not match its CRC, or is not exactly what the protocol

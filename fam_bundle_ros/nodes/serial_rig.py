@@ -3,10 +3,10 @@
 """
 Node serial_rig: the driver of a rig whose valves and sensors hang on a microcontroller.
 
-It speaks the line protocol of docs/serial_rig.md over a serial port or TCP, and keeps the
-contract of docs/driver.md: readings with the time at which they were taken, valves that exhaust
-when commands stay away, a supply that is open only while `supply_enable` says so. A board that is
-lost, restarts, or trips stops the rig until `e_stop_reset`.
+It speaks the line protocol of docs/how_to/serial_rig.md over a serial port or TCP, and keeps the
+contract of docs/how_to/driver.md: readings with the time at which they were taken, valves that
+exhaust when commands stay away, a supply that is open only while `supply_enable` says so. A board
+that is lost, restarts, or trips stops the rig until `e_stop_reset`.
 """
 
 from collections import deque

@@ -5,7 +5,7 @@ The leave to open the supply: who gives it, and who needs it.
 
 The recruitment controller says on ``supply_enable`` whether the supply may be open: at once when
 that changes, and 10 times a second, so that silence takes the leave away. What a driver makes of
-it: docs/driver.md.
+it: docs/how_to/driver.md.
 """
 
 import time

@@ -8,6 +8,7 @@ from typing import Any
 
 from fam_bundle_ros.discovery import Comparison, Diagnosis, figures, Ladder
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report.map_page import effects_table, units_table
 from fam_bundle_ros.report.page import Headline, Page, Section, Table
 from fam_bundle_ros.report.picture import Picture
@@ -25,7 +26,8 @@ HELD_OUT = ('Held out: each block of rows (isobar, trial or stretch of time) is 
 def comparison_page(result: Comparison, model: Bundle, files: Files = ()) -> Page:
     """Return the page of ``fam_bundle compare``."""
     return Page(
-        f'{model.name} against {result.data}', _comparison_lead(result),
+        f'{model.name} against {result.data}',
+        f'{_comparison_lead(result)} Model {muscle_words(model)}.',
         _comparison_headline(result),
         [*comparison_sections(result, model),
          Section('Model', '', [units_table(model), effects_table(model)])],
@@ -63,7 +65,8 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
     return Page(
         f'What {result.model.name} is missing',
         ' '.join(f'{text[:1].upper()}{text[1:]}.' for text in (
-            result.summary, *(f'check first: {slip}' for slip in comparison.slips))), headline,
+            result.summary, *(f'check first: {slip}' for slip in comparison.slips)))
+        + f' Model {muscle_words(result.model)}.', headline,
         [*diagnosis_sections(result),
          *comparison_sections(comparison, result.model),
          Section('Best model', '', [units_table(result.best), effects_table(result.best)])],

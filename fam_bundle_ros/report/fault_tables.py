@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of the safety benchmark, for the terminal and for docs/faults.md."""
+"""Tables of the safety benchmark, for the terminal and for docs/results/faults.md."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,7 +16,7 @@ PROCESS_HEAD = ('node', 'what happened to it', 'verdict', 'detected after (s)', 
 _MEANING = """\
 # Faults: what the controllers notice
 
-Written by `fam_bundle benchmark-faults {options}--out docs/faults.md`; do not edit.
+Written by `fam_bundle benchmark-faults {options}--out docs/results/faults.md`; do not edit.
 
 Each row is one fault on a simulated rig with {supply:.0f} kPa and neither a trip nor a relief
 valve of its own, so that what is shown is what the controllers do. The fault strikes in the

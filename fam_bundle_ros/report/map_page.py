@@ -5,6 +5,7 @@
 from pathlib import Path
 
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report.page import Headline, Page, Section, Table
 from fam_bundle_ros.report.paper import PaperFigures
 from fam_bundle_ros.report.paper_plots import map_pictures
@@ -19,8 +20,9 @@ def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path) -> P
     found = figures.summary()
     headline = [Headline(f'Blocked force, RS{k + 1}', f'{force[0]:.1f} N', 'at zero strain')
                 for k, force in enumerate(figures.space.high['included'])]
-    lead = (f'What the bundle {bundle.name} can do, drawn as in the paper on resistive forces '
-            'and gradient reversal, so that the figures can be laid beside it.')
+    lead = ('What this bundle can do, drawn as in the paper on resistive forces and gradient '
+            'reversal, so that the figures can be laid beside it. Model '
+            f'{muscle_words(bundle)}.')
     f = figures.free_strain
     if f is not None:
         headline += [

@@ -11,7 +11,9 @@ from fam_bundle_ros import palette
 from fam_bundle_ros.discovery.figures import has_isobars
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Effect
+from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.workbench import drawings, parts, worker
+from fam_bundle_ros.workbench.changes import Change
 from fam_bundle_ros.workbench.jobs import Cancelled, Job, WorkerError
 from fam_bundle_ros.workbench.session import short
 from fam_bundle_ros.workbench.side_view import SideView
@@ -67,6 +69,8 @@ class CaseView:
         with self.answer:
             if session.case is not None:
                 parts.text('span', f'{session.case.title} · {session.case.origin}', 'muted small')
+                parts.text('span', f'Model {muscle_words(session.now.model)}',
+                           'muted small').mark('muscle-words')
             parts.text('h1', self._said()).mark('headline')
             with parts.box('div', 'answer-row'):
                 if self.job is not None:
@@ -94,13 +98,18 @@ class CaseView:
 
     def _next(self) -> None:
         session, found = self.session, self.session.diagnosis
-        missing = session.missing()
-        if missing:
-            name = missing[0].effect
-            parts.button(f'Add {parts.words(name)}', lambda: self.add(name), 'main-action',
-                         'next-add')
-            if len(missing) > 1:
-                parts.button(f'Add all {len(missing)}', self.add_all, mark='add-all')
+        asked = session.asked()
+        if asked:
+            first = asked[0]
+            said = f'Do all {len(asked)} things' if len(asked) > 1 else (
+                f'Leave out {parts.words(first.effect)}' if first.removes else
+                f'Put {parts.words(first.effect)} for {parts.words(first.replaces)}'
+                if first.replaces else f'Add {parts.words(first.effect)}')
+            parts.button(said, self.do_all, 'main-action', 'next-add')
+            command = session.command()
+            if command:
+                parts.text('code', command, 'command small').mark('command').props(
+                    'title="the same in a terminal"')
         elif session.asks_recalibration:
             parts.button('Recalibrate the model', self.recalibrate, 'main-action', 'recalibrate')
         elif found is not None and found.verdict == 'unexplained' and \
@@ -282,35 +291,38 @@ class CaseView:
             self.draw_answer()
             self.side.draw()
 
-    async def add(self, name: str) -> None:
-        """Add a candidate and refit."""
-        await self.add_effect(self.session.candidate_effect(name))
+    async def change(self, change: Change, effect: Effect | None = None) -> None:
+        """Add, replace or leave out an effect, and refit everything."""
+        now = self.session.with_change(change, effect)
+        await self._refit(change.label, '' if change.removes else change.effect, *now)
 
-    async def add_all(self) -> None:
-        """Add everything that the diagnosis found, one rung after the other."""
-        for choice in self.session.missing():
+    async def do_all(self) -> None:
+        """Do everything that the diagnosis says, one rung after the other."""
+        for change in self.session.asked():
             steps = len(self.session.steps)
-            await self.add(choice.effect)
+            await self.change(change)
             if len(self.session.steps) == steps:
                 return
 
     async def add_effect(self, effect: Effect) -> None:
-        """Add an effect, the user's own or a candidate, and refit everything."""
-        added = (*(e for e in self.session.now.added if e.name != effect.name), effect)
-        await self._refit(f'+ {effect.name}', added, effect.name)
+        """Add an effect of the user's own and refit everything."""
+        await self.change(Change(effect.name), effect)
 
     async def recalibrate(self) -> None:
         """Move the model's own parameters."""
-        await self._refit('recalibrated', self.session.now.added, '')
+        now = self.session.now
+        await self._refit('recalibrated', '', now.added, dict(now.replaced), now.removed)
 
-    async def _refit(self, label: str, added: tuple[Effect, ...], effect: str) -> None:
+    async def _refit(self, label: str, effect: str, added: tuple[Effect, ...],
+                     replaced: dict[str, str], removed: tuple[str, ...]) -> None:
         session = self.session
         step = session.now
         refitted = await self.work(Job(worker.refit_job, session.steps[0].model, session.data,
-                                       added))
+                                       added, replaced, removed))
         if refitted is None or not session.steps or session.now is not step:
             return
-        await asyncio.to_thread(session.advance, label, refitted, added, effect)
+        await asyncio.to_thread(session.advance, label, refitted, added, effect, replaced,
+                                removed)
         self._moved()
 
     def undo(self) -> None:

@@ -8,8 +8,9 @@ from fam_bundle_ros.discovery import Measurement, read_measurement
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.workbench.incoming import Incoming
 
-__all__ = ['Case', 'EXAMPLES', 'Example', 'load_example', 'starting_model']
+__all__ = ['Case', 'EXAMPLES', 'Example', 'load_example']
 
 
 @dataclass(frozen=True)
@@ -21,12 +22,19 @@ class Case:
     ----------
     title, origin : str
         What the page calls it, and where the data comes from in one line.
+    data, model
+    files : (str, str)
+        What a command line calls data and model.
+    source : Incoming, optional
+        How the file was read, where it was one of the user's: its columns can be told again.
     """
 
     title: str
     origin: str
     data: Measurement
     model: Bundle
+    files: tuple[str, str] = ('', '')
+    source: Incoming | None = None
 
 
 @dataclass(frozen=True)
@@ -68,20 +76,8 @@ def load_example(key: str) -> Case:
         if example.key == key:
             data = read_measurement(config_path(f'data/{example.stem}.csv'), name=example.title)
             model = load_model(config_path(f'data/{example.stem}.model.yaml'))
-            return Case(example.title, example.origin, data, model)
+            return Case(example.title, example.origin, data, model, (
+                str(config_path(f'data/{example.stem}.csv')),
+                str(config_path(f'data/{example.stem}.model.yaml'))))
     raise InputError(f"example '{key}' does not exist; expected one of "
                      f"{', '.join(example.key for example in EXAMPLES)}")
-
-
-def starting_model(units: int) -> Bundle:
-    """
-    Return a model for data that came without one: the paper's muscles, mesh and bladder.
-
-    Geometry and rubber are recalibrated by every diagnosis; a model file of one's own is better.
-    """
-    paper = load_model(config_path('models/spie2021.yaml'))
-    first = paper.motor_units[0]
-    many = [type(first)(f'mu{k + 1}', first.muscles, first.geometry, first.max_pressure)
-            for k in range(units)]
-    kept = [effect for effect in paper.effects if effect.name in ('mesh', 'bladder_elasticity')]
-    return Bundle('paper muscle (assumed)', many, kept)

@@ -8,6 +8,7 @@ from typing import Any, TYPE_CHECKING
 from nicegui import ui
 
 from fam_bundle_ros import palette
+from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.workbench import drawings, parts
 from fam_bundle_ros.workbench.explorer import Explorer
 
@@ -22,8 +23,12 @@ class ExplorerView:
 
     def __init__(self, page: 'Page', explorer: Explorer):
         self.page, self.explorer = page, explorer
+        said = '' if page.chosen_muscle else 'No model of yours is open: the bundle of the paper. '
         with parts.box('div', 'explorer'):
-            parts.text('h1', 'Which recruitment state can hold this force at this strain?')
+            with parts.box('div', 'wide'):
+                parts.text('h1', 'Which recruitment state can hold this force at this strain?')
+                parts.text('span', f'{said}Model {muscle_words(explorer.bundle)}', 'muted small'
+                           ).mark('muscle-words')
             with parts.box('div'):
                 self.space = parts.plot(self._of(explorer.space_figure()),
                                         'force-strain space with the recruitment states')
@@ -65,7 +70,7 @@ class ExplorerView:
             parts.text('span', label)
             number = parts.text('b', shown.format(value), 'num')
             slider = ui.element('input').mark(f'slider:{mark}')
-            slider._props.update(type='range', min=low, max=high, step=step, value=value,
+            slider._props.update(type='range', min=low, max=high, step=step, defaultValue=value,
                                  **{'data-mark': f'slider:{mark}'})
             if colour is not None:
                 slider.style(f'accent-color: {colour.dark if self.page.dark else colour.light}')

@@ -8,6 +8,9 @@ lies for a moment in a private folder under a name of our own, and model files t
 other files are refused.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 import re
 import tempfile
@@ -15,12 +18,14 @@ import tempfile
 import yaml
 
 from fam_bundle_ros.data import Measurement, read_measurement
-from fam_bundle_ros.data.formats import SUFFIXES
+from fam_bundle_ros.data.formats import is_bag, read_table, SUFFIXES
+from fam_bundle_ros.data.measurement import file_digest
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, loads_model
+from fam_bundle_ros.workbench.incoming import Incoming
 
-__all__ = ['DATA_SUFFIXES', 'MAX_UPLOAD', 'MODEL_SUFFIXES', 'label', 'measurement_from_bytes',
-           'model_from_bytes', 'what_is']
+__all__ = ['DATA_SUFFIXES', 'MAX_UPLOAD', 'MODEL_SUFFIXES', 'incoming_from_bytes',
+           'incoming_from_path', 'label', 'measurement_from_bytes', 'model_from_bytes', 'what_is']
 
 #: Largest file that the page takes, bytes; larger logs are read by the command line.
 MAX_UPLOAD = 100 << 20
@@ -73,15 +78,50 @@ def measurement_from_bytes(name: str, content: bytes, *, rest_length: float | No
     """
     shown = label(name)
     _limit(shown, content, MAX_UPLOAD)
+    with _stored(shown, content) as path:
+        return read_measurement(path, rest_length=rest_length, name=shown)
+
+
+@contextmanager
+def _stored(shown: str, content: bytes) -> Iterator[Path]:
+    """Lend a private file with an upload's content; errors speak of it by the user's name."""
     suffix = Path(shown).suffix.lower()
     with tempfile.TemporaryDirectory(prefix='fam_bundle_upload_') as folder:
         path = Path(folder) / f'upload{suffix if suffix in DATA_SUFFIXES else ".csv"}'
         path.write_bytes(content)
         try:
-            return read_measurement(path, rest_length=rest_length, name=shown)
+            yield path
         except InputError as error:
             raise InputError(str(error).replace(str(path), shown).replace(path.name, shown)
                              ) from None
+
+
+def incoming_from_bytes(name: str, content: bytes) -> Incoming:
+    """
+    Return an uploaded file with its table, before it is told what each column is.
+
+    Raises
+    ------
+    InputError
+        For a file that is no table; the message names it as the user knows it.
+    """
+    shown = label(name)
+    _limit(shown, content, MAX_UPLOAD)
+    if Path(shown).suffix.lower() in ('.mcap', '.db3'):
+        return Incoming(shown, 'your own file', read_bag=lambda rest: measurement_from_bytes(
+            name, content, rest_length=rest))
+    with _stored(shown, content) as path:
+        return incoming_from_path(path, shown)
+
+
+def incoming_from_path(path: Path, name: str = '') -> Incoming:
+    """Return a file of this machine with its table; InputError where it is none."""
+    shown = name or path.name
+    if is_bag(path):
+        return Incoming(shown, 'your own file', read_bag=lambda rest: read_measurement(
+            path, rest_length=rest, name=shown))
+    return Incoming(shown, 'your own file', replace(read_table(path), name=shown),
+                    sha256=file_digest(path))
 
 
 def model_from_bytes(name: str, content: bytes) -> Bundle:

@@ -12,12 +12,13 @@ from pathlib import Path
 import secrets
 import socket
 
-from fam_bundle_ros.discovery import read_measurement
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model
-from fam_bundle_ros.workbench.cases import Case, starting_model
+from fam_bundle_ros.workbench.cases import Case
 from fam_bundle_ros.workbench.guard import Guard, LOCAL
-from fam_bundle_ros.workbench.intake import MAX_UPLOAD
+from fam_bundle_ros.workbench.incoming import Incoming
+from fam_bundle_ros.workbench.intake import incoming_from_path, MAX_UPLOAD
+from fam_bundle_ros.workbench.muscle import MuscleForm
 
 __all__ = ['first_case', 'run']
 
@@ -35,7 +36,7 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
     data : path, optional
         A measurement to open with.
     model : path, optional
-        The model to start from; without it the paper's muscle is assumed.
+        The model to start from; without it the page asks for the muscle.
     host : str
         Another address than this machine's own needs a token.
     port : int
@@ -76,15 +77,29 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
                reconnect_timeout=30.0)
 
 
-def first_case(data: str | Path | None, model: str | Path | None) -> Case | None:
-    """Return what to open with, None for the start page; InputError for files that do not do."""
+def first_case(data: str | Path | None, model: str | Path | None) -> Case | Incoming | None:
+    """
+    Return what to open with, None for the start page; InputError for files that do not do.
+
+    Without a model, or where a column is in doubt, the page asks before anything is computed.
+    """
     if data is None:
         if model is not None:
             raise InputError(f'{model}: a model needs data to be compared with; give DATA too')
         return None
-    measured = read_measurement(data)
-    start = load_model(model) if model is not None else starting_model(measured.pressure.shape[1])
-    return Case(measured.name, f'file {Path(data).name}', measured, start)
+    path = Path(data)
+    if not path.exists():
+        raise InputError(f'{path}: no such file; expected a measurement or a ROS 2 bag')
+    incoming = incoming_from_path(path)
+    if model is None:
+        return incoming
+    bundle = load_model(model)
+    incoming.muscle = MuscleForm.of(bundle)
+    seen = incoming.look()
+    if seen.measurement is None:
+        return incoming
+    return Case(seen.name, f'file {path.name}', seen.measurement, bundle,
+                (str(path), str(model)), incoming)
 
 
 def _check_address(host: str, port: int, token: str | None) -> None:

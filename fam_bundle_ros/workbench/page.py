@@ -4,17 +4,23 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 from nicegui import app, ui
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.workbench import intake, parts
 from fam_bundle_ros.workbench.case_view import CaseView
-from fam_bundle_ros.workbench.cases import Case, load_example, starting_model
+from fam_bundle_ros.workbench.cases import Case, load_example
 from fam_bundle_ros.workbench.explorer import Explorer, paper_explorer
 from fam_bundle_ros.workbench.explorer_view import ExplorerView
+from fam_bundle_ros.workbench.incoming import Incoming
+from fam_bundle_ros.workbench.intake_view import IntakeView
 from fam_bundle_ros.workbench.live import record
+from fam_bundle_ros.workbench.muscle import MuscleForm
 from fam_bundle_ros.workbench.session import Session
 from fam_bundle_ros.workbench.start_view import StartView
 
@@ -24,12 +30,12 @@ _LOOK = '[matchMedia("(prefers-color-scheme: dark)").matches, ' \
         'matchMedia("(prefers-reduced-motion: reduce)").matches, innerWidth < 600]'
 
 
-def register(first: Case | None = None) -> None:
+def register(first: Case | Incoming | None = None) -> None:
     """Put the page at '/'; it opens with ``first`` or with the start view."""
     ui.page('/', title='fam_bundle workbench')(root(first))
 
 
-def root(first: Case | None = None) -> Callable[[], Awaitable[None]]:
+def root(first: Case | Incoming | None = None) -> Callable[[], Awaitable[None]]:
     """Return the function that builds the page for one tab."""
     async def index() -> None:
         ui.add_css(parts.style())
@@ -41,7 +47,9 @@ def root(first: Case | None = None) -> Callable[[], Awaitable[None]]:
         fresh = 'session' not in kept
         session = kept.setdefault('session', Session())
         page = Page(session)
-        if fresh and first is not None:
+        if fresh and isinstance(first, Incoming):
+            session.incoming = deepcopy(first)  # what one tab types is not another's
+        elif fresh and first is not None:
             session.open(first)
         await page.look()
         page.build()
@@ -96,17 +104,25 @@ class Page:
             if self.view == 'explore':
                 self.explorer = self.explorer or self._make_explorer()
                 ExplorerView(self, self.explorer)
+            elif self.session.incoming is not None:
+                IntakeView(self, self.session.incoming)
             elif self.session.case is None:
                 StartView(self)
             else:
                 self.case_view = CaseView(self)
 
     def _make_explorer(self) -> Explorer:
-        # a bundle of one's own where there is one, else the paper's
-        case = self.session.case
-        if case is not None and self.session.now.model.n > 1:
-            return Explorer(self.session.now.model)
-        return paper_explorer()
+        return paper_explorer() if self.chosen_muscle is None else Explorer(self.chosen_muscle)
+
+    @property
+    def chosen_muscle(self) -> Bundle | None:
+        """The open model, else the muscle that is being told, None before there is one."""
+        incoming = self.session.incoming
+        if self.session.case is not None:
+            return self.session.now.model
+        if incoming is not None and not incoming.muscle.problem:
+            return incoming.bundle()
+        return self.pending_model
 
     def _draw_top(self) -> None:
         self.top.clear()
@@ -118,13 +134,16 @@ class Page:
                 parts.button(said, lambda key=key: self._go(key), 'tab', f'tab:{key}',
                              **({'aria-current': 'page'} if key == self.view else {}))
             parts.box('span', 'grow')
-            if self.session.case is not None and self.view == 'find':
+            if self.session.case is not None and self.view == 'find' and (
+                    self.session.incoming is None):
+                if self.session.case.source is not None:
+                    parts.button('Columns and units', self.ask_columns, mark='columns')
                 parts.button('Other data', self.start_over, mark='start-over')
             parts.button('Light' if self.dark else 'Dark', self.change_theme, mark='theme',
                          **{'aria-label': 'change to the other colour theme'})
 
     def _go(self, view: str) -> None:
-        if view == 'explore' and self.session.case is not None:
+        if view == 'explore':
             self.explorer = None
         self.show(view)
 
@@ -155,31 +174,60 @@ class Page:
                 model = await asyncio.to_thread(intake.model_from_bytes, name, content)
                 self._take_model(model)
                 return
-            data = await asyncio.to_thread(intake.measurement_from_bytes, name, content)
-            model = self.pending_model or starting_model(data.pressure.shape[1])
-            await asyncio.to_thread(
-                self.session.open, Case(data.name, 'your own file', data, model))
-            self.pending_model = None
+            await self._take(await asyncio.to_thread(intake.incoming_from_bytes, name, content))
 
         await self.guarded(take)
 
+    async def _take(self, incoming: Incoming) -> None:
+        """Show what a file was taken for; open it where nothing is left to be asked."""
+        if self.pending_model is not None:
+            incoming.muscle = MuscleForm.of(self.pending_model)
+            if incoming.plain(await asyncio.to_thread(incoming.look)):
+                await asyncio.to_thread(self.session.take, incoming)
+                self.pending_model = None
+                return
+        self.session.incoming = incoming
+
+    async def open_incoming(self) -> None:
+        """Open the file as its columns and its muscle are told."""
+        incoming = self.session.incoming
+        if incoming is None:
+            return
+        if await self.guarded(lambda: asyncio.to_thread(self.session.take, incoming)):
+            self.pending_model = None
+
+    def ask_columns(self) -> None:
+        """Go back to the columns of the open file."""
+        case = self.session.case
+        if case is not None and case.source is not None:
+            self.session.incoming = case.source.again()
+            self.show('find')
+
+    def leave_columns(self) -> None:
+        """Go back to the open file as it was."""
+        self.session.incoming = None
+        self.show('find')
+
     #: A model that was dropped before its data.
-    pending_model: Any = None
+    pending_model: Bundle | None = None
 
     def _take_model(self, model: Any) -> None:
         case = self.session.case
         if case is None:
             self.pending_model = model
         else:
-            self.session.open(Case(case.title, case.origin, case.data, model))
+            self.session.open(replace(case, model=model))
 
     async def record_live(self, seconds: float, namespace: str) -> None:
         """Take the live ROS graph for some seconds."""
         async def listen() -> None:
             data = await record(seconds, namespace)
-            model = self.pending_model or starting_model(data.pressure.shape[1])
-            case = Case(data.name, 'live ROS graph', data, model)
-            await asyncio.to_thread(self.session.open, case)
+            incoming = Incoming(data.name, 'live ROS graph', read_bag=lambda rest: data)
+            if self.pending_model is None:
+                self.session.incoming = incoming
+                return
+            incoming.muscle = MuscleForm.of(self.pending_model)
+            await asyncio.to_thread(self.session.take, incoming)
 
         await self.guarded(listen)
 

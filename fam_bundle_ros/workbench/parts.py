@@ -13,8 +13,8 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from fam_bundle_ros import palette, plotting
 
-__all__ = ['box', 'button', 'pick', 'plot', 'segments', 'sentence', 'style', 'swatch', 'text',
-           'typed', 'words']
+__all__ = ['box', 'button', 'choose', 'pick', 'plot', 'segments', 'sentence', 'style', 'swatch',
+           'text', 'typed', 'words']
 
 _ASSETS = Path(__file__).parent / 'assets'
 
@@ -79,13 +79,38 @@ def pick(label: str, options: Sequence[str], chosen: int | None,
     return made
 
 
+def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,
+           on_change: Callable[[str], Any], mark: str = '', classes: str = 'field',
+           named: str = '') -> ui.element:
+    """Return a native select of (key, words); without a label it is ``named`` for readers."""
+    def changed(event: Any) -> None:
+        if str(event.args) in [key for key, _ in options]:
+            on_change(str(event.args))
+
+    with box('label', classes) as made:
+        if label:
+            text('span', label)
+        with box('select').on('change', changed, js_handler='(e) => emit(e.target.value)'
+                              ) as select:
+            if named:
+                select._props['aria-label'] = named
+            _marked(select, mark, {})
+            for key, said in options:
+                at = text('option', said)
+                at._props['value'] = key
+                if key == chosen:
+                    at.props('selected')
+    return made
+
+
 def typed(label: str, value: str, on_change: Callable[[str], Any], classes: str = '',
           mark: str = '', code: bool = False, hint: str = '') -> ui.element:
     """Return a text field with its label; every change is told after a short rest."""
     with box('label', f'field {classes}') as made:
         text('span', label)
         field = ui.element('input').classes('code' if code else '')
-        field._props.update(type='text', value=value, placeholder=hint, autocomplete='off',
+        # not `value`: the browser would set it back to that whenever it draws the page anew
+        field._props.update(type='text', defaultValue=value, placeholder=hint, autocomplete='off',
                             spellcheck='false', maxlength='500')
         field.on('input', lambda event: on_change(str(event.args)[:500]), throttle=0.25,
                  leading_events=False, js_handler='(e) => emit(e.target.value)')

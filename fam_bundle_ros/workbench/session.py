@@ -6,6 +6,7 @@ One user's work: a case, the models on the way to a better one, what was asked, 
 Plain Python without a browser; the page only shows what is here and calls these methods.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +16,10 @@ from fam_bundle_ros.discovery import compare, Comparison, Measurement, Region
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect
+from fam_bundle_ros.workbench import changes
 from fam_bundle_ros.workbench.cases import Case
+from fam_bundle_ros.workbench.changes import Change
+from fam_bundle_ros.workbench.incoming import Incoming
 
 __all__ = ['Choice', 'Refit', 'Selection', 'Session', 'Step']
 
@@ -53,6 +57,10 @@ class Step:
         Every effect added so far, at its start value: what the next refit begins with.
     effect : str
         Name of the effect that this step added, '' for none.
+    replaced : mapping of str to str
+        Effects of the first model -> what stands in their place.
+    removed : tuple of str
+        Effects of the first model that are left out.
     """
 
     label: str
@@ -61,6 +69,8 @@ class Step:
     held_out_N: float
     added: tuple[Effect, ...] = ()
     effect: str = ''
+    replaced: Mapping[str, str] = field(default_factory=dict)
+    removed: tuple[str, ...] = ()
 
     @property
     def prediction(self) -> np.ndarray:
@@ -123,6 +133,8 @@ class Session:
     diagnosis : Diagnosis or None
     diagnosed_at : int
         How many steps there were when the diagnosis was made.
+    incoming : Incoming or None
+        A file that is being read, before it is a case.
     """
 
     case: Case | None = None
@@ -130,6 +142,7 @@ class Session:
     diagnosis: Diagnosis | None = None
     diagnosed_at: int = 0
     selection: Selection = Selection()
+    incoming: Incoming | None = None
 
     # --- opening -------------------------------------------------------------------------------
 
@@ -138,11 +151,17 @@ class Session:
         first = compare(case.model, case.data)
         self.case = case
         self.steps = [Step('start', case.model, first, first.error_N)]
-        self.diagnosis, self.selection = None, Selection()
+        self.diagnosis, self.selection, self.incoming = None, Selection(), None
+
+    def take(self, incoming: Incoming) -> None:
+        """Open a file as its columns and its muscle are told; InputError says what is missing."""
+        data, model = incoming.measurement(), incoming.bundle()
+        self.open(Case(data.name, incoming.origin, data, model,
+                       (data.name, f'{model.name}.model.yaml'), incoming))
 
     def close(self) -> None:
         """Forget the case."""
-        self.case, self.steps, self.diagnosis = None, [], None
+        self.case, self.steps, self.diagnosis, self.incoming = None, [], None, None
         self.selection = Selection()
 
     # --- what is so ----------------------------------------------------------------------------
@@ -252,6 +271,26 @@ class Session:
         return [row for row in self.choices()
                 if row.found and not row.added and not held & set(row.rivals)]
 
+    def asked(self) -> list[Change]:
+        """Return what the last diagnosis says and the present model does not do yet."""
+        found, inside = self.diagnosis, {effect.name for effect in self.now.model.effects}
+        if found is None:
+            return []
+        return [*(Change(new, old) for old, new in found.replaced.items()
+                  if old in inside and new not in inside),
+                *(Change(old, removes=True) for old in found.removed if old in inside),
+                *(Change(row.effect) for row in self.missing())]
+
+    def command(self) -> str:
+        """Return what does the same in a terminal; '' where an effect is the user's own."""
+        return '' if self.case is None else changes.command(self.case, self.now, self.asked())
+
+    def with_change(self, change: Change, effect: Effect | None = None) -> changes.Since:
+        """Return what is other than in the first model after one more change."""
+        new = effect or (None if change.replaces or change.removes
+                         else self.candidate_effect(change.effect))
+        return changes.after(self.now, change, new)
+
     @property
     def asks_recalibration(self) -> bool:
         """Whether the last diagnosis wants the parameters moved and nothing else."""
@@ -278,13 +317,14 @@ class Session:
                                          if key in effect.values})
         raise InputError(f"'{name}' is not among the candidates")
 
-    def advance(self, label: str, refit: Refit, added: tuple[Effect, ...],
-                effect: str = '') -> Step:
+    def advance(self, label: str, refit: Refit, added: tuple[Effect, ...], effect: str = '',
+                replaced: Mapping[str, str] | None = None, removed: tuple[str, ...] = ()) -> Step:
         """Put a refitted model on the ladder and return the new step."""
         model = refit.model
         comparison = compare(model, self.data)
         self.steps.append(Step(label, model.named(model.name, error=comparison.error_N),
-                               comparison, refit.held_out_N, added, effect))
+                               comparison, refit.held_out_N, added, effect, replaced or {},
+                               removed))
         self.selection = replace(self.selection, region=None)
         return self.now
 

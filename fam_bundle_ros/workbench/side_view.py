@@ -3,12 +3,20 @@
 """The panel beside the figures: where the model fails, what is missing, what to take home."""
 
 import asyncio
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nicegui import ui
 
 from fam_bundle_ros import palette
+from fam_bundle_ros.discovery import compare
+from fam_bundle_ros.discovery.result import Candidate
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench import parts, takeaway
+from fam_bundle_ros.workbench.cases import Case
+from fam_bundle_ros.workbench.changes import Change
+from fam_bundle_ros.workbench.muscle import MuscleForm
+from fam_bundle_ros.workbench.muscle_view import MuscleView
 from fam_bundle_ros.workbench.own_effect import Draft, from_template
 from fam_bundle_ros.workbench.own_view import OwnEffectDialog
 from fam_bundle_ros.workbench.session import Choice, short
@@ -25,6 +33,9 @@ class SideView:
 
     def __init__(self, case: 'CaseView', place: ui.element):
         self.case, self.session, self.place = case, case.session, place
+        self.form: MuscleForm | None = None
+        self.form_of: Case | None = None
+        self.muscle_open = False
 
     def draw(self) -> None:
         """Draw the panel anew."""
@@ -34,6 +45,7 @@ class SideView:
             if self.session.diagnosis is not None:
                 self._learned()
             self._where()
+            self._muscle()
             self._take_away()
 
     # --- where it fails ------------------------------------------------------------------------
@@ -80,6 +92,11 @@ class SideView:
                     for rival in tied:
                         if choice.candidate.effect in rival.rivals:
                             self._choice(rival)
+            for candidate in found.ranking:
+                if (candidate.replaces and found.replaced.get(candidate.replaces)
+                        == candidate.shape) or (candidate.removes
+                                                and candidate.shape in found.removed):
+                    self._swap(candidate)
             if found.verdict in ('unexplained', 'partial'):
                 self._shapes()
             parts.text('p', parts.sentence(f'to be surer: {found.next_experiment}'), 'muted small')
@@ -103,7 +120,7 @@ class SideView:
                 if choice.added:
                     parts.text('span', 'added ✓', 'muted small')
                 else:
-                    parts.button('Add', lambda: self.case.add(choice.effect),
+                    parts.button('Add', lambda: self.case.change(Change(choice.effect)),
                                  'main-action small' if choice.found else 'plain',
                                  f'add:{choice.effect}',
                                  **{'aria-label': f'add {parts.words(choice.effect)}'})
@@ -126,6 +143,28 @@ class SideView:
             if choice.rivals:
                 parts.text('p', '= A tie: these data cannot tell it from '
                            + ', '.join(parts.words(name) for name in choice.rivals) + '.', 'tie')
+
+    def _swap(self, candidate: Candidate) -> None:
+        """Draw an effect that takes another's place, or one to do without."""
+        change = Change(candidate.shape, candidate.replaces, candidate.removes)
+        inside = {effect.name for effect in self.session.now.model.effects}
+        done = change.effect not in inside if change.removes else change.effect in inside
+        with parts.box('article', 'choice found').mark(f'choice:{change.effect}'):
+            with parts.box('div', 'head'):
+                parts.swatch(change.effect, self.case.page.dark)
+                parts.text('b', f'No {parts.words(change.effect)}' if change.removes else
+                           f'{parts.sentence(change.effect)[:-1]} in place of '
+                           f'{parts.words(change.replaces)}')
+                if done:
+                    parts.text('span', 'done ✓', 'muted small')
+                else:
+                    parts.button('Leave out' if change.removes else 'Replace',
+                                 lambda: self.case.change(change), 'main-action small',
+                                 f'swap:{change.effect}')
+            with parts.box('div', 'facts'):
+                self._fact('probability', f'{100 * candidate.probability:.0f} %')
+                self._fact('leaves', f'{short(candidate.error_N)} N')
+            parts.text('p', parts.sentence(candidate.reason), 'small')
 
     @staticmethod
     def _fact(name: str, value: str) -> None:
@@ -158,6 +197,65 @@ class SideView:
         draft.sync()
         with self.place:
             OwnEffectDialog(self.case, draft).open()
+
+    # --- the muscle ----------------------------------------------------------------------------
+
+    def _muscle(self) -> None:
+        """Draw the form of the muscle, with what its dimensions would do to the error."""
+        session = self.session
+        case = session.case
+        assert case is not None
+        source = case.source
+        # without another case it keeps what was typed
+        if self.form is None or self.form_of is not case:
+            self.form_of = case
+            self.form = source.muscle if source is not None else MuscleForm.of(case.model)
+        form = self.form
+        with parts.box('section'), parts.box('details').mark('muscle') as box:
+            if self.muscle_open:
+                box.props('open')
+            box.on('toggle', lambda event: setattr(self, 'muscle_open', bool(event.args)),
+                   js_handler='(e) => emit(e.target.open)')
+            summary = parts.text('summary', 'Your muscle')
+            summary._props['data-mark'] = 'muscle:open'
+            view = MuscleView(form, lambda: self._would_be(form), self.case.page.tell)
+            self.would = parts.text('p', '', 'small').props('role=status').mark('muscle:would')
+            with parts.box('div', 'row'):
+                parts.button('Use it', self._use_muscle, 'main-action small', 'muscle:use')
+                parts.button('Save as a model file', view.save, mark='muscle:save')
+        self._would_be(form)
+
+    def _would_be(self, form: MuscleForm) -> None:
+        case = self.session.case
+        if case is None or form.problem:
+            self.would.set_text('')
+            return
+        if not form.changed(case.model):
+            self.would.set_text('')
+            return
+        try:
+            bundle = form.bundle()
+            data = case.source.measurement() if case.source is not None else case.data
+            error = compare(bundle, data).error_N
+        except InputError as error_said:
+            self.would.set_text(str(error_said))
+            return
+        self.would.set_text(f'With these dimensions the error would be {short(error)} N, at the '
+                            f'start it is {short(self.session.steps[0].error_N)} N. To use them '
+                            'begins the ladder anew.')
+
+    async def _use_muscle(self) -> None:
+        case, form = self.session.case, self.form
+        if case is None or form is None:
+            return
+
+        def use() -> None:
+            if case.source is not None:
+                self.session.take(case.source)
+            else:
+                self.session.open(replace(case, model=form.bundle()))
+
+        await self.case.page.guarded(lambda: asyncio.to_thread(use))
 
     # --- taking home ---------------------------------------------------------------------------
 

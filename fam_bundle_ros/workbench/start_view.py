@@ -65,8 +65,9 @@ class StartView:
     def _drop(self) -> None:
         with parts.box('section', 'card drop'):
             parts.text('h2', 'Use your own')
-            parts.text('p', 'A CSV with units in its header (strain, pressure [kPa], force [N]; '
-                       'time [s] for a log) or a ROS 2 bag.', 'small')
+            parts.text('p', 'A log of strain (or length), pressure and force as your software '
+                       'wrote it: CSV or text, Excel, LabVIEW, MATLAB, parquet, a ROS 2 bag. You '
+                       'see what each column is taken for before anything is computed.', 'small')
             upload = ui.upload(label='Drop a measurement or a model file, or press +',
                                multiple=True, auto_upload=True, max_file_size=intake.MAX_UPLOAD,
                                on_upload=self._uploaded, on_rejected=self._rejected)
@@ -76,8 +77,8 @@ class StartView:
                 parts.text('p', f'Model {self.page.pending_model.name} is ready: now drop the '
                            'measurement.', 'small').mark('model-ready')
             else:
-                parts.text('p', 'Drop the model file first if you have one; otherwise the muscle '
-                           'of the paper is assumed.', 'muted small')
+                parts.text('p', 'Drop the model file first if you have one; otherwise the page '
+                           'asks for your muscle.', 'muted small')
             if live.available():
                 self._live()
 

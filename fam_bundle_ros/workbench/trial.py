@@ -16,6 +16,7 @@ import numpy as np
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory
 
@@ -80,7 +81,8 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
                     rms(log.error[log.time > 1.0]))
               for log, name in zip(runs, ('old model', 'new model'))]
     words = (f'The task: hold {level:.0f} N while the strain swings between {100 * low:.0f} and '
-             f'{100 * high:.0f} % every two seconds. The simulated muscle is the new model.')
+             f'{100 * high:.0f} % every two seconds. The simulated muscle is the new model, '
+             f'{muscle_words(new)}.')
     return ControllerTrial(runs[0].reference, runs[0].strain, tracks[0], tracks[1], words)
 
 

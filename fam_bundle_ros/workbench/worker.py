@@ -31,17 +31,18 @@ def diagnose_job(progress: Progress, model: Any, data: Any) -> Any:
     return diagnose(model, data, progress=progress)
 
 
-def refit_job(progress: Progress, model: Any, data: Any, effects: Any) -> Any:
+def refit_job(progress: Progress, model: Any, data: Any, effects: Any, replaced: Any = None,
+              removed: Any = ()) -> Any:
     """
-    Return the `Refit` of a model with effects added, all parameters moved together.
+    Return the `Refit` of a model with effects changed, all parameters moved together.
 
     Every row is fitted; with no effects the model's own parameters are recalibrated.
     """
     from fam_bundle_ros.discovery.add import add_effect
     from fam_bundle_ros.workbench.session import Refit
-    names = ', '.join(effect.name for effect in effects)
+    names = ', '.join((*(effect.name for effect in effects), *(replaced or {}).values()))
     progress(0.3, f'refitting with {names}' if names else 'moving the numbers of the model')
-    added = add_effect(model, list(effects), data)
+    added = add_effect(model, list(effects), data, replacing=replaced, removing=removed)
     return Refit(added.model, added.held_out_N)
 
 

@@ -3,6 +3,7 @@
 """Commands on measurements: what they find, and one line for what is wrong with a file."""
 
 import json
+import shlex
 
 import pytest
 
@@ -12,7 +13,8 @@ ROWS = ''.join(f'{0.01 * (i % 20):.2f},{100 * (1 + i // 20)},{50 - i % 20}\n' fo
 
 def test_compare_tells_how_large_the_error_is_and_where(fam_bundle, tmp_path):
     """`compare` of the ideal braid with the measured DMSP-20 map: some 150 N, page and JSON."""
-    result = fam_bundle('compare', '--out', 'page.html', '--json', 'result.json')
+    result = fam_bundle('compare', 'dmsp20_static_map', '--model', 'dmsp20_static_map', '--out',
+                        'page.html', '--json', 'result.json')
     assert result.returncode == 0, result.stderr
     found = json.loads((tmp_path / 'result.json').read_text())
     assert 140.0 < found['error_N'] < 160.0
@@ -50,7 +52,7 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     (HEADER + ROWS.replace(',45\n', ',much\n', 1), ['row 7', 'force', 'much']),
     (HEADER.replace('kPa', 'mm') + ROWS, ['pressure', 'mm']),
     (HEADER.replace('kPa', 'MPa') + ROWS, ['pressure', 'MPa', 'kPa']),
-    (HEADER.replace('force [N]', 'forse [N]') + ROWS, ['force']),
+    (HEADER.replace('force [N]', 'torque [N]') + ROWS, ['force', 'torque']),
     (HEADER + ''.join(ROWS.splitlines(keepends=True)[:3]), ['3']),
 ])
 @pytest.mark.parametrize('command', ['compare', 'diagnose'])
@@ -84,7 +86,7 @@ def test_the_model_tells_the_rest_length(fam_bundle, repository, tmp_path):
     as_strain, as_length, other = (
         fam_bundle('compare', *words, '--model', f'{case}.model.yaml')
         for words in ((f'{case}.csv',), ('mm.csv',), ('mm.csv', '--rest-length', '150 mm')))
-    assert as_length.stdout.splitlines()[0] == as_strain.stdout.splitlines()[0]
+    assert as_length.stdout.splitlines()[1] == as_strain.stdout.splitlines()[1]
     assert '--rest-length is 150 mm' in other.stderr
 
 
@@ -95,7 +97,7 @@ def test_convert_writes_a_csv_that_reads_back(fam_bundle, repository, tmp_path):
     assert result.returncode == 0, result.stderr
     header = (tmp_path / 'out.csv').read_text().splitlines()[0]
     assert header.endswith('force [N],model force [N],residual [N]')
-    again = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.splitlines()[0]
+    again = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.splitlines()[1]
              for data in (f'{case}.csv', 'out.csv')]
     assert again[0] == again[1]
 
@@ -105,7 +107,7 @@ def test_convert_makes_a_bag_of_a_csv(fam_bundle, repository):
     case = repository / 'test/data/practice/p10'
     result = fam_bundle('convert', f'{case}.csv', 'bag')
     assert result.returncode == 0, result.stderr
-    numbers = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.splitlines()[0]
+    numbers = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.splitlines()[1]
                .partition(':')[2] for data in (f'{case}.csv', 'bag')]
     assert numbers[0] == numbers[1]
 
@@ -186,7 +188,7 @@ def test_any_log_is_taken_and_said(fam_bundle, repository, tmp_path):
     plain = fam_bundle('compare', f'{case}.csv', '--model', f'{case}.model.yaml')
     lab = fam_bundle('compare', 'lab.csv', '--model', f'{case}.model.yaml', '--json', 'lab.json')
     assert lab.returncode == 0, lab.stderr
-    assert lab.stdout.splitlines()[0] == plain.stdout.splitlines()[0]
+    assert lab.stdout.splitlines()[1] == plain.stdout.splitlines()[1]
     assert "length 'L\u00e4nge [mm]'" in lab.stderr
     assert "not used: 'Notiz' (text)" in lab.stderr
     assert plain.stderr == ''
@@ -213,7 +215,7 @@ def test_columns_are_told_once_and_kept_in_a_recipe(fam_bundle, repository, tmp_
     again = fam_bundle('compare', 'two.csv', *model, '--recipe', 'lab.yaml')
     assert again.stdout == told.stdout
     plain = fam_bundle('compare', f'{case}.csv', *model)
-    assert told.stdout.splitlines()[0] == plain.stdout.splitlines()[0]
+    assert told.stdout.splitlines()[1] == plain.stdout.splitlines()[1]
 
 
 def test_rows_left_out_are_counted_on_screen_and_in_json(fam_bundle, repository, tmp_path):
@@ -238,7 +240,7 @@ def test_rows_left_out_are_counted_on_screen_and_in_json(fam_bundle, repository,
     (['--recipe', 'none.yaml'], 'none.yaml')])
 def test_a_wrong_option_of_reading_is_one_line(fam_bundle, options, words):
     """Each names the option and what was expected."""
-    result = fam_bundle('compare', 'dmsp20_static_map', *options)
+    result = fam_bundle('compare', 'dmsp20_static_map', '--model', 'dmsp20_static_map', *options)
     assert result.returncode == 2
     assert len(result.stderr.splitlines()) == 1
     assert words in result.stderr
@@ -258,3 +260,17 @@ def test_convert_makes_a_plain_csv_of_a_workbook(fam_bundle, repository, tmp_pat
     errors = [fam_bundle('compare', data, '--model', f'{case}.model.yaml').stdout.partition(';')[0]
               for data in ('plain.csv', f'{case}.csv')]
     assert errors[0] == errors[1]
+
+
+def test_the_printed_command_reads_the_file_as_it_was_told(fam_bundle, repository, tmp_path):
+    """What `diagnose` says to type takes the same columns and makes the better model."""
+    case = repository / 'test/data/practice/p03'
+    rows = [','.join(row[:4]) + f',{-float(row[4]):.4f}' for row in lab_rows(repository)]
+    (tmp_path / 'one.csv').write_text('\n'.join(['c1,c2,c3,c4,c5', *rows]))
+    found = fam_bundle('diagnose', 'one.csv', '--model', f'{case}.model.yaml', '--columns',
+                       'time=c1 [ms]', '--columns', 'trial=c2', '--columns', 'length=c3 [mm]',
+                       '--columns', 'pressure=c4 [bar]', '--columns', 'force=-c5 [N]')
+    command = next(line for line in found.stdout.splitlines() if line.startswith('add: '))
+    done = fam_bundle(*shlex.split(command)[2:])
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / 'better.yaml').exists()

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The reference pages say what the code says, and what the guide shows works."""
+"""The reference pages say what the code says, and the effects that a guide shows work."""
 
 import importlib.util
 import re
@@ -19,25 +19,25 @@ def make_pages(repository):
     return module.PAGES
 
 
-@pytest.mark.parametrize('name', ['api.md', 'cli.md', 'effects.md'])
+@pytest.mark.parametrize('name', ['ros.md', 'cli.md', 'effects.md'])
 def test_reference_pages_are_up_to_date(repository, domain_id, name):
     """Topics, services, parameters, commands and effects are written as they are in the code."""
-    written = (repository / 'docs' / name).read_text()
+    written = (repository / 'docs' / 'reference' / name).read_text()
     assert written == make_pages(repository)[name](), 'run: python docs/make.py'
 
 
-def blocks(repository, language):
-    """Return the code blocks of a language in the guide."""
-    text = (repository / 'docs' / 'guide.md').read_text()
+def blocks(repository, language, page='own_effect.md'):
+    """Return the code blocks of a language in a guide."""
+    text = (repository / 'docs' / 'how_to' / page).read_text()
     return re.findall(rf'^```{language}\n(.*?)^```', text, re.S | re.M)
 
 
-def test_the_effects_of_the_guide_work(repository, tmp_path, monkeypatch):
-    """The guide's formula, table, Python effect and lines of Python do what it says of them."""
+def test_the_effects_of_the_guide_work(repository, tmp_path):
+    """The guide's formula, table and Python effect do what it says of them."""
     formula, *others = blocks(repository, 'yaml')
     head = formula[:formula.index('effects:')]
-    _, table = blocks(repository, 'csv')
-    latch, lines = blocks(repository, 'python')
+    (table,) = blocks(repository, 'csv')
+    (latch,) = blocks(repository, 'python')
     (tmp_path / 'surface.csv').write_text(table)
     (tmp_path / 'latch.py').write_text(latch)
     models = []
@@ -49,11 +49,17 @@ def test_the_effects_of_the_guide_work(repository, tmp_path, monkeypatch):
     assert stop.force(0.2, [2e5]) - plain.force(0.2, [2e5]) == pytest.approx(-400 * 0.03)
     assert surface.force(0.2, [2e5]) == pytest.approx(14.0)
     assert latched.force(0.2, [2e5]) - plain.force(0.2, [2e5]) == pytest.approx(-8.0)
+
+
+def test_the_forces_of_the_guide_can_be_asked_for(repository, monkeypatch):
+    """The lines of Python below "Forces" run in the project's folder."""
+    (lines,) = (block for block in blocks(repository, 'python', 'python.md')
+                if 'bundle.force' in block)
     monkeypatch.chdir(repository)
-    exec(compile(lines, 'guide', 'exec'), {})
+    exec(compile(lines, 'python.md', 'exec'), {})
 
 
 def test_the_guide_names_what_a_formula_may_use(repository):
     """Every variable and function of formulas stands in the guide."""
-    text = (repository / 'docs' / 'guide.md').read_text()
+    text = (repository / 'docs' / 'how_to' / 'own_effect.md').read_text()
     assert [name for name in (*VARIABLES, *FUNCTIONS) if f'`{name}`' not in text] == []

@@ -189,6 +189,6 @@ def test_page_has_every_fault_and_says_what_the_words_mean():
         'faults': [lines[0]], 'sound': [lines[1]], 'rows': rows})
     assert '| mu1 pressure frozen | 1 | 1 | 0 | 0 | 0 | – | – | 600 |' in page
     assert '| nothing | 1 | 0 |' in page
-    assert '`fam_bundle benchmark-faults --policies neglect --out docs/faults.md`' in page
+    assert '`fam_bundle benchmark-faults --policies neglect --out docs/results/faults.md`' in page
     assert '600 kPa and neither a trip' in page
     assert math.isclose(page.count('\n| ---'), 2)

@@ -471,7 +471,7 @@ def test_a_rig_that_is_held_up_is_no_fault(filled):
 
 
 def test_a_rig_that_vents_by_itself_is_no_fault():
-    """Commands were lost for so long that the driver exhausted, as docs/driver.md asks of it."""
+    """Commands were lost for so long that the driver exhausted, as docs/how_to/driver.md asks."""
     loop = Loop()
     loop.run(1.0, lambda t: (200e3, 0.0))
     loop.time += 0.4
@@ -525,6 +525,15 @@ def test_a_model_that_is_a_little_wrong_is_no_fault(force_watch, true, gain):
                        for k in range(40))
 
 
+def test_a_muscle_that_folds_where_its_model_pushes_is_no_fault():
+    """A model without buckling believes that an empty unit pushes with 30 N; it does with 3 N."""
+    watch = ForceWatch(lambda unit, strain, pressure: pressure / 4e3 - 30.0 * unit, 10.0, 0.02)
+    for k in range(10):
+        assert watch.see(0.01 * k, 25.0 - 3.0, 0.1, [100e3, 0.0]) == ''
+    watch.see(0.1, 60.0, 0.1, [100e3, 0.0])
+    assert watch.see(0.2, 60.0, 0.1, [100e3, 0.0])
+
+
 @pytest.mark.parametrize('gain', [0.93, 1.0, 1.07])
 def test_the_force_tells_which_unit_is_above_its_limit(force_watch, gain):
     """A reading that drifted down at the top; not a model 7 % off, whatever the pressures."""
@@ -533,12 +542,3 @@ def test_the_force_tells_which_unit_is_above_its_limit(force_watch, gain):
     assert watch.above(force([440e3, 72e3]), 0.1, [340e3, 72e3], limit) == 0
     for shown in ([0.0, 0.0], [340e3, 0.0], [340e3, 340e3], [200e3, 60e3]):
         assert watch.above(gain * force(shown) + 2.0, 0.1, shown, limit) is None
-
-
-def test_a_muscle_that_folds_where_its_model_pushes_is_no_fault():
-    """A model without buckling believes that an empty unit pushes with 30 N; it does with 3 N."""
-    watch = ForceWatch(lambda unit, strain, pressure: pressure / 4e3 - 30.0 * unit, 10.0, 0.02)
-    for k in range(10):
-        assert watch.see(0.01 * k, 25.0 - 3.0, 0.1, [100e3, 0.0]) == ''
-    watch.see(0.1, 60.0, 0.1, [100e3, 0.0])
-    assert watch.see(0.2, 60.0, 0.1, [100e3, 0.0])

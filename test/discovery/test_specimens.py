@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several specimens: what is missing in all, what is a constant of the material, what is not."""
 
-import pytest
+import json
 
-from fam_bundle_ros.discovery import diagnose_specimens, read_specimens, Specimen
+import pytest
+from typer.testing import CliRunner
+
+from fam_bundle_ros.cli.app import app
+from fam_bundle_ros.discovery import diagnose_specimens, read_specimens, Specimen, write_csv
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import load_model, save_model
 
 LENGTHS = (0.08, 0.127, 0.25)
 
@@ -28,16 +33,32 @@ def constant(result, key):
     return next(each for each in result.constants if each.key == key)
 
 
-def test_a_dead_length_is_the_same_in_all_and_so_a_constant(specimens, paper_muscle):
-    """On one length it ties with a factor of the strain; on two it does not."""
-    result = diagnose_specimens(paper_muscle, specimens(
-        lambda muscle, length: muscle.with_effect('end_caps', dead_length=12e-3), LENGTHS[::2]))
-    assert [change.new for change in result.changes] == ['end_caps']
-    found = constant(result, 'end_caps.dead_length')
-    assert found.shared > 0.9
-    assert found.value == pytest.approx(12.0, abs=0.3)
-    assert all(error['best'] < 0.66 < error['model'] for error in result.error_N)
-    assert 'a constant of the material' in str(result)
+def test_a_dead_length_is_the_same_in_all_and_so_a_constant(specimens, paper_muscle, tmp_path):
+    """On one length it ties with a factor of the strain; on two it does not, by the command."""
+    lines = ['file,length [cm]']
+    for each in specimens(lambda muscle, length: muscle.with_effect(
+            'end_caps', dead_length=12e-3), LENGTHS[::2]):
+        write_csv(each.data, tmp_path / f'{each.name}.csv')
+        lines.append(f"{each.name}.csv,{100 * each.dimensions['length']}")
+    (tmp_path / 'table.csv').write_text('\n'.join(lines))
+    save_model(paper_muscle, tmp_path / 'model.yaml')
+    done = CliRunner().invoke(app, [
+        'diagnose', '--specimens', str(tmp_path / 'table.csv'), '--model',
+        str(tmp_path / 'model.yaml'), '--model-out', str(tmp_path / 'better.yaml'), '--json',
+        str(tmp_path / 'd.json')])
+    assert done.exit_code == 0, done.output
+    assert 'end_caps.dead_length is' in done.output
+    assert 'a constant of the material' in done.output
+    result = json.loads((tmp_path / 'd.json').read_text())
+    assert result['shapes'] == ['end_caps']
+    found = next(c for c in result['constants'] if c['key'] == 'end_caps.dead_length')
+    assert found['shared'] > 0.9
+    assert found['value'] == pytest.approx(12.0, abs=0.3)
+    for specimen, length in zip(result['specimens'], LENGTHS[::2]):
+        assert specimen['error_N']['best'] < 0.66 < specimen['error_N']['model']
+        better = load_model(tmp_path / f"better_{specimen['name']}.yaml")
+        assert better.length == pytest.approx(length)
+        assert better.effect('end_caps').values['dead_length'] == pytest.approx(12e-3, abs=1e-3)
 
 
 def test_a_friction_in_proportion_to_length_is_no_constant(specimens, paper_muscle):
@@ -80,6 +101,16 @@ def test_a_table_that_cannot_be_read_is_said_by_row_and_column(tmp_path, text, s
     table.write_text(text)
     with pytest.raises(InputError, match=said):
         read_specimens(table)
+
+
+def test_a_recording_that_is_not_in_the_table_is_said(tmp_path):
+    """And several recordings without a table are not taken for one."""
+    (tmp_path / 'table.csv').write_text('file\na.csv\n')
+    told = CliRunner().invoke(app, ['diagnose', 'b.csv', '--model', 'spie2021', '--specimens',
+                                    str(tmp_path / 'table.csv')])
+    assert "b.csv: not in column 'file'" in str(told.exception)
+    told = CliRunner().invoke(app, ['diagnose', 'a.csv', 'b.csv', '--model', 'spie2021'])
+    assert '2 recordings; expected one, or --specimens' in str(told.exception)
 
 
 def test_one_specimen_is_not_several(paper_muscle):

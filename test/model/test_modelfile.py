@@ -145,7 +145,7 @@ def test_an_effect_written_as_a_class_is_told_how_to_become_a_function(tmp_path,
     (tmp_path / 'mine.py').write_text(text)
     path = tmp_path / 'm.yaml'
     path.write_text(GOOD.replace('effects:', 'effect_files: [mine.py]\neffects:\n  - glue'))
-    with pytest.raises(InputError, match=r'mine.py: .*@law\(...\).*docs/guide.md'):
+    with pytest.raises(InputError, match=r'mine.py: .*@law\(...\).*docs/how_to/own_effect.md'):
         load_model(path, allow_python=True)
 
 

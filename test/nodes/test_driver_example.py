@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The driver that users copy keeps the contract of docs/driver.md."""
+"""The driver that users copy keeps the contract of docs/how_to/driver.md."""
 
 from importlib.util import module_from_spec, spec_from_file_location
 import math
@@ -199,7 +199,7 @@ names['main']()
 
 def test_page_names_topics_and_types_of_the_interface(repository):
     """The page of drivers lists what a rig sends and takes, with the types of the interface."""
-    page = (repository / 'docs/driver.md').read_text()
+    page = (repository / 'docs/how_to/driver.md').read_text()
     rows = dict(re.findall(r'^\| `([\w/<>]+)` \| (\w+/\w+) \| (?:in|out)', page, re.MULTILINE))
     known = {re.sub(r'^mu1', 'mu<i>', topic.name): topic.type_name.replace('/msg', '')
              for topic in interface.topics(1)}

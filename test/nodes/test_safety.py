@@ -30,7 +30,7 @@ TWO_PERIODS = 140e3
 
 
 class FaultyRig:
-    """A rig that obeys docs/driver.md, with sensors and valves that may be wrong."""
+    """A rig that obeys docs/how_to/driver.md, with sensors and valves that may be wrong."""
 
     def __init__(self, graph, force, e_stop=True, supply=True):
         self.graph, self.force = graph, force

@@ -130,7 +130,7 @@ def line(body):
 
 
 class FakeBoard:
-    """A microcontroller as docs/serial_rig.md describes it, with valves and two muscles."""
+    """A microcontroller as docs/how_to/serial_rig.md describes it, with valves and two muscles."""
 
     def __init__(self, port, units=2):
         self.port = port

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The sketch of docs/serial_rig.md is compiled and keeps the rules that stand above it."""
+"""The sketch of docs/how_to/serial_rig.md is compiled and keeps the rules that stand above it."""
 
 import os
 from pathlib import Path
@@ -39,7 +39,7 @@ pytestmark = pytest.mark.skipif(not shutil.which('g++'), reason='g++ is not inst
 @pytest.fixture(scope='module')
 def page(repository):
     """Return the page of serial_rig."""
-    return (repository / 'docs/serial_rig.md').read_text()
+    return (repository / 'docs/how_to/serial_rig.md').read_text()
 
 
 @pytest.fixture(scope='module')

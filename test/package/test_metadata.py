@@ -97,9 +97,10 @@ def test_executable_is_importable(name):
     assert callable(import_module(module).main)
 
 
-def test_requirements_hold_no_addresses(repository):
+@pytest.mark.parametrize('file', ['requirements.txt', 'docs/requirements.txt'])
+def test_requirements_hold_no_addresses(repository, file):
     """The pins are plain ``name==version`` lines, each name once."""
-    lines = (repository / 'requirements.txt').read_text().splitlines()
+    lines = (repository / file).read_text().splitlines()
     pins = [line for line in lines if line and not line.startswith('#')]
     plain = re.compile(r'[A-Za-z0-9._-]+==[0-9][0-9a-z.]*')
     assert [pin for pin in pins if not plain.fullmatch(pin)] == []

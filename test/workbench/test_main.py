@@ -8,6 +8,7 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.workbench.incoming import Incoming
 from fam_bundle_ros.workbench.main import first_case, run
 
 
@@ -41,9 +42,11 @@ def test_a_model_without_data_fails():
 
 
 def test_a_file_opens_with_its_model():
-    """DATA and --model make the first case; without a model the paper's muscle is assumed."""
+    """DATA and --model make the first case; without a model the page asks for the muscle."""
     data = config_path('data/examples/bundle_push_back.csv')
     case = first_case(data, config_path('data/examples/bundle_push_back.model.yaml'))
     assert (case.model.name, case.title) == ('bundle_push_back_start', 'bundle_push_back.csv')
-    assert first_case(data, None).model.n == 2
+    asked = first_case(data, None)
+    assert isinstance(asked, Incoming)
+    assert asked.muscle.values == {'muscles': '1, 1'}
     assert first_case(None, None) is None

@@ -18,6 +18,9 @@ from fam_bundle_ros.workbench.session import short
 
 pytestmark = pytest.mark.anyio
 DATA = config_path('data/examples/hidden_friction.csv')
+#: The muscle of the examples, as it is typed.
+MUSCLE = {'radius': '6.35 mm', 'length': '127 mm', 'braid_angle': '33 deg',
+          'wall_thickness': '1.59 mm', 'max_pressure': '413.7 kPa'}
 _CASE = load_example('hidden_friction')
 #: The error that the example starts with, as `compare` has it and the page writes it.
 START = f'{short(compare(_CASE.model, _CASE.data).error_N)} N'
@@ -100,11 +103,41 @@ async def test_cancel_leaves_everything_as_it_was(user):
     await user.should_not_see('probability')
 
 
-async def test_an_uploaded_measurement_opens(user):
-    """A dropped CSV is a case of its own; the model is assumed until one is dropped."""
+async def test_an_uploaded_measurement_asks_for_the_muscle(user):
+    """A dropped CSV shows its columns and opens once the muscle is told: none is assumed."""
     await upload(user, 'mine.csv', DATA.read_bytes())
+    await sees(user, 'Is this how the file is meant?')
+    await user.should_see('Not yet: your muscle is not complete')
+    await user.should_see('A muscle needs Radius')
+    for key, value in MUSCLE.items():
+        user.find(marker=f'muscle:{key}').trigger('input', value)
+    await user.should_not_see('Not yet')
+    user.find(marker='intake:use').click()
     await sees(user, 'mine.csv · your own file')
+    await user.should_see('Model my_muscle: mu1 of 1 muscle, radius 6.35 mm, length 127 mm')
     await user.should_see('Where the model fails')
+    user.find(marker='columns').click()
+    await sees(user, 'Is this how the file is meant?')
+    user.find(marker='map:force [N]:quantity').trigger('change', '')
+    await sees(user, "column 'force' is missing")
+    user.find(marker='intake:back').click()
+    await sees(user, 'Where the model fails')
+    user.find(marker='tab:explore').click()
+    await sees(user, 'Model my_muscle: mu1 of 1 muscle')
+
+
+async def test_a_column_is_told_on_the_page(user):
+    """A force of an unknown name: what is missing stands there until its column is told."""
+    renamed = DATA.read_bytes().replace(b'force [N]', b'Kanal 3', 1)
+    await upload(user, 'mine.csv', renamed)
+    await sees(user, "Not yet: mine.csv: column 'force' is missing")
+    await user.should_not_see('✓')
+    user.find(marker='map:Kanal 3:quantity').trigger('change', 'force')
+    await user.should_not_see("column 'force' is missing")
+    await user.should_see('✓ N guessed, no unit given')
+    user.find(marker='map:Kanal 3:unit').trigger('change', 'lbf')
+    await sees(user, 'force -192 to 882 N')
+    await user.should_see('✓ used')
 
 
 async def test_a_model_dropped_first_is_used(user):
@@ -114,6 +147,20 @@ async def test_a_model_dropped_first_is_used(user):
     await sees(user, 'Model dmsp20_ideal is ready')
     await upload(user, 'map.csv', config_path('data/dmsp20_static_map.csv').read_bytes())
     await sees(user, '151 N')
+
+
+async def test_the_muscle_is_edited_beside_the_plot(user):
+    """Another radius changes the error that is foretold, and opens the case with it anew."""
+    await open_first(user)
+    user.find(marker='muscle:radius').trigger('input', '5 mm')
+    await sees(user, 'With these dimensions the error would be')
+    user.find(marker='muscle:radius').trigger('input', '5 kg')
+    await sees(user, "Radius: unit 'kg' does not fit")
+    user.find(marker='muscle:radius').trigger('input', '5')
+    await sees(user, 'With these dimensions the error would be')
+    user.find(marker='muscle:use').click()
+    await sees(user, 'mu1 of 1 muscle, radius 5 mm, length 127 mm')
+    await user.should_not_see(START)
 
 
 async def test_a_wrong_unit_is_pointed_out(user):
@@ -138,7 +185,8 @@ async def test_a_bad_file_is_told_on_the_page(user, name, content, said):
     """The sentence stands on the page until it is closed, and the page goes on working."""
     await upload(user, name, content)
     await sees(user, said, 10.0)
-    user.find(marker='close-alert').click()
+    asks = name in ('broken.csv', 'words.csv')  # a table: its columns can be told
+    user.find(marker='intake:other' if asks else 'close-alert').click()
     await user.should_not_see(said)
     await open_first(user)
 

@@ -10,7 +10,7 @@ import pytest
 from fam_bundle_ros.data.grouping import reversals, rms
 from fam_bundle_ros.discovery import compare
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.workbench.cases import EXAMPLES, load_example, starting_model
+from fam_bundle_ros.workbench.cases import EXAMPLES, load_example
 from fam_bundle_ros.workbench.session import Session, short
 
 
@@ -135,10 +135,3 @@ def test_nothing_open_is_said_plainly():
         Session().now  # noqa: B018
     with pytest.raises(InputError, match='nothing is open'):
         Session().data  # noqa: B018
-
-
-def test_data_without_a_model_get_one_of_their_size():
-    """Data of three motor units start from three muscles of the paper."""
-    model = starting_model(3)
-    assert model.n == 3
-    assert [effect.name for effect in model.effects] == ['mesh', 'bladder_elasticity']

@@ -106,13 +106,26 @@ def flattened(values: Mapping[str, Any], prefix: str = '', depth: int = 4) -> di
         name = f'{prefix}.{key}' if prefix else str(key)
         if isinstance(value, (list, np.ndarray)) and len(value) and all(
                 isinstance(entry, Mapping) for entry in value):
-            # records: an array of structs
-            value = {field: [entry.get(field) for entry in value] for field in value[0]}
+            value = _joined(list(value))
         if isinstance(value, Mapping) and depth:
             flat.update(flattened(value, name, depth - 1))
         else:
             flat[name] = value
     return flat
+
+
+def _joined(entries: list[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return an array of structs as one: samples one by one, or the vectors of several trials."""
+    lengths = [max((len(np.ravel(value)) for value in entry.values()
+                    if isinstance(value, (list, np.ndarray))), default=1) for entry in entries]
+    if max(lengths) < 2:
+        return {field: [entry.get(field) for entry in entries] for field in entries[0]}
+    whole: dict[str, Any] = {}
+    for field in entries[0]:
+        parts = [np.ravel(entry.get(field, ())) for entry in entries]
+        if all(len(part) == length for part, length in zip(parts, lengths)):
+            whole[field] = np.concatenate(parts)
+    return {**whole, 'trial': np.repeat(np.arange(1.0, len(entries) + 1.0), lengths)}
 
 
 def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:

@@ -52,7 +52,7 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
             at += 1
             continue
         if not layout.is_number(cells[0], decimal) and cells[0]:
-            names = [name for name in cells if name and name != 'Comment']
+            names = unique(layout.trimmed(cells))
             trial += 1
         elif not any(cells):
             at += 1
@@ -69,10 +69,12 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
                                 decimal=decimal, header=None, index_col=False,
                                 names=names)
         rows.append(np.arange(begin, end) + 1)
-        frames.append(_with_time(block, header, max(trial, 0)))
-        y_units = header.get('Y_Unit_Label', [])
+        frames.append(_with_time(block.drop(columns='Comment', errors='ignore'), header,
+                                 max(trial, 0)))
         channels = [name for name in names if not name.startswith('X_Value')]
-        units.update({name: unit for name, unit in zip(channels, y_units) if unit})
+        units.update({name: unit for name, unit in zip(
+            channels, [unit for unit in header.get('Y_Unit_Label', []) if unit]
+            if 'X_Value (2)' in names else header.get('Y_Unit_Label', [])) if unit})
         at = end
     if not frames:
         raise InputError(f'{path.name}: no channels in it; expected those of a LabVIEW '
@@ -98,8 +100,16 @@ def _header_line(line: str) -> tuple[str, str]:
 def _with_time(block: Any, header: dict[str, list[str]], trial: int) -> Any:
     """Return a segment's columns with one time, in front, and the trial."""
     clocks = [name for name in block.columns if str(name).startswith('X_Value')]
-    if block.columns.duplicated().any():  # Multi: a clock for each channel, as a rule the same
-        block = block.loc[:, ~block.columns.duplicated()]
+    if len(clocks) > 1:  # Multi: a clock in front of each channel
+        clock, own = block[clocks[0]].to_numpy(float), None
+        for name in list(block.columns):
+            if name in clocks:
+                own = block[name].to_numpy(float)
+            elif own is not None and not np.array_equal(own, clock, equal_nan=True):
+                known = np.isfinite(own)
+                block[name] = np.interp(clock, own[known], block[name].to_numpy(float)[known],
+                                        right=np.nan)
+        block, clocks = block.drop(columns=clocks[1:]), clocks[:1]
     if clocks and block[clocks[0]].isna().all():
         block, clocks = block.drop(columns=clocks), []
     if not clocks:

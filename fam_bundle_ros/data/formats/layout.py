@@ -19,9 +19,16 @@ import numpy as np
 
 from fam_bundle_ros.data.vocabulary import is_unit, recognise
 
-#: Cells that stand for no reading.
-BLANKS = ('', '-', '--', '---', '\u2013', 'NaN', 'nan', 'NAN', 'NA', 'N/A', 'n/a', '#N/A', '#NV',
-          'null', 'NULL', 'None', 'none', '.', '?', '*')
+#: Cells that stand for no reading, in any case: blanks, what is no number in C and in Excel, and
+#: what instruments write beyond their range.
+BLANKS = ('', '-', '--', '---', '----', '\u2013', '.', '..', '...', '?', '*', '**', '***', '****',
+          '*****', 'nan', '-nan', '+nan', 'nan(ind)', '-nan(ind)', 'na', 'n/a', 'null', 'none',
+          'nil', 'inf', '+inf', '-inf', 'infinity', '-infinity', '1.#ind', '-1.#ind', '1.#qnan',
+          '-1.#qnan', '1.#inf', '-1.#inf', '#n/a', '#nv', '#na', '#div/0!', '#value!', '#wert!',
+          '#ref!', '#bezug!', '#num!', '#zahl!', '#name?', '#null!', 'ol', '+ol', '-ol', 'o.l.',
+          'ovl', 'ovld', 'ovfl', 'over', 'overflow', 'overload', 'overrange', 'over range',
+          'underflow', 'underrange', 'out of range', 'missing', 'invalid', 'no data', 'nodata')
+_BLANKS = frozenset(BLANKS)
 _NUMBER = {
     '.': re.compile(r'[-+]?(\d+(,\d{3})+(\.\d*)?|\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?'),
     ',': re.compile(r'[-+]?(\d+(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
@@ -43,7 +50,7 @@ class Layout(NamedTuple):
 
 def is_blank(cell: str) -> bool:
     """Return whether a cell holds no reading."""
-    return cell.strip() in BLANKS
+    return cell.strip().casefold() in _BLANKS
 
 
 def is_number(cell: str, decimal: str = '.') -> bool:
@@ -119,9 +126,24 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     return first, usual_width if usual_width < most and usual_width <= above < most else most
 
 
-def find_names(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], dict[str, str]]:
+def is_row(cells: Sequence[str], width: int, decimal: str = '.') -> bool:
     """
-    Return the columns' names and, where a row of units was found, their units.
+    Return whether a row below the names is one of data, though some of its cells are bad.
+
+    A row that begins with a word (a label such as 'offset') belongs to the header.
+    """
+    used = trimmed(cells)
+    return bool(used) and abs(len(used) - width) <= 1 and (
+        is_reading(used[0], decimal) or is_blank(used[0])) and any(
+            is_reading(cell, decimal) for cell in used)
+
+
+def find_names(rows: Sequence[Sequence[str]], width: int,
+               ) -> tuple[list[str], dict[str, str], int]:
+    """
+    Return the columns' names, their units where a row of them was found, and the last row used.
+
+    The last is an index of ``rows``, -1 where there are no names.
 
     Parameters
     ----------
@@ -130,23 +152,23 @@ def find_names(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], di
     width : int
         Number of columns.
     """
-    near = [row for row in rows[-_ABOVE:] if 2 <= len(trimmed(row)) <= width + 1]
-    near = [[*row, *[''] * width][:width] for row in near]
-    near = [row for row in near if not any(is_number(cell) for cell in row if len(cell) > 1)]
-    known = [sum(recognise(cell).quantity != '' for cell in row if cell.strip()) for row in near]
-    unit_like = [_units_in(row) for row in near]
+    begin = max(len(rows) - _ABOVE, 0)
+    near = [(i, [*row, *[''] * width][:width]) for i, row in enumerate(rows[begin:], begin)
+            if 2 <= len(trimmed(row)) <= width + 1]
+    near = [(i, row) for i, row in near
+            if not any(is_number(cell) for cell in row if len(cell) > 1)]
     if not near:
-        return [f'column {i + 1}' for i in range(width)], {}
+        return [f'column {i + 1}' for i in range(width)], {}, -1
+    known = [sum(recognise(cell).quantity != '' for cell in row if cell.strip())
+             for _, row in near]
+    unit_like = [_units_in(row) for _, row in near]
     candidates = [i for i in range(len(near)) if not unit_like[i] or known[i] > 1]
     at = max(candidates or range(len(near)), key=lambda i: (known[i], i))
-    names = [cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at])]
-    units_at = [i for i in range(len(near)) if i != at and unit_like[i]]
-    units = {}
-    if units_at:
-        units = {name: cell.strip().strip('[](){}<>') for name, cell in zip(names,
-                                                                            near[units_at[-1]])
-                 if cell.strip().strip('[](){}<>')}
-    return names, units
+    names = [cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at][1])]
+    units_at = [i for i in range(len(near)) if i != at and unit_like[i]][-1:]
+    units = {name: cell.strip().strip('[](){}<>') for i in units_at
+             for name, cell in zip(names, near[i][1]) if cell.strip().strip('[](){}<>')}
+    return names, units, max(near[i][0] for i in (at, *units_at))
 
 
 def _units_in(row: Sequence[str]) -> bool:

@@ -14,6 +14,7 @@ import codecs
 from collections.abc import Iterator
 import csv
 import io
+from itertools import islice
 from pathlib import Path
 import re
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.formats import layout
+from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import check_size, pandas_of, Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
 from fam_bundle_ros.errors import InputError
@@ -82,7 +84,11 @@ def _read(path: Path, encoding: str) -> Table:
     errors = 'replace' if encoding == 'cp1252' else 'strict'
     with open(path, encoding=encoding, errors=errors) as stream:
         lines = _lines(path.name, stream)
-        head = [line for line, _ in zip(lines, range(_SNIFFED))]
+        head = list(islice(lines, _SNIFFED))
+        if labelled(path.name, head) is not None:
+            table = labelled(path.name, [*head, *islice(lines, MAX_ROWS + 1)])
+            if table is not None:
+                return table
     dialect, skipped = sniff(path.name, head)
     names = unique(dialect.layout.names)
     with open(path, encoding=encoding, errors=errors) as stream:
@@ -232,11 +238,15 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                                         'no rows of numbers were found')
                          + '; expected a table with columns for strain (or length), pressure and '
                          'force')
-    above = [_header_cells(line, dialect, dialect.layout.width) for line in head[:line_at]
-             if line.strip()]
-    names, units = layout.find_names(above, dialect.layout.width)
-    return dialect._replace(layout=layout.Layout(names, units, first, dialect.layout.width)
-                            ), line_at
+    width = dialect.layout.width
+    above = [i for i, line in enumerate(head[:line_at]) if line.strip()]
+    names, units, last = layout.find_names(
+        [_header_cells(head[i], dialect, width) for i in above], width)
+    # what stands between the names and the first sound row are data with bad cells
+    unsound = [i for i in above[last + 1:] if last >= 0 and not _is_comment(head[i])
+               and layout.is_row(split(head[i], dialect.separator), width, dialect.decimal)]
+    return dialect._replace(layout=layout.Layout(names, units, first, width)
+                            ), min([line_at, *unsound])
 
 
 def _decimals(rows: list[list[str]], decimal: str) -> float:

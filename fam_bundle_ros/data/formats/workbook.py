@@ -81,9 +81,10 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     first, width = layout.find_data([head[i] for i in filled], decimal)
     if first < 0:
         return None, 0
-    names, units = layout.find_names([head[i] for i in filled[:first]], width)
+    names, units, last = layout.find_names([head[i] for i in filled[:first]], width)
     names = unique(names)
-    begin = filled[first]
+    begin = min([filled[first], *(i for i in filled[last + 1:first] if last >= 0
+                                  and layout.is_row(head[i], width, decimal))])
     columns = {name: _column(values[begin:, j], decimal) for name, j in zip(names, used)}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}

@@ -221,7 +221,7 @@ class Law:
 
     @property
     def place(self) -> Place:
-        """Where the law acts: the place of its first part."""
+        """The place where the first part of the law acts."""
         return self.parts[0].place
 
     @property

@@ -35,7 +35,7 @@ def force_sensor_gain(force, gain):
 
 
 @law('sensor', **_INSTRUMENT, family='force_sensor_drift', across_trials=True,
-     leaves=('drift',), off={'rate': 0.0}, look=('grey', 'dot'),
+     leaves=('drift',), off={'rate': 0.0}, look=('grey', 'longdash'),
      summary='load cell whose zero drifts', signature='the error grows with the clock and is the '
      'same at every strain and pressure at one time',
      remedy='log the unloaded load cell before and after, and tare it in between',

@@ -1,0 +1,133 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command `new-model`: a model file of one's own muscle, by options or by questions."""
+
+from pathlib import Path
+import sys
+from typing import Annotated
+
+from rich.markup import escape
+import typer
+
+from fam_bundle_ros.cli.common import console, JsonFile, notes, save_json, table, wrote
+from fam_bundle_ros.errors import InputError
+
+_KINDS = ('.yaml', '.yml')
+
+
+def new_model(
+    out: Annotated[Path | None, typer.Argument(metavar='OUT', help='Model file (.yaml) to write.'
+                                               )] = None,
+    part: Annotated[str | None, typer.Option(metavar='NAME', help='Part of the catalogue, such as '
+                                             'dmsp-20 (--list).')] = None,
+    radius: Annotated[str | None, typer.Option(metavar='LENGTH', help='Initial outer radius, half '
+                                               'the diameter: "6.35 mm".')] = None,
+    length: Annotated[str | None, typer.Option(metavar='LENGTH', help='Active length between the '
+                                               'fittings, vented and not pulled: "127 mm".'
+                                               )] = None,
+    braid_angle: Annotated[str | None, typer.Option(metavar='ANGLE', help='Of the threads from '
+                                                    'the axis, at that length: "33 deg".'
+                                                    )] = None,
+    wall: Annotated[str | None, typer.Option(metavar='LENGTH', help='Wall of the bladder: '
+                                             '"1.59 mm".')] = None,
+    muscles: Annotated[str | None, typer.Option(metavar='N[,N]...', help='Equal muscles of each '
+                                                'motor unit, in the order of recruitment: "1" or '
+                                                '"1,2".')] = None,
+    max_pressure: Annotated[str | None, typer.Option(metavar='PRESSURE', help='Highest gauge '
+                                                     'pressure: "400 kPa".')] = None,
+    effects: Annotated[list[str] | None, typer.Option('--effect', metavar='NAME', help='Effect of '
+                                                      'the catalogue to begin with; mesh, the '
+                                                      'ideal braid, by default. May be given '
+                                                      'several times.')] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the model; the file's by default."
+                                             )] = None,
+    force: Annotated[bool, typer.Option('--force', help='Write over a file that is there.'
+                                        )] = False,
+    ask: Annotated[bool | None, typer.Option('--ask/--no-ask', show_default=False, help='Ask for '
+                                             'what is not told; in a terminal by default.'
+                                             )] = None,
+    listed: Annotated[bool, typer.Option('--list', help='Show the parts with the source of each '
+                                         'value, and leave.')] = False,
+    json_file: JsonFile = None,
+) -> None:
+    """
+    Write a model file of your own muscle, by options or by questions.
+
+    The file has a comment on each value and is taken by every command: map, diagnose, run.
+    """
+    from fam_bundle_ros.atomic import write_whole
+    from fam_bundle_ros.model import own_muscle
+    if listed:
+        _list(own_muscle)
+        return
+    if out is None:
+        raise InputError('new-model: no OUT; expected the name of the model file (.yaml) to write')
+    if out.suffix not in _KINDS:
+        raise InputError(f'{out}: expected the name of a model file (.yaml) to write')
+    if out.exists() and not force:
+        raise InputError(f'{out}: is there already; expected another name, or --force')
+    given = {'radius': radius, 'length': length, 'braid_angle': braid_angle,
+             'wall_thickness': wall, 'muscles': muscles, 'max_pressure': max_pressure}
+    if ask is None:
+        ask = sys.stdin.isatty() and sys.stdout.isatty()
+    if ask and part is None and not any(given.values()):
+        part = _asked_part(own_muscle)
+    stock = None if part is None else own_muscle.find_part(part, '--part')
+    values = {**(stock.values if stock else {}), 'muscles': '1',
+              **{key: value for key, value in given.items() if value is not None}}
+    sources = {key: f'{stock.title}, {said}' for key, said in stock.sources.items()
+               if given[key] is None} if stock else {}
+    if muscles is None:
+        sources['muscles'] = 'one, as nothing was told'
+    if ask:
+        for entry in own_muscle.ENTRIES:
+            if given[entry.key] is None:
+                _ask(entry, values, sources)
+    bundle = own_muscle.new_bundle(name or out.stem, values, effects or own_muscle.START_EFFECTS,
+                                   lambda entry: entry.option)
+    if stock is not None:
+        _check_length(stock, bundle)
+    origin = (f'{stock.title}: a catalogue part' if stock else 'A muscle of your own')
+    write_whole(out, own_muscle.model_text(bundle, values, sources,
+                                           f'{origin}, written by fam_bundle new-model.'))
+    console.print(escape(own_muscle.muscle_words(bundle)), soft_wrap=True)
+    for key, said in sources.items():
+        notes.print(escape(f'{key} {values[key]}: {said}'), style='dim', soft_wrap=True)
+    wrote(out)
+    console.print(f'next: [bold]fam_bundle diagnose DATA --model {escape(str(out))}[/bold]',
+                  soft_wrap=True)
+    save_json(json_file, {'out': out, 'name': bundle.name, 'values': values, 'sources': sources,
+                          'effects': [effect.name for effect in bundle.effects]})
+
+
+def _list(own_muscle) -> None:
+    for part in own_muscle.PARTS:
+        low, high = part.lengths
+        table(('value', '', 'source'),
+              [(entry.option, part.values.get(entry.key, 'tell yours'),
+                part.sources.get(entry.key, '')) for entry in own_muscle.ENTRIES],
+              title=f'{part.name}: {part.title}, sold from {1e3 * low:g} to {1e3 * high:g} mm')
+        console.print()
+
+
+def _asked_part(own_muscle) -> str | None:
+    known = ', '.join(part.name for part in own_muscle.PARTS)
+    answer = typer.prompt(f'Part ({known}), or Enter for dimensions of your own', default='',
+                          show_default=False, err=True).strip()
+    return answer or None
+
+
+def _ask(entry, values: dict[str, str], sources: dict[str, str]) -> None:
+    """Ask for one value; Enter takes what stands there."""
+    before = values.get(entry.key)
+    values[entry.key] = typer.prompt(f'{entry.label} ({entry.meaning}), such as {entry.example}',
+                                     default=before, err=True).strip()
+    if values[entry.key] != before:
+        sources.pop(entry.key, None)
+
+
+def _check_length(part, bundle) -> None:
+    low, high = part.lengths
+    if not low <= bundle.length <= high:
+        notes.print(f'note: {part.title} is sold from {1e3 * low:g} to {1e3 * high:g} mm; '
+                    f'--length is {1e3 * bundle.length:g} mm')

@@ -1,0 +1,75 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What `diagnose --specimens` does: several recordings, one table of dimensions."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from fam_bundle_ros.cli.common import (
+    console,
+    progress_bar,
+    read_data,
+    Reading,
+    save_json,
+    show_muscle,
+    table,
+    wrote,
+)
+from fam_bundle_ros.errors import InputError
+
+
+def diagnose_table(bundle: Any, path: Path, files: list[str], reading: Reading, choices: Any,
+                   model_out: Path | None, json_file: Path | None) -> None:
+    """
+    Diagnose the specimens of a table together, print what they say, and write their models.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        With nominal dimensions.
+    path : Path
+        The table.
+    files : list of str
+        Recordings of the table that are wanted; empty for all.
+    reading : Reading
+        How each recording is read.
+    choices : Choices
+    model_out : Path, optional
+        ``better.yaml`` makes ``better_<specimen>.yaml`` of each.
+    json_file : Path, optional
+
+    Raises
+    ------
+    InputError
+        For a file that is not in the table.
+    """
+    from fam_bundle_ros import discovery
+    from fam_bundle_ros.model import save_model
+    told = {specimen.data.resolve(): specimen for specimen in discovery.read_specimens(path)}
+    strange = [file for file in files if Path(file).resolve() not in told]
+    if strange:
+        raise InputError(f"{strange[0]}: not in column 'file' of {path}, which has "
+                         f"{', '.join(str(s.data) for s in told.values())}")
+    chosen = [told[Path(file).resolve()] for file in files] or list(told.values())
+    specimens = [replace(s, data=read_data(str(s.data), reading, s.model(bundle)))
+                 for s in chosen]
+    with progress_bar('diagnose') as tick:
+        result = discovery.diagnose_specimens(bundle, specimens, progress=tick, choices=choices)
+    show_muscle(bundle)
+    console.print(f"[bold]missing in all:[/bold] {escape(', '.join(result.effects) or 'nothing')}")
+    table(('specimen', 'error (N)', 'recalibrated (N)', 'best (N)'),
+          [(s.name, e['model'], e['recalibrated'], e['best'])
+           for s, e in zip(result.specimens, result.error_N)], numeric=(1, 2, 3))
+    table(('effect', 'probability'), [(name, f'{p:.2f}') for name, p in list(
+        result.probability.items())[:6]], numeric=(1,))
+    for constant in result.constants:
+        console.print(escape(str(constant)), soft_wrap=True)
+    if model_out is not None:
+        for specimen, model in zip(result.specimens, result.models):
+            out = model_out.with_name(f'{model_out.stem}_{specimen.name}{model_out.suffix}')
+            save_model(model, out)
+            wrote(out)
+    save_json(json_file, result.to_dict())

@@ -1,0 +1,50 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Lines of a microcontroller in which each value has its name: 't:12 L:120.5 p:250 F:31.2'."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+import re
+
+import numpy as np
+
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.vocabulary import is_unit
+
+_PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)\s*[:=]\s*'
+                   r'([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[Nn]a[Nn]|inf)'
+                   r'(?:\s*([A-Za-z%\u00b0]+[/\w\u00b2^]*)(?![\w:=]|\s*[:=]))?')
+
+
+def labelled(name: str, lines: Sequence[str]) -> Table | None:
+    """
+    Return the table of lines that name their values, None where most lines are no such.
+
+    Parameters
+    ----------
+    name : str
+        File, for messages.
+    lines : sequence of str
+
+    Examples
+    --------
+    >>> table = labelled('log', ['p:1.5bar F:2', 'p:1.6bar F:3', 'p:1.7bar F:4'])
+    >>> table.columns['F'], table.units
+    (array([2., 3., 4.]), {'p': 'bar'})
+    """
+    pairs = [_PAIR.findall(line) for line in lines]
+    counts = Counter(tuple(key for key, _, _ in found) for found in pairs if len(found) > 1)
+    if not counts:
+        return None
+    keys, often = counts.most_common(1)[0]
+    if often < 3 or often < 0.8 * sum(bool(line.strip()) for line in lines[-often:]) or (
+            len(set(keys)) < len(keys)):
+        return None
+    rows = [k for k, found in enumerate(pairs) if tuple(key for key, _, _ in found) == keys]
+    values = np.array([[float(value) for _, value, _ in pairs[k]] for k in rows])
+    units = {key: unit for key, (_, _, unit) in zip(keys, pairs[rows[0]])
+             if unit and is_unit(unit)}
+    return Table(name, 'text with a name beside each value',
+                 dict(zip(keys, values.T)), units, np.array(rows) + 1)

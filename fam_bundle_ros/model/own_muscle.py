@@ -1,0 +1,278 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A model of one's own muscle: from a part that is sold, or from its dimensions, to a model file.
+
+Values are texts with units, as people type them; the file says where each of them is from.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+import textwrap
+from types import MappingProxyType
+
+import yaml
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import catalogue
+from fam_bundle_ros.model.bundle import Bundle
+from fam_bundle_ros.model.geometry import Geometry, geometry_problem
+from fam_bundle_ros.model.modelfile import FORMAT
+from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
+from fam_bundle_ros.units import express, parse, spaced
+
+__all__ = ['ENTRIES', 'Entry', 'Part', 'PARTS', 'START_EFFECTS', 'dimensions_of', 'find_part',
+           'fitted_bundle', 'model_text', 'muscle_words', 'new_bundle', 'with_dimensions']
+
+#: What a new model begins with, unless told otherwise: the ideal braid.
+START_EFFECTS = ('mesh',)
+_SHEET = 'Festo data sheet "Fluidic Muscle DMSP/MAS", quoted from memory: check it on your sheet'
+_LIKE_20 = ('not in the data sheet: the value of the DMSP-20 is taken as a start; measure it, or '
+            'let diagnose refit it')
+
+
+@dataclass(frozen=True)
+class Entry:
+    """
+    One thing to be told of a muscle.
+
+    Attributes
+    ----------
+    key, label, unit : str
+        Key of the model file, words for people, and the unit that is suggested ('' for a count).
+    meaning : str
+    example : str
+    """
+
+    key: str
+    label: str
+    unit: str
+    meaning: str
+    example: str
+
+    @property
+    def option(self) -> str:
+        """Name of the option of the command line."""
+        return '--' + self.key.replace('_thickness', '').replace('_', '-')
+
+
+ENTRIES = (
+    Entry('radius', 'Radius', 'mm', 'initial outer radius: half the diameter at rest', '6.35 mm'),
+    Entry('length', 'Length', 'mm', 'active length between the fittings, vented and not pulled: '
+          'strain is zero there', '127 mm'),
+    Entry('braid_angle', 'Braid angle', 'deg', 'of the threads from the axis, at that length',
+          '33 deg'),
+    Entry('wall_thickness', 'Wall', 'mm', 'wall of the bladder, at rest', '1.59 mm'),
+    Entry('muscles', 'Muscles', '', 'equal muscles on one valve; one number for each motor unit, '
+          'the unit that is recruited first comes first', '1, 2'),
+    Entry('max_pressure', 'Highest pressure', 'kPa', 'gauge; the controller never asks for more',
+          '400 kPa'),
+)
+
+
+@dataclass(frozen=True)
+class Part:
+    """
+    A muscle that is sold.
+
+    Attributes
+    ----------
+    name, title : str
+    values : mapping of str to str
+        By key of `ENTRIES`, with unit. The length is the user's own.
+    sources : mapping of str to str
+        Where each value is from.
+    lengths : (float, float), m
+        Shortest and longest that is sold.
+    """
+
+    name: str
+    title: str
+    values: Mapping[str, str]
+    sources: Mapping[str, str]
+    lengths: tuple[float, float]
+
+
+def _festo(size: int, pressure: str, shortest: float, geometry: str) -> Part:
+    return Part(
+        f'dmsp-{size}', f'Festo DMSP-{size}',
+        MappingProxyType({'radius': f'{size // 2} mm', 'braid_angle': '28.53 deg',
+                          'wall_thickness': '1.8 mm', 'max_pressure': pressure}),
+        MappingProxyType({
+            'radius': f'half the inner diameter of {size} mm ({_SHEET}); the threads lie in the '
+            'wall, so up to a wall more', 'braid_angle': geometry, 'wall_thickness': geometry,
+            'max_pressure': f'highest operating pressure ({_SHEET})'}), (shortest, 9.0))
+
+
+PARTS = (
+    _festo(10, '800 kPa', 0.04, _LIKE_20),
+    _festo(20, '600 kPa', 0.06, 'not in the data sheet: that of the model dmsp20_static_map that '
+           'ships, which does not say how it was measured'),
+    _festo(40, '600 kPa', 0.12, _LIKE_20),
+)
+
+
+def find_part(name: str, named: str = 'part') -> Part:
+    """Return a part by its name; InputError, which begins with ``named``, lists them."""
+    plain = name.casefold().replace('festo', '').strip(' -_').replace(' ', '-')
+    for part in PARTS:
+        if plain in (part.name, part.name.replace('-', '')):
+            return part
+    raise InputError(f"{named}: '{name}' is not in the catalogue; expected one of "
+                     f'{", ".join(part.name for part in PARTS)}, or the dimensions')
+
+
+def new_bundle(name: str, values: Mapping[str, str], effects: Sequence[str] = START_EFFECTS,
+               named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
+    """
+    Return a bundle of dimensions as people type them.
+
+    Parameters
+    ----------
+    name : str
+    values : mapping of str to str
+        By key of `ENTRIES`.
+    effects : sequence of str
+        Names of the catalogue, at their default values.
+    named : callable
+        What an entry is called in messages, say its option.
+
+    Raises
+    ------
+    InputError
+        Begins with the entry's name and says what was expected.
+    """
+    return fitted_bundle(name, values, [_effect(effect) for effect in effects], named=named)
+
+
+def with_dimensions(bundle: Bundle, values: Mapping[str, str],
+                    named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
+    """Return a bundle with other dimensions and the same effects; InputError as `new_bundle`."""
+    return fitted_bundle(bundle.name, values, bundle.effects, bundle.notes, named)
+
+
+def fitted_bundle(name: str, values: Mapping[str, str], effects: Sequence,
+                  notes: Mapping | None = None,
+                  named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
+    """Return a bundle of dimensions as people type them and of effects as they are."""
+    entries = {entry.key: entry for entry in ENTRIES}
+    missing = [entry for entry in ENTRIES if not values.get(entry.key, '').strip()]
+    if missing:
+        words = ', '.join(f'{named(entry)} ({entry.meaning}; {entry.example})'
+                          for entry in missing[:2])
+        more = ', '.join(named(entry) for entry in missing[2:])
+        raise InputError(f'a muscle needs {words}{" and also " + more if more else ""}')
+    numbers = {}
+    for entry in ENTRIES:
+        if entry.unit:
+            try:
+                numbers[entry.key] = parse(spaced(values[entry.key]), entry.unit)
+            except InputError as error:
+                raise InputError(f'{named(entry)}: {error}') from error
+    pressure = numbers.pop('max_pressure')
+    problem = geometry_problem(**numbers)
+    if problem:
+        raise InputError(f'{named(entries[problem[0]])}: {problem[1]}; it is '
+                         f"'{values[problem[0]].strip()}'")
+    if not 0.0 < pressure <= MAX_PRESSURE:
+        raise InputError(f"{named(entries['max_pressure'])}: must lie between 0 and "
+                         f"{MAX_PRESSURE / 1e6:g} MPa; it is '{values['max_pressure'].strip()}'")
+    counts = [word.strip() for word in values['muscles'].split(',')]
+    for word in counts:
+        if not (word.isdecimal() and 1 <= int(word) <= MOST_MUSCLES):
+            raise InputError(f"{named(entries['muscles'])}: '{word}' is not a whole number from "
+                             f"1; expected one for each motor unit, for example '1, 2'")
+    geometry = Geometry(**numbers)
+    return Bundle(name, [MotorUnit(f'mu{k + 1}', int(word), geometry, pressure)
+                         for k, word in enumerate(counts)], effects, notes=notes)
+
+
+def _effect(name: str):
+    law = catalogue.get(name)
+    if law.load is not None:
+        raise InputError(f'{name} needs a table of your own; expected it added to the model file')
+    return law()
+
+
+def dimensions_of(bundle: Bundle) -> dict[str, str]:
+    """
+    Return the dimensions of a bundle as people type them, by key of `ENTRIES`.
+
+    Those of the first motor unit: `with_dimensions` gives every unit the same.
+    """
+    first = bundle.motor_units[0]
+    units = {entry.key: entry.unit for entry in ENTRIES}
+    values = {key: express(float(getattr(first.geometry, key)), units[key])
+              for key in ('radius', 'length', 'braid_angle', 'wall_thickness')}
+    return {**values, 'muscles': ', '.join(str(unit.muscles) for unit in bundle.motor_units),
+            'max_pressure': express(float(first.max_pressure), 'kPa')}
+
+
+def muscle_words(bundle: Bundle) -> str:
+    """
+    Return a model's name and geometry in one line: the header of every result.
+
+    Motor units that are alike are told once.
+    """
+    groups: dict[str, list[str]] = {}
+    for unit in bundle.motor_units:
+        own = unit.geometry
+        words = (f'radius {express(float(own.radius), "mm", 4)}, length '
+                 f'{express(float(own.length), "mm", 4)}, braid angle '
+                 f'{express(float(own.braid_angle), "deg", 4)}, wall '
+                 f'{express(float(own.wall_thickness), "mm", 4)}, up to '
+                 f'{express(float(unit.max_pressure), "kPa", 4)}')
+        count = f'{unit.muscles} muscle{"s" * (unit.muscles != 1)}'
+        groups.setdefault(f'{count}, {words}', []).append(unit.name)
+    return f'{bundle.name}: ' + '; '.join(f'{", ".join(names)} of {words}'
+                                          for words, names in groups.items())
+
+
+def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, str],
+               origin: str = '') -> str:
+    """
+    Return a model file with comments: what each value means and where it is from.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        As `new_bundle` made it.
+    values : mapping of str to str
+        By key of `ENTRIES`, as they were typed.
+    sources : mapping of str to str
+        Where values are from; those without one are the user's.
+    origin : str
+        One sentence for the first line.
+    """
+    def told(key: str, indent: int, last: str = '') -> list[str]:
+        entry = next(entry for entry in ENTRIES if entry.key == key)
+        meaning = entry.meaning.partition(';')[0] if key == 'muscles' else entry.meaning
+        said = f'{meaning}. Source: {sources.get(key, "as told")}.'
+        return [*_comment(said, indent),
+                f'{" " * indent}{key}: {last or " ".join(spaced(values[key]).split())}']
+
+    lines = [*_comment(origin or 'A model of one muscle.'),
+             *_comment('Units stand in every value. fam_bundle map, diagnose and run take this '
+                       'file; fam_bundle effects lists what can be added.'),
+             f'format: {FORMAT}',
+             yaml.safe_dump({'name': bundle.name}, allow_unicode=True, width=999).strip(),
+             'motor_units:  # in the order of recruitment']
+    for k, unit in enumerate(bundle.motor_units):
+        block = [*told('muscles', 4, str(unit.muscles)), '    geometry:']
+        for key in ('radius', 'length', 'braid_angle', 'wall_thickness'):
+            block += told(key, 6)
+        block += told('max_pressure', 4)
+        # what was said of the first unit holds for the others
+        lines += [f'  - name: {unit.name}', *(line for line in block
+                                              if k == 0 or not line.lstrip().startswith('#'))]
+    lines.append('effects:')
+    for effect in bundle.effects:
+        lines += [*_comment(f'{effect.summary}. Source: {effect.source}.', 2),
+                  f'  - {effect.name}']
+    return '\n'.join(lines) + '\n'
+
+
+def _comment(said: str, indent: int = 0) -> list[str]:
+    lead = ' ' * indent + '# '
+    return textwrap.wrap(said, 99, initial_indent=lead, subsequent_indent=lead,
+                         break_long_words=False)

@@ -1,0 +1,249 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A measurement on its way in: its first rows, what each column is taken for, and the user's word.
+
+Plain Python; the page draws what is here. Whatever is changed, `Incoming.look` reads the whole
+file again with it, so that nothing is called good that is then refused.
+"""
+
+from collections.abc import Callable, Sequence
+from copy import copy, deepcopy
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+import re
+
+from fam_bundle_ros.data import Measurement, taken_words
+from fam_bundle_ros.data.formats import Table
+from fam_bundle_ros.data.reading import Preview, preview
+from fam_bundle_ros.data.recipe import Recipe
+from fam_bundle_ros.data.vocabulary import likes, recognise
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.workbench.muscle import MuscleForm
+
+__all__ = ['Column', 'Incoming', 'QUANTITY_WORDS', 'UNITS']
+
+#: What a column may be, as the page says it.
+QUANTITY_WORDS = {
+    '': 'not used', 'time': 'time', 'trial': 'trial', 'strain': 'strain (shorter is +)',
+    'contraction': 'contraction (shorter is +)', 'elongation': 'elongation (longer is +)',
+    'length': 'length', 'pressure': 'pressure', 'force': 'force', 'strain_rate': 'strain rate'}
+#: Units to choose from, by the SI unit that they are like; others come as the file has them.
+UNITS = {'N': ('N', 'kN', 'mN', 'lbf', 'kgf', 'gf'),
+         'Pa': ('kPa', 'Pa', 'MPa', 'bar', 'mbar', 'psi', 'kPa abs', 'Pa abs', 'MPa abs',
+                'bar abs', 'mbar abs', 'psi abs'),
+         'm': ('mm', 'cm', 'm', 'in'), 's': ('s', 'ms', 'us', 'min'), '1': ('ratio', '%'),
+         '1/s': ('1/s', '%/s')}
+
+
+#: What messages say to type on a command line -> where it is on the page.
+_FIELDS = ((r' \(--rest-length, rest_length, or (?:a|its) model\)', ': the Length of your muscle'),
+           (r'; (?:tell it|expected it told)\b.*--columns.*', '; choose it in the table'),
+           (r'; expected one, or to be told,.*', '; choose one in the table'),
+           (r' \(--drop-bad: so do words\)', ''),
+           (r', or --max-pressure for a muscle that goes further',
+            ', or a higher pressure of your muscle'))
+
+
+@dataclass(frozen=True)
+class Column:
+    """
+    A column as the page lists it.
+
+    Attributes
+    ----------
+    header : str
+    cells : tuple of str
+        Its first rows.
+    quantity, unit, why : str
+        What it is taken for, in which unit, and where that is from or why it is not used.
+    sign : int
+        By which readings are multiplied.
+    """
+
+    header: str
+    cells: tuple[str, ...]
+    quantity: str
+    unit: str
+    sign: int
+    why: str
+
+    @property
+    def turned(self) -> bool:
+        """Whether readings count with the other sign than they are written with."""
+        return (self.sign < 0) != (self.quantity == 'elongation')
+
+
+@dataclass
+class Incoming:
+    """
+    A measurement that is being read.
+
+    Attributes
+    ----------
+    name, origin : str
+    table : Table or None
+        None for a bag, whose topics say what they are.
+    read_bag : callable or None
+        Function of the rest length (m or None) to the measurement of a bag.
+    muscle : MuscleForm
+        Tells the rest length, and the model to begin with.
+    told : dict of str to str
+        What the user said: quantity to column, as in a recipe.
+    drop_bad : bool
+        Whether rows with words among the numbers are left out.
+    """
+
+    name: str
+    origin: str
+    table: Table | None = None
+    read_bag: Callable[[float | None], Measurement] | None = None
+    muscle: MuscleForm = field(default_factory=MuscleForm)
+    told: dict[str, str] = field(default_factory=dict)
+    sha256: str = ''
+    drop_bad: bool = False
+
+    def __post_init__(self) -> None:
+        if self.table is not None and self.muscle.base is None:
+            pressures = sum(taken.quantity.partition('.')[0] == 'pressure'
+                            for taken in self.look().taken)
+            self.muscle.values['muscles'] = ', '.join(['1'] * max(pressures, 1))
+
+    def again(self) -> 'Incoming':
+        """Return the same file to be told anew, so that this one stays as it is."""
+        other = copy(self)
+        other.told, other.muscle = dict(self.told), deepcopy(self.muscle)
+        return other
+
+    @property
+    def recipe(self) -> Recipe:
+        """How the file is read at present."""
+        return Recipe(columns=dict(self.told), rest_length=self.muscle.quantity('length'),
+                      max_pressure=self.muscle.quantity('max_pressure'),
+                      drop_bad=self.drop_bad)
+
+    def look(self) -> Preview:
+        """Read the file as told; the preview has the measurement, or the problem."""
+        if self.table is not None:
+            seen = preview(self.table, recipe=self.recipe)
+            return seen if seen.measurement is None else replace(
+                seen, measurement=replace(seen.measurement, sha256=self.sha256))
+        assert self.read_bag is not None
+        try:
+            measured = self.read_bag(self.muscle.quantity('length'))
+        except InputError as error:
+            return Preview(self.name, 'ROS 2 bag', (), {}, 0, str(error), None)
+        return Preview(self.name, 'ROS 2 bag', (), {}, len(measured), '', measured)
+
+    @staticmethod
+    def said(problem: str) -> str:
+        """Return what is wrong in the words of the page, where options have fields."""
+        for option, field_words in _FIELDS:
+            problem = re.sub(option, field_words, problem)
+        return problem
+
+    @staticmethod
+    def columns(seen: Preview) -> list[Column]:
+        """Return the columns of a preview with their first rows."""
+        return [Column(taken.header, tuple(seen.cells.get(taken.header, ())), taken.quantity,
+                       _shown_unit(taken.unit, taken.why), taken.sign, taken.why)
+                for taken in seen.taken]
+
+    @cached_property
+    def quantities(self) -> list[tuple[str, str]]:
+        """What a column may be: keys and words; a pressure for each motor unit."""
+        units = [(f'pressure.mu{k}', f'pressure of MU{k}') for k in range(1, 7)]
+        listed = []
+        for key, words in QUANTITY_WORDS.items():
+            listed.append((key, words))
+            if key == 'pressure':
+                listed += units[:max(2, self._pressures())]
+        return listed
+
+    def _pressures(self) -> int:
+        headers = self.table.columns if self.table is not None else ()
+        return min(6, sum(recognise(header).quantity == 'pressure' for header in headers))
+
+    @staticmethod
+    def units_for(quantity: str, present: str) -> tuple[str, ...]:
+        """Return the units to choose from for a quantity, with the one that is there."""
+        base = quantity.partition('.')[0]
+        if base in ('', 'trial'):
+            return ()
+        known = tuple(unit for like in likes(base) for unit in UNITS[like])
+        return known if present in known or not present else (present, *known)
+
+    def change(self, column: Column, among: Sequence[Column], quantity: str | None = None,
+               unit: str | None = None, turned: bool | None = None) -> None:
+        """
+        Take the user's word for one column of several: what it is, its unit, its sign.
+
+        A quantity that another column had goes from that to this one.
+        """
+        new = column.quantity if quantity is None else quantity
+        if column.quantity and column.quantity != new:
+            self.told[column.quantity] = 'none'
+        if not new:
+            return
+        if new.startswith('pressure'):
+            # one pressure that is told rules out the others, unless they are told too
+            for other in among:
+                if other.quantity.startswith('pressure') and other.header != column.header and (
+                        other.quantity != new):
+                    self.told.setdefault(other.quantity, _spec(
+                        other, other.quantity, other.unit, other.turned))
+        base = new.partition('.')[0]
+        # a unit stays only where it fits what the column is now
+        kept = column.unit if new == column.quantity or any(
+            column.unit in UNITS[like] for like in likes(base) if like in UNITS) else ''
+        used = kept if unit is None else unit
+        self.told[new] = _spec(column, new, used, column.turned if turned is None else turned)
+        for key in [key for key in self.told if key != new and _family(key) == _family(new)
+                    and self.told[key] == 'none']:
+            del self.told[key]
+
+    def constant(self, quantity: str, value: str) -> None:
+        """Take a constant for a quantity that no column has; '' takes it back."""
+        if value.strip():
+            self.told[quantity] = value.strip()
+        else:
+            self.told.pop(quantity, None)
+
+    def measurement(self) -> Measurement:
+        """Return the measurement as the columns and the muscle are told; InputError says why not.
+
+        A length becomes another strain where the muscle has another length.
+        """
+        seen = self.look()
+        if seen.measurement is None:
+            raise InputError(seen.problem)
+        return seen.measurement
+
+    def bundle(self) -> Bundle:
+        """Return the model to begin with; InputError says what is still missing."""
+        return self.muscle.bundle()
+
+    def plain(self, seen: Preview) -> bool:
+        """Return whether every column is named by its quantity and unit: nothing to be asked."""
+        return seen.measurement is not None and not taken_words(seen.measurement)
+
+
+def _family(key: str) -> str:
+    base = key.partition('.')[0]
+    return 'strain' if base in ('strain', 'contraction', 'elongation', 'shift', 'length') else key
+
+
+def _spec(column: Column, quantity: str, unit: str, turned: bool) -> str:
+    """Return what a recipe says of a column: its header, unit and sign."""
+    told = f' [{_told_unit(unit)}]' if unit and quantity != 'trial' else ''
+    return f'{"-" if turned else ""}{column.header}{told}'
+
+
+def _shown_unit(unit: str, why: str) -> str:
+    shown = {'1': 'ratio', '-': 'ratio'}.get(unit, unit)
+    return f'{shown} abs' if 'absolute' in why else shown
+
+
+def _told_unit(shown: str) -> str:
+    return '1' if shown == 'ratio' else shown

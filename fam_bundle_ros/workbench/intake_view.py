@@ -1,0 +1,148 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A file on its way in: its first rows, what each column is taken for, and whose muscle it is."""
+
+from typing import TYPE_CHECKING
+
+from fam_bundle_ros.data.reading import Preview
+from fam_bundle_ros.workbench import parts
+from fam_bundle_ros.workbench.incoming import Column, Incoming
+from fam_bundle_ros.workbench.muscle_view import MuscleView
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.page import Page
+
+__all__ = ['IntakeView']
+
+
+class IntakeView:
+    """Mapper and muscle; the button is there once both are complete."""
+
+    def __init__(self, page: 'Page', incoming: Incoming):
+        self.page, self.incoming = page, incoming
+        with parts.box('div', 'intake'):
+            with parts.box('section', 'intake-head'):
+                self.kind = parts.text('span', '', 'muted small')
+                parts.text('h1', 'Is this how the file is meant?')
+                self.state = parts.box('div', 'state').props('role=status aria-live=polite')
+                self.state.mark('intake:state')
+            with parts.box('section', 'columns'):
+                self.table = parts.box('div', 'map-box').props(
+                    'tabindex=0 role=region aria-label="first rows of the file"')
+                self.constants = parts.box('div', 'form')
+            with parts.box('aside', 'side'), parts.box('section'):
+                parts.text('h2', 'Your muscle')
+                self.muscle = MuscleView(incoming.muscle, self.draw, page.tell)
+                with parts.box('div', 'row'):
+                    parts.button('Save as a model file', self.muscle.save, mark='muscle:save')
+        self._draw_constants()
+        self.draw()
+
+    def draw(self) -> None:
+        """Read the file as it is told now, and show what came of it."""
+        seen = self.incoming.look()
+        self.kind.set_text(f'{seen.name} · {seen.kind} · {seen.rows} rows')
+        self._draw_state(seen)
+        self._draw_table(seen)
+
+    def _draw_state(self, seen: Preview) -> None:
+        self.state.clear()
+        muscle = self.incoming.muscle.problem
+        with self.state:
+            if seen.measurement is None:
+                parts.text('p', f'Not yet: {self.incoming.said(seen.problem)}.', 'bad')
+            else:
+                said, *notes = str(seen.measurement).splitlines()
+                parts.text('p', said.partition(': ')[2] or said)
+                for note in notes:
+                    parts.text('p', note.strip(), 'muted small')
+                if muscle:
+                    parts.text('p', 'Not yet: your muscle is not complete.', 'bad')
+            with parts.box('div', 'row'):
+                off = {} if seen.measurement is not None and not muscle else {'disabled': 'true'}
+                parts.button('Use these data', self.page.open_incoming, 'main-action',
+                             'intake:use', **off)
+                if '--drop-bad' in seen.problem:
+                    parts.button('Leave such rows out', self._drop_bad, mark='intake:drop')
+                if self.page.session.case is not None:
+                    parts.button('Back', self.page.leave_columns, mark='intake:back')
+                parts.button('Other data', self.page.start_over, mark='intake:other')
+
+    def _drop_bad(self) -> None:
+        self.incoming.drop_bad = True
+        self.draw()
+
+    # --- the columns ---------------------------------------------------------------------------
+
+    def _draw_table(self, seen: Preview) -> None:
+        columns = self.incoming.columns(seen)
+        self.table.clear()
+        if not columns:
+            return
+        good = seen.measurement is not None
+        with self.table, parts.box('table', 'map'):
+            with parts.box('thead'):
+                with parts.box('tr'):
+                    for column in columns:
+                        with parts.box('th', 'used' if column.quantity else ''):
+                            self._head(column, columns, good)
+            with parts.box('tbody'):
+                for k in range(max(len(column.cells) for column in columns)):
+                    with parts.box('tr'):
+                        for column in columns:
+                            parts.text('td', column.cells[k] if k < len(column.cells) else '',
+                                       'num')
+
+    def _head(self, column: Column, among: list[Column], good: bool) -> None:
+        parts.text('b', column.header)
+        name = column.header
+
+        def quantity(value: str) -> None:
+            self._change(column, among, quantity=value)
+
+        def unit(value: str) -> None:
+            self._change(column, among, unit=value)
+
+        def sign(value: str) -> None:
+            self._change(column, among, turned=value == '-')
+
+        options = self.incoming.quantities
+        if column.quantity not in dict(options):
+            options = [*options, (column.quantity, column.quantity)]
+        parts.choose('', options, column.quantity, quantity, f'map:{name}:quantity', 'cell',
+                     f'what {name} is')
+        if column.quantity and column.quantity != 'trial':
+            units = self.incoming.units_for(column.quantity, column.unit)
+            with parts.box('div', 'pair'):
+                parts.choose('', [*([] if column.unit else [('', 'unit?')]),
+                                  *((text, text) for text in units)], column.unit, unit,
+                             f'map:{name}:unit', 'cell', f'unit of {name}')
+                if column.quantity != 'time':
+                    parts.choose('', [('+', '+'), ('-', '−')], '-' if column.turned else '+', sign,
+                                 f'map:{name}:sign', 'cell', f'sign of {name}')
+        mark = '✓ ' if good and column.quantity else ''
+        parts.text('span', mark + (column.why or ('used' if column.quantity else '')),
+                   'tick small' if mark else 'muted small')
+
+    def _change(self, column: Column, among: list[Column], quantity: str | None = None,
+                unit: str | None = None, turned: bool | None = None) -> None:
+        self.incoming.change(column, among, quantity, unit, turned)
+        self.draw()
+
+    def _draw_constants(self) -> None:
+        """Offer constants for what a file may not hold: the pressure of an isobar, the rate."""
+        if self.incoming.table is None:
+            return
+        has = {taken.quantity.partition('.')[0] for taken in self.incoming.look().taken}
+        with self.constants:
+            for quantity, label, hint in (('pressure', 'Pressure, a constant', '300 kPa'),
+                                          ('time', 'Sample rate', '100 Hz')):
+                if quantity in has:
+                    continue
+
+                def changed(value: str, quantity: str = quantity) -> None:
+                    self.incoming.constant(quantity, value)
+                    self.draw()
+
+                parts.typed(label, self.incoming.told.get(quantity, ''), changed,
+                            mark=f'constant:{quantity}', hint=hint)

@@ -1,0 +1,124 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The form "Your muscle" as plain Python: a part or dimensions, as `fam_bundle new-model` takes them.
+
+What is typed stays as it is typed, right or wrong; `MuscleForm.bundle` says what is wrong.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+import re
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, dumps_model
+from fam_bundle_ros.model.own_muscle import (
+    dimensions_of,
+    ENTRIES,
+    Entry,
+    find_part,
+    model_text,
+    new_bundle,
+    START_EFFECTS,
+    with_dimensions,
+)
+from fam_bundle_ros.units import parse, spaced
+
+__all__ = ['MuscleForm', 'STARTS']
+
+#: What a new model may begin with: key, words, effects of the catalogue.
+STARTS = (('braid', 'the ideal braid', START_EFFECTS),
+          ('bladder', 'the braid and a rubber bladder', (*START_EFFECTS, 'bladder_elasticity')))
+
+
+def _label(entry: Entry) -> str:
+    return entry.label
+
+
+@dataclass
+class MuscleForm:
+    """
+    A muscle as it is typed.
+
+    Attributes
+    ----------
+    name : str
+    values : dict of str to str
+        By key of `ENTRIES`.
+    sources : dict of str to str
+        Where values are from that were not typed.
+    part, start : str
+        Name of a catalogue part ('' for own dimensions), and key of `STARTS`.
+    base : Bundle or None
+        A model whose effects are kept; its dimensions may be changed.
+    """
+
+    name: str = 'my_muscle'
+    values: dict[str, str] = field(default_factory=lambda: {'muscles': '1'})
+    sources: dict[str, str] = field(default_factory=dict)
+    part: str = ''
+    start: str = 'braid'
+    base: Bundle | None = None
+
+    @classmethod
+    def of(cls, bundle: Bundle) -> 'MuscleForm':
+        """Return the form of a model that is there: its dimensions, with its effects kept."""
+        return cls(bundle.name, dimensions_of(bundle), base=bundle)
+
+    def choose(self, part: str) -> None:
+        """Take a part's values; '' goes back to one's own, which stay as they are."""
+        self.part = part
+        if part:
+            stock = find_part(part)
+            self.values.update(stock.values)
+            self.sources = {key: f'{stock.title}, {said}' for key, said in stock.sources.items()}
+        else:
+            self.sources = {}
+
+    def type(self, key: str, value: str) -> None:
+        """Change one value; a bare number is in the unit of its field."""
+        unit = next(entry.unit for entry in ENTRIES if entry.key == key)
+        bare = unit and re.fullmatch(r'[-+]?[\d.,]+', value.strip())
+        self.values[key] = f'{value.strip()} {unit}' if bare else value
+        self.sources.pop(key, None)
+
+    def bundle(self) -> Bundle:
+        """Return the model; InputError names the field that is missing or wrong."""
+        if self.base is not None:
+            return with_dimensions(self.base, self.values, _label)
+        name = '_'.join(self.name.split())
+        if not name:
+            raise InputError('Name: expected a name for the model')
+        effects = next(effects for key, _, effects in STARTS if key == self.start)
+        return new_bundle(name, self.values, effects, _label)
+
+    @property
+    def problem(self) -> str:
+        """What is missing or wrong, '' for nothing."""
+        try:
+            self.bundle()
+        except InputError as error:
+            return str(error)
+        return ''
+
+    def quantity(self, key: str) -> float | None:
+        """Return one value in SI units, None where it is not one yet."""
+        entry = next(entry for entry in ENTRIES if entry.key == key)
+        try:
+            value = parse(spaced(self.values.get(key, '')), entry.unit)
+        except InputError:
+            return None
+        return value if value > 0.0 else None
+
+    def text(self) -> str:
+        """Return the model file."""
+        bundle = self.bundle()
+        if self.base is not None:
+            return dumps_model(bundle)
+        origin = f'A {find_part(self.part).title}' if self.part else 'A muscle of your own'
+        return model_text(bundle, self.values, self.sources, f'{origin}, from the workbench.')
+
+    def changed(self, bundle: Bundle) -> bool:
+        """Return whether a model has other dimensions than those typed."""
+        before: Mapping[str, str] = dimensions_of(bundle)
+        return any(self.values.get(key, '').strip() != value for key, value in before.items())
