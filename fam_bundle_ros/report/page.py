@@ -4,12 +4,15 @@
 One self-contained HTML page: what was done, headline numbers, figures, tables, provenance.
 
 Everything is inside the file (plotly.js once, if there are figures); a browser that opens it asks
-the network nothing.
+the network nothing. plotly.js and the curves are packed (gzip, which browsers of 2023 and later
+unpack by themselves): a third of their size.
 """
 
+import base64
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+import gzip
 from html import escape
 import json
 from pathlib import Path
@@ -123,7 +126,12 @@ def _asset(name: str) -> Template:
 @lru_cache(maxsize=1)
 def _plotly() -> str:
     from plotly.offline import get_plotlyjs
-    return get_plotlyjs()
+    return _packed(get_plotlyjs())
+
+
+def _packed(text: str) -> str:
+    """Return text as gzip in base64, the same for the same text; `unpacked` of page.js reads it."""
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
 def _has_pictures(sections: Sequence[Section]) -> bool:
@@ -171,11 +179,10 @@ def _section(section: Section) -> str:
 
 def _picture(picture: Picture) -> str:
     height = int(picture.drawing.layout.height or 400)
-    # a "</script>" inside a label must not end the element
-    data = picture.drawing.to_json().replace('</', '<\\/')
+    data = _packed(picture.drawing.to_json())
     return (f'<figure id="{escape(picture.key)}"><h3>{escape(picture.title)}</h3>'
             f'<div class="drawing" role="img" aria-label="{escape(picture.title)}" '
-            f'style="height:{height}px"></div><script type="application/json">{data}</script>'
+            f'style="height:{height}px"></div><script type="application/gzip">{data}</script>'
             f'<figcaption>{escape(picture.caption)}</figcaption></figure>')
 
 

@@ -66,3 +66,25 @@ def test_a_browser_draws_every_figure_in_its_theme(page, tmp_path, theme):
     red, green, blue = (int(getattr(palette.effect('mesh'), theme)[k:k + 2], 16)
                         for k in (1, 3, 5))
     assert f'stroke: rgb({red}, {green}, {blue})' in drawn
+
+
+@pytest.mark.skipif(shutil.which('chromium') is None, reason='chromium is not installed')
+def test_a_printed_figure_is_as_wide_as_the_paper(page, tmp_path):
+    """A4 has 190 mm between its margins, 718 px; after printing the figure fills the window."""
+    sync_api = pytest.importorskip('playwright.sync_api')
+    path = write_page(tmp_path / 'page.html', page)
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which('chromium'),
+                                             args=['--no-sandbox'])
+        tab = browser.new_page(viewport={'width': 1280, 'height': 800})
+        tab.goto(path.as_uri())
+        tab.wait_for_selector('html[data-drawn=yes]')
+        tab.evaluate("""() => { window.widths = [];
+            ['beforeprint', 'afterprint'].forEach((name) => window.addEventListener(name, () =>
+                window.widths.push(document.querySelector('.main-svg').clientWidth))); }""")
+        printed = tab.pdf(format='A4')
+        tab.wait_for_function('window.widths.length == 2')
+        on_paper, on_screen = tab.evaluate('window.widths')
+        browser.close()
+    assert printed.startswith(b'%PDF')
+    assert on_paper < 718 < on_screen
