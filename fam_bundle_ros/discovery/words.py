@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
@@ -129,9 +130,11 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         notes.append(floor.note)
     left_out = int((cells.label < 0).sum())
     if left_out:
+        missed = (data.force - final.model.predict(cells.motion))[cells.label >= 0]
         notes.append(f'{left_out} of {len(cells.label)} rows are in no cell: spikes, rows where '
                      'the direction of motion is not known (the first of a trial, turning '
-                     'points), or visits beyond the number that is worked with')
+                     'points), or visits beyond the number that is worked with; on the others '
+                     f'the best error is {rms(missed):.3g} N')
     if cells.stiffness is not None:
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
                      f"of the strain times the model's stiffness (100 N are "
