@@ -130,7 +130,7 @@ def _plotly() -> str:
 
 
 def _packed(text: str) -> str:
-    """Return text as gzip in base64, the same for the same text; `unpacked` of page.js reads it."""
+    """Return text as gzip in base64; `unpacked` of page.js reads it."""
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
