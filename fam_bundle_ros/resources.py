@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['config_names', 'config_path']
+__all__ = ['config_names', 'config_path', 'data_path', 'model_path']
 
 
 def config_path(relative: str | Path) -> Path:
@@ -62,6 +62,32 @@ def config_names(folder: str = '.') -> tuple[str, ...]:
     if not path.is_dir():
         return ()
     return tuple(sorted(p.name for p in path.iterdir() if p.name[0] not in '._'))
+
+
+def model_path(name: str | Path) -> Path:
+    """Return the path of a model file, or of a shipped model by its name."""
+    path = Path(name)
+    if path.exists():
+        return path
+    shipped = {Path(file).name.removesuffix('.yaml').removesuffix('.model'): f'{folder}/{file}'
+               for folder in ('data', 'models') for file in config_names(folder)
+               if file.endswith('.model.yaml') or (folder == 'models' and file.endswith('.yaml'))}
+    if str(name) in shipped:
+        return config_path(shipped[str(name)])
+    raise InputError(f'{name}: no such model file; models that ship: '
+                     f'{", ".join(sorted(shipped))}')
+
+
+def data_path(name: str | Path) -> Path:
+    """Return the path of a measurement, or of one that ships by its name."""
+    path = Path(name)
+    if path.exists():
+        return path
+    shipped = [file for file in config_names('data') if file.endswith('.csv')]
+    if f'{name}.csv' in shipped:
+        return config_path(f'data/{name}.csv')
+    known = ', '.join(file.removesuffix('.csv') for file in shipped)
+    raise InputError(f'{name}: no such file or bag; measurements that ship: {known or "none"}')
 
 
 def _root() -> Path:

@@ -10,7 +10,6 @@ import typer
 from fam_bundle_ros.cli.common import (
     console,
     JsonFile,
-    model_path,
     notes,
     open_model,
     progress_bar,
@@ -19,6 +18,7 @@ from fam_bundle_ros.cli.common import (
     wrote,
 )
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import model_path
 
 PANEL = 'Benchmarks'
 

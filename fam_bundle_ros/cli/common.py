@@ -10,6 +10,7 @@ import inspect
 from pathlib import Path
 import shlex
 import sys
+import time
 from typing import Annotated, Any
 
 from rich.console import Console
@@ -20,10 +21,12 @@ import typer
 
 from fam_bundle_ros import palette
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.resources import config_names, config_path
+from fam_bundle_ros.resources import data_path, model_path
 
 #: A pipe or a file has no width: wide enough that no row of a table is folded for it.
 _PIPE_WIDTH = 160
+#: s between two lines of progress where it goes into a file.
+_SAY = 10.0
 #: The bundle that the paper measured; where it stands in for a model, that is said.
 PAPER = 'spie2021'
 #: Results go here; progress and notes to `notes`, so that a pipe gets the results only.
@@ -194,33 +197,6 @@ def muscle_of(bundle: Any) -> dict[str, Any]:
     return {'name': bundle.name, **dimensions_of(bundle)}
 
 
-def model_path(name: str) -> Path:
-    """Return the path of a model file, or of a shipped model by its name."""
-    path = Path(name)
-    shipped = {Path(file).name.removesuffix('.yaml').removesuffix('.model'): f'{folder}/{file}'
-               for folder in ('data', 'models') for file in config_names(folder)
-               if file.endswith('.model.yaml') or (folder == 'models' and
-                                                   file.endswith('.yaml'))}
-    if path.exists() or name not in shipped:
-        if not path.exists():
-            raise InputError(f'{name}: no such model file; models that ship: '
-                             f'{", ".join(sorted(shipped))}')
-        return path
-    return config_path(shipped[name])
-
-
-def data_path(name: str) -> Path:
-    """Return the path of a measurement, or of one that ships by its name."""
-    path = Path(name)
-    if path.exists():
-        return path
-    shipped = [file for file in config_names('data') if file.endswith('.csv')]
-    if f'{name}.csv' in shipped:
-        return config_path(f'data/{name}.csv')
-    known = ', '.join(file.removesuffix('.csv') for file in shipped)
-    raise InputError(f'{name}: no such file or bag; measurements that ship: {known or "none"}')
-
-
 def quantity(text: str, like: str, option: str) -> float:
     """Return an option's value with its unit in SI; the error names the option."""
     from fam_bundle_ros.units import parse, spaced
@@ -284,7 +260,7 @@ def shown(value: Any) -> str:
 @contextmanager
 def progress_bar(words: str) -> Iterator[Callable[..., None]]:
     """
-    Show how far long work is, on stderr.
+    Show how far long work is, on stderr: a bar, or a line now and then where that is a file.
 
     Yields a function of the share done (0 to 1) and a word about what is being done.
     """
@@ -292,9 +268,13 @@ def progress_bar(words: str) -> Iterator[Callable[..., None]]:
     with Progress(TextColumn('{task.description}'), BarColumn(bar_width=30),
                   TimeElapsedColumn(), console=notes, transient=True,
                   disable=not notes.is_terminal) as bar:
-        task = bar.add_task(words, total=1.0)
+        task, said = bar.add_task(words, total=1.0), time.monotonic()
 
         def tick(share: float, what: str = '') -> None:
+            nonlocal said
+            if not notes.is_terminal and time.monotonic() - said > _SAY:
+                said = time.monotonic()
+                notes.print(f'{words}: {100.0 * share:.0f} %{f", {what}" if what else ""}')
             bar.update(task, completed=share, description=f'{words}: {what}' if what else words)
 
         yield tick

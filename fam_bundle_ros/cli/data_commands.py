@@ -11,10 +11,8 @@ import typer
 from fam_bundle_ros.cli.common import (
     AllowPython,
     console,
-    data_path,
     effect_name,
     JsonFile,
-    model_path,
     ModelOption,
     muscle_of,
     open_model,
@@ -29,6 +27,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.cli.specimens import diagnose_table
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import data_path, model_path
 
 PANEL = 'Discovery'
 

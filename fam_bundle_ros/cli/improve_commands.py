@@ -11,9 +11,7 @@ import typer
 from fam_bundle_ros.cli.common import (
     AllowPython,
     console,
-    data_path,
     JsonFile,
-    model_path,
     ModelOption,
     muscle_of,
     notes,
@@ -28,6 +26,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.cli.data_commands import DataArgument, PageFile, PANEL
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import data_path, model_path
 
 #: More effects than this have too many orders to be shown.
 _MOST_ORDERED = 3

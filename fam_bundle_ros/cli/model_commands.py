@@ -12,7 +12,6 @@ from fam_bundle_ros.cli.common import (
     console,
     effect_name,
     JsonFile,
-    model_path,
     muscle_of,
     notes,
     open_model,
@@ -26,6 +25,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.cli.new_model import new_model
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import model_path
 from fam_bundle_ros.units import spaced
 
 PANEL = 'Model'

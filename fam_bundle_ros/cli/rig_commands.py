@@ -12,7 +12,6 @@ from fam_bundle_ros.cli.common import (
     AllowPython,
     console,
     JsonFile,
-    model_path,
     open_model,
     PAPER,
     progress_bar,
@@ -24,7 +23,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.cli.demo import demo
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.resources import config_path, model_path
 
 PANEL = 'Rig and ROS 2'
 

@@ -22,6 +22,7 @@ import numpy as np
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import Told
 
 #: Fewer rows than this cannot carry a comparison.
 MIN_ROWS = 12
@@ -63,8 +64,8 @@ class Taken(NamedTuple):
     why: str = ''
 
 
-@dataclass(frozen=True)
-class Measurement:
+@dataclass(frozen=True, repr=False)
+class Measurement(Told):
     """
     Measured force against strain and pressure, in SI units.
 
@@ -207,9 +208,6 @@ class Measurement:
                  f'{high:.0f} kPa, force {self.force.min():.0f} to {self.force.max():.0f} N']
         said = [*([self.dropped_words] if self.dropped else []), *self.notes]
         return '\n'.join(lines + [f'  note: {note}' for note in said])
-
-    def __repr__(self) -> str:
-        return f'<Measurement {str(self).splitlines()[0]}>'
 
 
 def pressure_labels(measurement: Measurement) -> list[str]:

@@ -16,6 +16,7 @@ from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
 from fam_bundle_ros.data.recipe import load_recipe, Recipe
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import data_path
 
 #: Rows that `preview` shows.
 PREVIEW_ROWS = 20
@@ -38,6 +39,7 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
     Parameters
     ----------
     source : path, pandas.DataFrame, mapping of str to array, or Table
+        A path may be the name of data that ships: ``'dmsp20_static_map'``.
     columns : mapping of str to str, optional
         Quantity (time, trial, strain, contraction, elongation, length, pressure,
         pressure.<motor unit>, force, strain_rate) to column: the header, its name with a unit,
@@ -181,10 +183,7 @@ def _recipe(recipe: Recipe | str | Path | None, **options: Any) -> Recipe:
 def _path(source: Any) -> Path | None:
     if isinstance(source, (Mapping, Table)) or hasattr(source, 'columns'):
         return None
-    path = Path(source)
-    if not path.exists():
-        raise InputError(f'{path}: no such file; expected a measurement or a ROS 2 bag')
-    return path
+    return data_path(source)
 
 
 def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> Table:

@@ -33,10 +33,11 @@ from fam_bundle_ros.discovery.result import finite, Recommended
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, Effect
+from fam_bundle_ros.told import Told
 
 
-@dataclass(frozen=True)
-class Added:
+@dataclass(frozen=True, repr=False)
+class Added(Told):
     """
     A model with effects added, replaced or removed, and all its parameters refitted.
 
@@ -210,8 +211,8 @@ def _effect(item: str | Effect) -> Effect:
     return law()
 
 
-@dataclass(frozen=True)
-class Ladder:
+@dataclass(frozen=True, repr=False)
+class Ladder(Told):
     """
     The error of one model after the other on the same data.
 

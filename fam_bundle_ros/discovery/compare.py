@@ -30,10 +30,11 @@ from fam_bundle_ros.data.slips import slips
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.predict import free_mask, matched, predict, stiffness
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.told import Told
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Told):
     """
     A model against a measurement.
 

@@ -20,6 +20,7 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.locate import Region
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.told import Told
 
 VERDICTS = ('adequate', 'recalibrate', 'missing_effect', 'partial', 'unexplained')
 
@@ -78,8 +79,8 @@ class Candidate:
                     'flag': e.flag} for e in self.parameters}}
 
 
-@dataclass(frozen=True)
-class Recommended:
+@dataclass(frozen=True, repr=False)
+class Recommended(Told):
     """
     The model that foretells rows it has not seen best.
 
@@ -134,8 +135,8 @@ class Recommended:
                 'rivals_N': dict(self.rivals_N)}
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Told):
     """
     What a model is missing, judged on a measurement.
 

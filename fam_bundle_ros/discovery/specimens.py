@@ -37,6 +37,7 @@ from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.told import Told
 from fam_bundle_ros.units import si_factor
 
 #: Dimensions of the braid that a table may give, in any unit of this kind.
@@ -180,8 +181,8 @@ class Constant(NamedTuple):
         return f'{self.key} differs ({text}{unit}) and goes with nothing in the table'
 
 
-@dataclass(frozen=True)
-class Together:
+@dataclass(frozen=True, repr=False)
+class Together(Told):
     """
     What several specimens say together.
 

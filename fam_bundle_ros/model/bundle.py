@@ -9,6 +9,7 @@ Pressures are gauge, Pa, with the motor units on the last axis; strains are posi
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,11 @@ class Bundle:
     def __repr__(self):
         units = ', '.join(f'{u.name}: {u.muscles}' for u in self.motor_units)
         return f'Bundle({self.name}; {units}; {", ".join(e.name for e in self.effects)})'
+
+    def _repr_html_(self) -> str:
+        from fam_bundle_ros.model.own_muscle import muscle_words
+        rows = ''.join(f'<tr><td>{escape(each)}</td></tr>' for each in map(repr, self.effects))
+        return f'<p>{escape(muscle_words(self))}</p><table>{rows}</table>'
 
     @property
     def n(self) -> int:

@@ -22,6 +22,7 @@ from fam_bundle_ros.model.expression import check_division, expression_law
 from fam_bundle_ros.model.geometry import Geometry, geometry_problem
 from fam_bundle_ros.model.laws.base import Law, Parameter
 from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
+from fam_bundle_ros.resources import model_path
 from fam_bundle_ros.units import express, parse, si_factor
 
 FORMAT = 'fam-bundle-model/1'
@@ -298,6 +299,7 @@ def load_model(path: str | Path, allow_python: bool = False) -> Bundle:
     Parameters
     ----------
     path : str or Path
+        Or the name of a model that ships: ``spie2021``.
     allow_python : bool
         Whether Python files that the model names under ``effect_files`` may be run.
 
@@ -306,7 +308,7 @@ def load_model(path: str | Path, allow_python: bool = False) -> Bundle:
     InputError
         With file, line and key.
     """
-    path = Path(path)
+    path = model_path(path)
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise InputError(f'{path}: is larger than 1 MB; this is not a model file')

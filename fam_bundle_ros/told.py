@@ -1,0 +1,15 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How a result shows itself in a shell and in a notebook."""
+
+from html import escape
+
+
+class Told:
+    """A result that `print` tells in full: its first line in a shell, all of it in a notebook."""
+
+    def __repr__(self) -> str:
+        return f'<{type(self).__name__} {str(self).splitlines()[0]}>'
+
+    def _repr_html_(self) -> str:
+        return f'<pre>{escape(str(self))}</pre>'
