@@ -10,9 +10,7 @@ all of them. Plants are in `plants`, gains at equal margins in `margins`, figure
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import dataclass
-import os
 import time
 from typing import Any
 
@@ -40,6 +38,7 @@ from fam_bundle_ros.benchmarks.plants import (
     PLANTS,
     UNITS,
 )
+from fam_bundle_ros.benchmarks.pool import as_done
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.simulation import Log
@@ -181,16 +180,13 @@ def run_benchmark(cases: Sequence[Case], workers: int | None = None,
         groups.setdefault((case.plant, kind), []).append(case)
     found: dict[Case, list[dict[str, Any]]] = {}
     logs: dict[tuple[str, str, str], Log] = {}
-    workers = workers or os.cpu_count() or 1
     order = sorted(groups.values(), key=lambda group: -len(group) * _slow(group[0].plant))
-    with ProcessPoolExecutor(max_workers=workers) as pool:
-        pending = {pool.submit(_run_group, group): group for group in order}
-        for done in as_completed(pending):
-            for case, (rows, kept) in zip(pending[done], done.result()):
-                found[case] = rows
-                logs.update(kept)
-            if progress:
-                progress(len(found), len(cases), str(pending[done][-1]))
+    for place, result in as_done(_run_group, order, workers):
+        for case, (rows, kept) in zip(order[place], result):
+            found[case] = rows
+            logs.update(kept)
+        if progress:
+            progress(len(found), len(cases), str(order[place][-1]))
     rows = [row for case in cases for row in found[case]]
     return ControlBenchmark(rows, summarise(rows), logs, time.perf_counter() - begin)
 

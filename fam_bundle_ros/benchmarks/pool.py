@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Many independent tasks on the cores of this machine."""
+"""Many independent tasks on the cores of this machine; no process is left when it ends."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 import os
 from typing import Any
 
@@ -31,15 +31,20 @@ def each(function: Callable[[Any], Any], tasks: Iterable[Any], workers: int | No
     """
     todo = list(tasks)
     results: list[Any] = [None] * len(todo)
-    for done, (place, result) in enumerate(_as_done(function, todo, workers), 1):
+    for done, (place, result) in enumerate(as_done(function, todo, workers), 1):
         results[place] = result
         if progress:
             progress(done, len(todo))
     return results
 
 
-def _as_done(function: Callable[[Any], Any], todo: list[Any], workers: int | None,
-             ) -> Iterator[tuple[int, Any]]:
+def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | None = None,
+            ) -> Iterator[tuple[int, Any]]:
+    """
+    Yield the place of each task and its result as it is done; see `each`.
+
+    An error, Ctrl-C or SIGTERM ends the processes at once.
+    """
     count = min(workers or os.cpu_count() or 1, max(len(todo), 1))
     if count == 1:
         yield from enumerate(map(function, todo))
@@ -51,7 +56,9 @@ def _as_done(function: Callable[[Any], Any], todo: list[Any], workers: int | Non
             for future in as_completed(places):
                 yield places[future], future.result()
         except BaseException:
-            pool.shutdown(cancel_futures=True)
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in active_children():
+                process.terminate()
             raise
 
 

@@ -9,7 +9,9 @@ Commands import what they need when they run, so that the help is there at once.
 
 from collections.abc import Sequence
 import os
+import signal
 import sys
+import threading
 import warnings
 
 from fam_bundle_ros.errors import InputError
@@ -34,6 +36,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = '--debug' in given
+    if (threading.current_thread() is threading.main_thread()
+            and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL):
+        # as Ctrl-C: processes that work for this one end with it
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         from fam_bundle_ros.cli.app import app
         with warnings.catch_warnings():

@@ -3,14 +3,13 @@
 """Runs the cases of the safety benchmark: those in lock-step side by side, the others alone."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed, ProcessPoolExecutor
-import multiprocessing
 import os
 from typing import Any
 
 from fam_bundle_ros.benchmarks import fault_verdicts as verdicts
 from fam_bundle_ros.benchmarks import faults
 from fam_bundle_ros.benchmarks.faults import Case
+from fam_bundle_ros.benchmarks.pool import as_done
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.resources import config_path
 
@@ -51,13 +50,8 @@ def run_cases(cases: Sequence[Case], workers: int | None = None,
         progress(len(rows), len(cases), str(case))
 
     quick = [case for case in cases if case.lock_step]
-    count = min(workers or os.cpu_count() or 1, len(quick))
-    if count > 1:
-        # rclpy does not stand a fork.
-        with ProcessPoolExecutor(count, multiprocessing.get_context('spawn')) as pool:
-            running = {pool.submit(run_case, case): case for case in quick}
-            for future in as_completed(running):
-                done(running[future], future.result())
+    for place, row in as_done(run_case, quick, workers):
+        done(quick[place], row)
     # In wall time nothing else may run: a machine that is held up is late too.
     for case in cases:
         if case not in rows:

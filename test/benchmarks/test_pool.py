@@ -1,13 +1,23 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Independent tasks on several cores."""
+"""Independent tasks on several cores; nobody is left when the command is ended."""
 
 import math
 import os
+import signal
+import subprocess
+import sys
+import time
 
 import pytest
 
 from fam_bundle_ros.benchmarks.pool import each
+
+
+def processes(group):
+    """Return the ids of the processes of a group."""
+    found = subprocess.run(['pgrep', '-g', str(group)], capture_output=True, text=True)
+    return found.stdout.split()
 
 
 @pytest.mark.parametrize('workers', [1, 2])
@@ -31,3 +41,21 @@ def test_a_task_that_fails_fails_the_rest(workers):
     """Its own error comes out."""
     with pytest.raises(ValueError, match='math domain error'):
         each(math.sqrt, [1.0, -1.0], workers)
+
+
+@pytest.mark.parametrize('end', [signal.SIGTERM, signal.SIGINT])
+def test_no_process_is_left_when_a_command_is_ended(end):
+    """As `kill` and Ctrl-C do, in the middle of the work."""
+    command = subprocess.Popen(
+        [sys.executable, '-m', 'fam_bundle_ros.cli', 'benchmark-control', '--workers', '2'],
+        start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while len(processes(command.pid)) < 3 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(processes(command.pid)) >= 3
+    os.kill(command.pid, end)
+    _, said = command.communicate(timeout=60)
+    assert (command.returncode, said) == (1, 'fam_bundle: stopped\n')
+    while processes(command.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not processes(command.pid)
