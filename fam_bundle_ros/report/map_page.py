@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
+from fam_bundle_ros.report.muscle_plots import muscle_pictures
 from fam_bundle_ros.report.page import Headline, Page, Section, Table
 from fam_bundle_ros.report.paper import PaperFigures
 from fam_bundle_ros.report.paper_plots import map_pictures
@@ -16,13 +17,17 @@ __all__ = ['effects_table', 'map_page', 'units_table']
 
 
 def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path) -> Page:
-    """Return the page: figures 2b, 3 and 4 for this model, and the model itself."""
+    """Return the page: what the muscles can do, and the model itself."""
     found = figures.summary()
     headline = [Headline(f'Blocked force, RS{k + 1}', f'{force[0]:.1f} N', 'at zero strain')
                 for k, force in enumerate(figures.space.high['included'])]
-    lead = ('What this bundle can do, drawn as in the paper on resistive forces and gradient '
-            'reversal, so that the figures can be laid beside it. Model '
-            f'{muscle_words(bundle)}.')
+    if bundle.n == 1:
+        lead, pictures = 'What this motor unit can do.', muscle_pictures(bundle)
+    else:
+        lead = ('What this bundle can do, drawn as in the paper on resistive forces and gradient '
+                'reversal, so that the figures can be laid beside it.')
+        pictures = map_pictures(figures)
+    lead = f'{lead} Model {muscle_words(bundle)}.'
     f = figures.free_strain
     if f is not None:
         headline += [
@@ -32,7 +37,7 @@ def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path) -> P
                      f'at strain {found["overlap_widest_at_strain"]:.3g}')]
     return Page(
         f'Map of {bundle.name}', lead, headline,
-        [Section('Figures', '', map_pictures(figures)),
+        [Section('Figures', '', pictures),
          Section('Model', '', [units_table(bundle), effects_table(bundle)])],
         provenance([('model file', model_file)],
                    [('kind of numbers', 'all computed from the model; nothing here is measured')]))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.model import load_model
+from fam_bundle_ros.report.muscle_plots import muscle_pictures
 from fam_bundle_ros.report.paper import paper_figures
 from fam_bundle_ros.report.paper_plots import map_pictures
 from fam_bundle_ros.resources import config_path
@@ -82,3 +83,21 @@ def test_every_picture_says_what_is_our_own(figures):
         assert 'Proc. SPIE 11586' in picture.caption
         assert 'our own' in picture.caption
     assert '68.95' in pictures[0].caption
+
+
+def test_the_map_of_one_motor_unit_draws_its_isobars_and_ends():
+    """No recruitment states: curves of seven pressures that differ, beside the braid alone."""
+    model = load_model('dmsp20_static_map').with_effect('bladder_elasticity')
+    isobars, ends = (picture.drawing for picture in muscle_pictures(model))
+    own = [trace for trace in isobars.data if trace.line.dash == 'solid']
+    assert len(own) == len(isobars.data) / 2 == 7
+    top = [trace.y[0] for trace in own]
+    assert top == sorted(top)
+    assert own[-1].y[0] == pytest.approx(float(model.force(0.0, model.max_pressure)))
+    free = ends.data[1]
+    assert free.y[-1] == pytest.approx(float(model.free_strain(model.max_pressure)))
+    assert abs(np.interp(free.y[-1], own[-1].x, own[-1].y)) < 1e-2 * top[-1]
+    bare = muscle_pictures(load_model('dmsp20_static_map'))[0].drawing
+    assert all(trace.line.dash == 'solid' for trace in bare.data)
+    with pytest.raises(ValueError, match='2 motor units; expected 1'):
+        muscle_pictures(load_model('spie2021'))
