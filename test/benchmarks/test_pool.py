@@ -48,7 +48,9 @@ def test_no_process_is_left_when_a_command_is_ended(end):
     """As `kill` and Ctrl-C do, in the middle of the work."""
     command = subprocess.Popen(
         [sys.executable, '-m', 'fam_bundle_ros.cli', 'benchmark-control', '--workers', '2'],
-        start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        # where tests run in the background Ctrl-C is ignored, and that is inherited
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     deadline = time.monotonic() + 60.0
     while len(processes(command.pid)) < 3 and time.monotonic() < deadline:
         time.sleep(0.05)

@@ -11,6 +11,8 @@ PACKAGE = 'fam_bundle_ros'
 # Each layer and the layers that it may import; itself and the plain modules go without saying.
 DRAWS = {'palette', 'plotting'}
 ALLOWED = {
+    # the package itself: names for a notebook, loaded when they are asked for
+    '': {'model', 'data', 'plant', 'control', 'discovery', 'simulation'},
     'model': set(),
     'data': set(),
     'palette': {'model'},
@@ -30,7 +32,7 @@ ALLOWED = {
             'benchmarks', 'workbench', *DRAWS},
 }
 # Modules that know nothing of physics and serve every layer.
-PLAIN = {'atomic', 'bagwriter', 'errors', 'kernels', 'mcapfile', 'resources', 'units'}
+PLAIN = {'atomic', 'bagwriter', 'errors', 'kernels', 'mcapfile', 'resources', 'told', 'units'}
 # Only nodes/ and the commands that start nodes may speak ROS.
 ROS = {'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'std_msgs', 'geometry_msgs',
        'sensor_msgs', 'trajectory_msgs', 'diagnostic_msgs', 'std_srvs', 'rosgraph_msgs',
