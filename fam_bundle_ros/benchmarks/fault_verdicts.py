@@ -25,7 +25,7 @@ _SETTLED = 0.3
 AT_ONCE = 0.05
 #: States of nodes that only `enable` ends; in which they have noticed something.
 _LATCHED = frozenset({'OVER_PRESSURE', 'NO_RESPONSE', 'LOST', 'LATCHED'})
-_NOTICED = _LATCHED | {'SENSOR', 'HOLD', 'NO_SETPOINT', 'E_STOP', 'VENT'}
+_NOTICED = _LATCHED | {'SENSOR', 'HOLD', 'NO_SETPOINT', 'NO_SUPPLY', 'E_STOP', 'VENT'}
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,8 @@ def draw_map(
     model: ChosenModel = None,
     out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='The page to write.'
                                       )] = Path('map.html'),
+    model_option: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help=
+                                                     'MODEL, as other commands take it.')] = None,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
 ) -> None:
@@ -53,6 +55,9 @@ def draw_map(
     from fam_bundle_ros.report.map_page import map_page
     from fam_bundle_ros.report.page import write_page
     from fam_bundle_ros.report.paper import paper_figures
+    if model is not None and model_option is not None:
+        raise InputError(f'MODEL is {model} and --model is {model_option}; expected one of them')
+    model = model or model_option
     bundle = open_model(model or PAPER, allow_python)
     show_muscle(bundle, model is not None)
     figures = paper_figures(bundle)
@@ -181,7 +186,7 @@ def _tune_outer(loop: str, period: float, delay: float, gain_error: float, inert
         raise InputError(f"--loop is '{loop}'; expected pressure, force or strain")
     console.print('[bold]' + '   '.join(f'{name} {value:.4g}' for name, value
                                         in result.settings.items()) + '[/bold]')
-    table(("true gain over the model's", 'stiffness over its mean', 'gain margin (dB)',
+    table(("true gain over the model's", 'stiffness over the middle one', 'gain margin (dB)',
            'phase margin (°)', 'delay margin (ms)', 'overshoot (%)', 'settling (ms)'),
           [(1.0 + p.gain_error, p.stiffness, p.gain_margin_db, p.phase_margin_deg,
             1e3 * p.delay_margin, 100.0 * p.overshoot, 1e3 * p.settling) for p in result.points],

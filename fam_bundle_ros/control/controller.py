@@ -32,6 +32,7 @@ from fam_bundle_ros.control.recruitment_loop import (
     RecruitmentSettings,
     start_recruitment,
 )
+from fam_bundle_ros.control.safety import HOLD_TIME
 from fam_bundle_ros.control.signals import (
     Command,
     command_record,
@@ -71,11 +72,9 @@ class ControllerConfig:
     load : LoadModel
         What is known of the load, for strain references.
     adaptation : AdaptationConfig
-        What is learnt of the model's errors.
+        Online adaptation of the gains and the bias of the model.
     still : float, Pa
         Pressures change only when they would by more than this: no air for sensor noise.
-    adaptation : AdaptationConfig
-        Online adaptation of the model's gains.
     hold_time : float, s
         Readings that are not finite hold the pressures so long, then everything is vented.
     """
@@ -90,7 +89,7 @@ class ControllerConfig:
     baseline: BaselineConfig = field(default_factory=BaselineConfig)
     adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
     still: float = 400.0
-    hold_time: float = 0.2
+    hold_time: float = HOLD_TIME
 
     def __post_init__(self):
         """Refuse what cannot be meant."""

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
-from fam_bundle_ros.control.outer_loop import loop_stiffnesses, outer_settings
+from fam_bundle_ros.control.outer_loop import outer_settings
 from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.strain_gains import drag_of, GAIN_ERRORS, RATE_LAG
 from fam_bundle_ros.control.tuning import python_control
@@ -144,8 +144,9 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
     Returns
     -------
     LoopResult
-        At the least, the mean and the largest stiffness (`loop_stiffnesses`), and errors of the
-        force's change of 30 %. Muscles damp by 1 % of critical at least.
+        At the stiffnesses for which gains are worked out (`stiffness_grid`), with the gains that
+        hold there, and errors of the force's change of 30 %. Muscles damp by 1 % of critical at
+        least. The settings are those at the middle one.
     """
     ct = python_control()
     _check(sample_period, 0.0)
@@ -155,18 +156,19 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
                          'strain loop')
     whole = config.delay + config.lead_time + sample_period
     dead = ct.tf(*ct.pade(whole, 4))
-    control = (ct.tf([settings.strain_gain, settings.strain_integral], [1.0, 0.0])
-               + ct.tf([settings.strain_damping, 0.0], [RATE_LAG, 1.0]))
-    stiffnesses, points = loop_stiffnesses(bundle, load), []
-    for stiffness in stiffnesses:
+    gains = list(zip(settings.strain_gain, settings.strain_integral, settings.strain_damping))
+    middle, points = len(gains) // 2, []
+    for stiffness, (gain, integral, damping) in zip(settings.stiffnesses, gains):
+        control = ct.tf([gain, integral], [1.0, 0.0]) + ct.tf([damping, 0.0], [RATE_LAG, 1.0])
         for e in GAIN_ERRORS:
             drag = float(drag_of(stiffness, load.inertia, load.damping))
             plant = ct.tf([1.0 + e], [load.inertia, drag, stiffness])
             loop = control * dead * plant
             step = _strain_step(ct, control, dead, plant)
-            points.append(replace(_point(ct, loop, e, step), stiffness=stiffness / stiffnesses[1]))
-    return LoopResult({name: getattr(settings, name) for name in (
-        'strain_gain', 'strain_integral', 'strain_damping')}, whole, tuple(points))
+            points.append(replace(_point(ct, loop, e, step),
+                                  stiffness=stiffness / settings.stiffnesses[middle]))
+    names = ('strain_gain', 'strain_integral', 'strain_damping')
+    return LoopResult(dict(zip(names, gains[middle])), whole, tuple(points))
 
 
 def pressure_steps(gains: PidGains, config: PidConfig, sample_period: float,

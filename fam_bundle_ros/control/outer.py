@@ -74,7 +74,8 @@ class OuterConfig:
         On the force error, without feed-forward (with it, the bias estimate does this).
     strain_gain : float, N, optional
         Per unit of strain error; by default, as the next two, as large as ``delay`` and load
-        allow: see `strain_gains`. Late feedback is turned back by a gain below 0.
+        allow at the present stiffness: see `strain_gains`. Late feedback is turned back by a
+        gain below 0.
     strain_integral : float, N/s, optional
     strain_damping : float, N s, optional
         On the error of the strain rate.

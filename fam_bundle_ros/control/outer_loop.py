@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-import numpy as np
-
 from fam_bundle_ros.control.observer import (
     begin_at,
     forget_observer,
@@ -22,7 +20,12 @@ from fam_bundle_ros.control.observer import (
     ObserverState,
 )
 from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
-from fam_bundle_ros.control.strain_gains import strain_gains, StrainGains
+from fam_bundle_ros.control.strain_gains import (
+    stiffness_grid,
+    strain_gains,
+    StrainGains,
+    unit_stiffness,
+)
 
 #: Kinds of references.
 KINDS = ('force', 'strain')
@@ -51,9 +54,14 @@ class OuterSettings:
     force_gain: float
     gain_error: float
     force_integral: float
-    strain_gain: float
-    strain_integral: float
-    strain_damping: float
+    #: Gains of the strain loop at these stiffnesses (N per strain), all (m,).
+    stiffnesses: list
+    strain_gain: list
+    strain_integral: list
+    strain_damping: list
+    #: Stiffness of each unit over its pressure p: slope p + bend p^2, (n,).
+    stiffness_slope: list
+    stiffness_bend: list
     still: float
     filter_time: float
     strain_reach: float
@@ -146,7 +154,9 @@ class OuterState:
 
 def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSettings:
     """Return the record that `outer_step` takes."""
-    found = default_strain_gains(config, load, bundle)
+    slope, bend = unit_stiffness(bundle)
+    stiffnesses = stiffness_grid(bundle, load.stiffness)
+    found = [default_strain_gains(config, load, stiffness) for stiffness in stiffnesses]
     bias_time = math.nan if config.bias_time is None else config.bias_time
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain
@@ -154,50 +164,23 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     spare = [0.0] * (-len(strains) % _TABLE if strains else _TABLE)
     return OuterSettings(**{
         **vars(config), 'bias_time': bias_time, 'force_gain': gain,
-        'strain_gain': found.gain, 'strain_integral': found.integral,
-        'strain_damping': found.damping,
+        'stiffnesses': stiffnesses, 'strain_gain': [each.gain for each in found],
+        'strain_integral': [each.integral for each in found],
+        'strain_damping': [each.damping for each in found],
+        'stiffness_slope': slope.tolist(), 'stiffness_bend': bend.tolist(),
         'model_error': bundle.error,
         'load_known': load.known, 'load_force': load.force, 'load_stiffness': load.stiffness,
         'load_inertia': load.inertia, 'load_damping': load.damping, 'load_points': len(strains),
         'load_strains': strains + spare, 'load_forces': forces + spare})
 
 
-def default_strain_gains(config: OuterConfig, load: LoadModel, bundle: Any) -> StrainGains:
-    """Return the gains of the strain loop: those given, the others worked out."""
+def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float) -> StrainGains:
+    """Return the gains of the strain loop at a stiffness: those given, the others worked out."""
     lag = config.delay + config.lead_time + USUAL_PERIOD
-    found = strain_gains(loop_stiffnesses(bundle, load), load.inertia or _USUAL_INERTIA,
-                         load.damping, lag)
+    found = strain_gains(stiffness, load.inertia or _USUAL_INERTIA, load.damping, lag)
     given = (config.strain_gain, config.strain_integral, config.strain_damping)
     return StrainGains(*(worked if value is None else value for value, worked in zip(
         given, (found.gain, found.integral, found.damping))))
-
-
-def loop_stiffnesses(bundle: Any, load: LoadModel) -> tuple[float, float, float]:
-    """
-    Return -dF/de of muscles and load at a middling strain, N: least, their mean, largest.
-
-    The least with the units that hold the load at a small strain at half of their largest
-    pressures; the largest with those that do at a large strain, and one more, at the largest.
-    """
-    def stiffness(count, share):
-        pressure = share * bundle.max_pressure * (np.arange(bundle.n) < count)
-        slope = float(bundle.force(0.09, pressure) - bundle.force(0.11, pressure)) / 0.02
-        return max(slope, 0.0) + load.stiffness
-
-    few, many = (units_for(bundle, load.holding_force(strain), strain)
-                 if load.known else fallback for strain, fallback in ((0.02, 1), (0.15, bundle.n)))
-    largest = max(stiffness(min(many + 1, bundle.n), 1.0), 1.0)
-    least = min(max(stiffness(few, 0.5), 0.02 * largest), largest)
-    return least, math.sqrt(least * largest), largest
-
-
-def units_for(bundle: Any, force: float, strain: float) -> int:
-    """Return how many units, from the first, give a force (N) at a strain; all if none do."""
-    for count in range(1, bundle.n):
-        pressure = bundle.max_pressure * (np.arange(bundle.n) < count)
-        if float(bundle.force(strain, pressure)) >= force:
-            return count
-    return bundle.n
 
 
 def forget_outer(state: Any) -> None:
@@ -327,14 +310,38 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
     if settings.feedback:
         # The gains on the strain answer what is quick; the quick observer would do it twice.
         error = value - strain
-        integrate_error(state, settings.strain_integral * error * dt, saturated)
-        wanted = (state.integral + settings.strain_gain * error
-                  + settings.strain_damping * (rate - measurement.strain_rate)
+        stiffness = present_stiffness(settings, measurement.pressure)
+        gain = at_stiffness(settings, settings.strain_gain, stiffness)
+        integral = at_stiffness(settings, settings.strain_integral, stiffness)
+        damping = at_stiffness(settings, settings.strain_damping, stiffness)
+        integrate_error(state, integral * error * dt, saturated)
+        wanted = (state.integral + gain * error + damping * (rate - measurement.strain_rate)
                   - state.observer.patient)
         still = quiet_band(settings, state, wanted, dt)
         state.kept = min(max(state.kept, wanted - still), wanted + still)
         correction = state.kept
     return known, correction
+
+
+def present_stiffness(settings: Any, pressure: Any) -> float:
+    """Return -dF/de of muscles and load at pressures (n,) in Pa, by the model, N."""
+    total = settings.load_stiffness
+    for i in range(len(pressure)):
+        p = max(pressure[i], 0.0)
+        total += (settings.stiffness_slope[i] + settings.stiffness_bend[i] * p) * p
+    return total
+
+
+def at_stiffness(settings: Any, values: Any, stiffness: float) -> float:
+    """Return a gain at a stiffness (N), linear between those of the table."""
+    table, last = settings.stiffnesses, len(values) - 1
+    if stiffness <= table[0]:
+        return values[0]
+    for k in range(1, last + 1):
+        if stiffness < table[k]:
+            share = (stiffness - table[k - 1]) / (table[k] - table[k - 1])
+            return values[k - 1] + share * (values[k] - values[k - 1])
+    return values[last]
 
 
 def holding_force(settings: Any, strain: float) -> float:

@@ -93,9 +93,8 @@ class InflowWatch:
 
     After `begin` a sensor is on trial: at most an eighth of a fill, and a sample more, is let in
     before the pressure has answered (`holding`); a trial that fails is repeated once. From then
-    on bounds follow the reading, the
-    lowest and the highest pressure that valve, supply and motion allow whatever the delay from
-    command to reading is.
+    on bounds follow the reading: the lowest and the highest pressure that valve, supply and
+    motion allow, whatever the delay from command to reading is.
 
     Parameters
     ----------
@@ -121,8 +120,8 @@ class InflowWatch:
     ...     watch.commanded(0.0 if watch.holding else 1.0)
     ...     if cause:
     ...         break
-    >>> cause, text[:44]
-    ('NO_RESPONSE', 'mu1 shows 0 kPa after air for 82 kPa was let')
+    >>> print(text)
+    mu1 shows 0 kPa after air for 82 kPa was let in, a second time; expected 45 kPa or more
     """
 
     def __init__(self, name: str, config: InflowConfig):

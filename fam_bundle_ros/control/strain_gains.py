@@ -5,6 +5,7 @@
 from dataclasses import dataclass
 from functools import lru_cache
 import math
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,8 @@ import numpy as np
 RATE_LAG = 0.008
 #: Errors of the force's change that the margin holds for.
 GAIN_ERRORS = (-0.3, 0.0, 0.3)
+#: By which factor the stiffness may be less or more than that for which gains are worked out.
+SPAN = 1.5
 #: Least distance of the loop from -1: its inverse bounds the sensitivity. 0.5 gives a gain
 #: margin of 2 and a phase margin of 29 degrees at least (Astrom and Murray 2008, ch. 9.3).
 _DISTANCE = 0.5
@@ -19,13 +22,17 @@ _DISTANCE = 0.5
 _LEAST_DAMPING = 0.01
 #: So much of the least stiffness may a gain below 0 take.
 _SOFTENED = 0.3
+#: Strain at which stiffnesses are taken, and half the distance over which.
+_MIDDLING, _APART = 0.1, 0.01
+#: Least stiffness over the largest that gains are worked out for.
+_LEAST_SHARE = 0.005
 #: Gains that are tried: on strain, over the stiffness; on its rate, over critical damping.
 _GAINS = np.array([-1.0, -0.7, -0.5, -0.35, -0.25, -0.15, -0.07, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7])
 _DAMPINGS = np.array([0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5])
 #: Integrals, over stiffness times natural frequency.
 _INTEGRALS = np.logspace(-2.0, 0.0, 13)
 #: Frequencies at which loops are worked out, over the natural frequency.
-_FREQUENCIES = np.logspace(-2.7, 1.3, 500)
+_FREQUENCIES = np.logspace(-2.7, 1.3, 250)
 
 
 @dataclass(frozen=True)
@@ -38,20 +45,20 @@ class StrainGains:
 
 
 @lru_cache(maxsize=256)
-def strain_gains(stiffnesses: tuple[float, float, float], inertia: float, damping: float,
-                 lag: float) -> StrainGains:
+def strain_gains(stiffness: float, inertia: float, damping: float, lag: float) -> StrainGains:
     """
     Return the gains that make the most of the lag: the least error after a load step.
 
     The integral of the squared error (by Parseval, from the frequency response), the mean over
-    all stiffnesses and `GAIN_ERRORS`, as small as a distance of each loop from -1 allows (after
-    Astrom and Hagglund 2006, Advanced PID Control, ch. 6). Feedback that is late by a quarter of a
-    natural oscillation damps with a gain on strain below 0, not with one on its rate.
+    stiffnesses less and more by `SPAN` and over `GAIN_ERRORS`, as small as a distance of each
+    loop from -1 allows (after Astrom and Hagglund 2006, Advanced PID Control, ch. 6). Feedback
+    that is late by a quarter of a natural oscillation damps with a gain on strain below 0, not
+    with one on its rate.
 
     Parameters
     ----------
-    stiffnesses : tuple of 3 float, N
-        Of muscles and load, per strain: the least, a middling one and the largest.
+    stiffness : float, N
+        Of muscles and load, per strain.
     inertia, damping : float, N s^2 and N s
         Of the load.
     lag : float, s
@@ -59,21 +66,21 @@ def strain_gains(stiffnesses: tuple[float, float, float], inertia: float, dampin
 
     Examples
     --------
-    >>> quick, late = (strain_gains((400.0, 800.0, 1400.0), 0.6, 0.0, lag) for lag in (0.01, 0.03))
+    >>> quick, late = (strain_gains(800.0, 0.6, 0.0, lag) for lag in (0.01, 0.03))
     >>> late.integral < quick.integral
     True
     """
-    least, middling, _ = stiffnesses
-    natural = math.sqrt(middling / inertia)
-    integrals = _INTEGRALS * middling * natural
+    stiffnesses = (stiffness / SPAN, stiffness, stiffness * SPAN)
+    natural = math.sqrt(stiffness / inertia)
+    integrals = _INTEGRALS * stiffness * natural
     s = 1j * natural * _FREQUENCIES
     plants = _plants(s, stiffnesses, inertia, damping)
     late = np.exp(-s * lag)
     best, least_cost = StrainGains(0.0, 0.0, 0.0), math.inf
     for share in _GAINS:
         for ratio in _DAMPINGS:
-            gain = max(float(share) * middling, -_SOFTENED * least)
-            rate = 2.0 * float(ratio) * math.sqrt(middling * inertia)
+            gain = max(float(share) * stiffness, -_SOFTENED * stiffnesses[0])
+            rate = 2.0 * float(ratio) * math.sqrt(stiffness * inertia)
             control = (gain + integrals[:, None] / s + rate * s / (1.0 + RATE_LAG * s)) * late
             costs = _costs(s, plants, control)
             k = int(np.argmin(costs))
@@ -111,3 +118,37 @@ def _costs(s, plants, control):
 def drag_of(stiffness, inertia, damping):
     """Return the damping that is reckoned with, N s: at least 1 % of critical."""
     return np.maximum(damping, 2.0 * _LEAST_DAMPING * np.sqrt(stiffness * inertia))
+
+
+def unit_stiffness(bundle: Any) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return -dF/de of each unit at a middling strain over its pressure p, as slope p + bend p^2.
+
+    Two arrays (n,), N/Pa and N/Pa^2: through 0, half and all of the largest pressure.
+    """
+    def at(share: float) -> np.ndarray:
+        pressure = share * bundle.max_pressure
+        return np.maximum((bundle.unit_forces(_MIDDLING - _APART, pressure)
+                           - bundle.unit_forces(_MIDDLING + _APART, pressure)) / (2.0 * _APART),
+                          0.0)
+    half, whole = at(0.5), at(1.0)
+    return ((4.0 * half - whole) / bundle.max_pressure,
+            (2.0 * whole - 4.0 * half) / bundle.max_pressure ** 2)
+
+
+def stiffness_grid(bundle: Any, load: float) -> list[float]:
+    """
+    Return stiffnesses of muscles and load for which gains are worked out, N per strain.
+
+    From the first unit at a tenth of its largest pressure to all at theirs, by factors of up to
+    `SPAN` squared: gains at one of them hold up to where those of the next do. ``load`` is the
+    stiffness of the load alone.
+    """
+    slope, bend = unit_stiffness(bundle)
+    each = slope * bundle.max_pressure + bend * bundle.max_pressure ** 2
+    first = 0.1 * bundle.max_pressure[0]
+    most = max(float(each.sum()), 1.0) + load
+    least = min(max(float(slope[0] * first + bend[0] * first ** 2) + load,
+                    _LEAST_SHARE * most), most)
+    count = 1 + math.ceil(math.log(most / least) / (2.0 * math.log(SPAN)))
+    return np.geomspace(least, most, max(count, 2)).tolist()

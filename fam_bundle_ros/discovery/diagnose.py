@@ -265,19 +265,34 @@ def _ladder(search: Search, answer: list[Change], error: dict[str, float], base:
     """Return the error after each step, on all rows and on folds left out."""
     fitter = search.fitter
 
+    def square(fit: Fit) -> float:
+        return float(np.average(fit.residual ** 2, weights=fitter.cells.count))
+
     def step(words: str, fit: Fit) -> dict[str, Any]:
-        square = np.average(fit.residual ** 2, weights=fitter.cells.count)
-        return {'step': words, 'error_N': float(np.hypot(np.sqrt(square), beyond)),
+        return {'step': words, 'error_N': float(np.hypot(np.sqrt(square(fit)), beyond)),
                 'held_out_N': float(np.hypot(held_out_physics(fitter, fit), beyond))}
 
     steps = [{'step': 'model', 'error_N': error['model'], 'held_out_N': error['model']},
              {**step('recalibrated', base), 'error_N': error['recalibrated']}]
-    names = search.options.own
-    for place, change in enumerate(answer):
-        names = tuple(sorted({*(n for n in names if n != change.old), change.new} - {''}))
-        words = f'+ {change.new}' if change.new else f'- {change.old}'
-        if place == len(answer) - 1:
-            steps.append({'step': words, 'error_N': error['best'], 'held_out_N': held.physics})
-        else:
-            steps.append(step(words, fitter.without_discrepancy(search.fit(names))))
+    names, left = search.options.own, list(answer)
+    while len(left) > 1:
+        # The change that takes most of the error first: each step shows what it brings.
+        tried = [(change, fitter.without_discrepancy(search.fit(_after(names, change))))
+                 for change in left]
+        change, fit = min(tried, key=lambda pair: square(pair[1]))
+        steps.append(step(_in_words(change), fit))
+        names = _after(names, change)
+        left.remove(change)
+    for change in left:
+        steps.append({'step': _in_words(change), 'error_N': error['best'],
+                      'held_out_N': held.physics})
     return steps
+
+
+def _after(names: tuple[str, ...], change: Change) -> tuple[str, ...]:
+    """Return the effects of a model after a change."""
+    return tuple(sorted({*(n for n in names if n != change.old), change.new} - {''}))
+
+
+def _in_words(change: Change) -> str:
+    return f'+ {change.new}' if change.new else f'- {change.old}'

@@ -8,7 +8,7 @@ from typing import Any
 from fam_bundle_ros.control import PidConfig
 from fam_bundle_ros.control.agreement import SupplyWatch
 from fam_bundle_ros.control.plausibility import InflowConfig, InflowWatch
-from fam_bundle_ros.control.safety import OVER_PRESSURE_FACTOR, SUPPLY, trip_pressure
+from fam_bundle_ros.control.safety import LATCH_TIME, OVER_PRESSURE_FACTOR, SUPPLY, trip_pressure
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
 from fam_bundle_ros.nodes.pid_readings import Latest, Volume
@@ -49,7 +49,7 @@ class Air:
         self._volumes = Volume(bundle, unit - 1, node.p['tube_volume'])
         self.strain, self.supply = Latest('strain'), Latest('supply')
         self.inflow = InflowWatch(f'mu{unit}', self._inflow_config(config))
-        self._supply_watch = SupplyWatch(node.p['supply.pressure'], node.p['hold_time'])
+        self._supply_watch = SupplyWatch(node.p['supply.pressure'], LATCH_TIME)
         self._begun = -math.inf
 
     def begin(self, now: float) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from fam_bundle_ros.control import PidConfig, PidGains
 from fam_bundle_ros.control.pid import ANTI_WINDUP
-from fam_bundle_ros.control.safety import OVER_PRESSURE_FACTOR
+from fam_bundle_ros.control.safety import HOLD_TIME, OVER_PRESSURE_FACTOR
 from fam_bundle_ros.model.pneumatics import ValveFlow
 from fam_bundle_ros.nodes import sensing
 from fam_bundle_ros.nodes.base import LATENCY, LISTENER, MODEL
@@ -50,7 +50,8 @@ SPECS = (
     Spec('sensor_timeout', 0.1, 'a pressure older than this is stale, s', 0.01, 10.0),
     Spec('auxiliary_timeout', 0.5, 'a strain or supply older than this is not used; volume and '
          'supply.pressure take their place, s', 0.01, 60.0, dynamic=True, guards=True),
-    Spec('hold_time', 0.2, 'a bad reading shuts the valve so long, then vents, s', 0.0, 10.0),
+    Spec('hold_time', HOLD_TIME, 'a bad reading shuts the valve so long, then vents, s', 0.0,
+         10.0),
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
     Spec('stuck_time', 0.5, 'a reading that repeats exactly so long while the valve is open is '
          'stuck, s; 0 for never', 0.0, 60.0),

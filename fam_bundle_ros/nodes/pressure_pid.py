@@ -358,6 +358,11 @@ class PressurePidNode(BundleNode):
             self._guard.latch(now, cause, self._watch.reason)
 
     def _hold(self, now: float, reason: str) -> float:
+        last = self._guard.now
+        if last.state is State.VENT or (last.state is State.HOLD
+                                        and now - last.time > self.p['hold_time']):
+            return self._vent(now, 'NO_SUPPLY' if self._watch.health == Health.GOOD else 'SENSOR',
+                              f'{reason}: venting')
         self._guard.enter(now, State.HOLD, 'HOLD', reason)
         self.say('HOLD', f'{reason}: valve shut')
         return 0.0

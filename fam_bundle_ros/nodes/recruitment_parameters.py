@@ -14,7 +14,7 @@ from fam_bundle_ros.control import (
 )
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.control.recruitment import POLICIES
-from fam_bundle_ros.control.safety import OVER_PRESSURE_FACTOR
+from fam_bundle_ros.control.safety import HOLD_TIME, OVER_PRESSURE_FACTOR
 from fam_bundle_ros.control.spread import SCHEMES
 from fam_bundle_ros.nodes import sensing
 from fam_bundle_ros.nodes.base import LATENCY, LISTENER, MODEL
@@ -86,7 +86,8 @@ SPECS = (
     Spec('strain_low', -0.2, 'least possible strain reading', -1.0, 0.0),
     Spec('strain_high', 0.6, 'largest possible strain reading', 0.0, 1.0),
     Spec('sensor_timeout', 0.1, 'a reading older than this is stale, s', 0.01, 10.0),
-    Spec('hold_time', 0.2, 'a bad reading holds the pressures so long, then vents, s', 0.0, 10.0),
+    Spec('hold_time', HOLD_TIME, 'a bad reading holds the pressures so long, then vents, s', 0.0,
+         10.0),
     Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
     Spec('resume_within', 2.0, 'pressure returns by itself after sensors were out for less than '
          'this, s; after longer `enable` is needed, with 0 always', 0.0, 3600.0, dynamic=True,

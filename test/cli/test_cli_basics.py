@@ -34,7 +34,7 @@ def test_help_needs_nothing_heavy(repository):
 
 def test_map_writes_page_and_numbers(fam_bundle, tmp_path):
     """`map` of the paper's bundle says where free strain dips, in the page and in the JSON."""
-    result = fam_bundle('map', '--json', 'map.json')
+    result = fam_bundle('map', '--model', 'spie2021', '--json', 'map.json')
     assert result.returncode == 0, result.stderr
     assert 'free strain dips' in result.stdout
     found = json.loads((tmp_path / 'map.json').read_text())
@@ -81,6 +81,7 @@ def test_tune_shows_gains_and_margins(fam_bundle, tmp_path):
     (['tune', '--phase-margin', '175'], ['no gain keeps']),
     (['map', 'spie2021', '--out', 'no/such/folder/map.html'], ['no/such/folder/map.html']),
     (['map', '--outt', 'a.html'], ['--outt']),
+    (['map', 'spie2021', '--model', 'spie2021'], ['--model is spie2021', 'expected one of']),
     (['mapp'], ['mapp']),
 ])
 def test_a_mistake_is_one_clear_line(fam_bundle, tmp_path, arguments, words):

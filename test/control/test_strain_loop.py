@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fam_bundle_ros.control import ControllerConfig, OuterConfig, tune
+from fam_bundle_ros.control import ControllerConfig, LoadModel, OuterConfig, tune
+from fam_bundle_ros.control.outer_loop import at_stiffness, outer_settings, present_stiffness
 from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.plant import MassSpring, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
@@ -34,3 +35,35 @@ def test_an_undamped_mass_follows_at_every_delay_that_is_told(paper_bundle, mass
     assert abs(log.error).max() < 3e-3
     prompt = lifted(paper_bundle, mass, 0.0)
     assert log.air[-1] < 1.1 * prompt.air[-1]
+
+
+@pytest.mark.parametrize('units', [2, 6])
+def test_the_stiffness_that_gains_go_by_is_the_slope_of_the_model(bundles, units):
+    """At the largest pressures and at half of them, with any units under pressure."""
+    bundle = bundles[units]
+    settings = outer_settings(OuterConfig(), LoadModel(stiffness=50.0), bundle)
+    for share in (0.5, 1.0):
+        for on in (1, units):
+            pressure = share * bundle.max_pressure * (np.arange(units) < on)
+            forces = [bundle.unit_forces(strain, pressure)[:on].sum() for strain in (0.09, 0.11)]
+            assert present_stiffness(settings, pressure) == pytest.approx(
+                50.0 + (forces[0] - forces[1]) / 0.02, rel=1e-6)
+
+
+def test_every_stiffness_of_six_units_gets_feedback(bundles):
+    """From one small unit to all, 1 to 50 in stiffness: an integral and damping everywhere."""
+    settings = outer_settings(OuterConfig(delay=5e-3), LoadModel(), bundles[6])
+    lowest, highest = settings.stiffnesses[0], settings.stiffnesses[-1]
+    assert highest > 50.0 * lowest
+    for stiffness in np.geomspace(0.5 * lowest, 2.0 * highest, 40):
+        assert at_stiffness(settings, settings.strain_integral, stiffness) > 0.0
+        assert at_stiffness(settings, settings.strain_damping, stiffness) > 0.0
+
+
+def test_gains_do_not_jump_with_the_stiffness(bundles):
+    """Linear between the stiffnesses for which they are worked out, constant outside."""
+    settings = outer_settings(OuterConfig(), LoadModel(), bundles[6])
+    for stiffness, gain in zip(settings.stiffnesses, settings.strain_gain):
+        for near in (stiffness * (1.0 - 1e-9), stiffness, stiffness * (1.0 + 1e-9)):
+            assert at_stiffness(settings, settings.strain_gain, near) == pytest.approx(
+                gain, abs=1e-5)

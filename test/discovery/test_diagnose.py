@@ -122,6 +122,9 @@ def test_two_effects_are_both_found_and_nothing_else(sweeps, paper_muscle):
     paths = orders(paper_muscle, result.shapes, data)
     assert len(paths) == 2
     assert len({round(path[-1], 6) for path in paths.values()}) == 1
+    # the ladder begins with the one that takes more of the error
+    assert [step['error_N'] for step in result.ladder[1:]] == pytest.approx(
+        min(paths.values(), key=lambda path: path[1]), rel=0.05)
 
 
 def test_a_wrong_bladder_is_replaced(sweeps, paper_muscle):

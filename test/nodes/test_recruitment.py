@@ -99,7 +99,7 @@ def test_lost_sensor_holds_then_vents_then_recovers(graph, bundle, fault, reason
     graph.advance(rig, 1.0)
     before = list(node.setpoints)
     graph.set('plant_simulator', **fault)
-    graph.advance(rig, 0.1)
+    graph.advance(rig, 0.03)
     assert node._state == 'HOLD'
     assert node.setpoints == pytest.approx(before, abs=5e3)
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
