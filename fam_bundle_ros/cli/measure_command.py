@@ -105,7 +105,8 @@ def _announce(plan: Any, done: frozenset[int], rig: bool) -> dict[str, Any]:
     planned = segments(plan)
     todo = [segment for segment in planned if segment.number not in done]
     left = sum(segment.duration for segment in todo)
-    rows, begin = [], 0.0
+    rows: list[tuple[Any, str, str]] = []
+    begin = 0.0
     for segment in todo:
         rows.append((segment.number, minutes(begin), segment.course.words))
         begin += segment.duration
