@@ -74,7 +74,7 @@ class _Range:
         self._force = _BEARS * max(float(np.abs(data.force).max()), 1.0)
 
     def protocol(self, words: str, *steps: Step) -> Protocol:
-        """Return a protocol; its limits are the highest pressure, the ends of its strain, a force."""
+        """Return a protocol, limited to the strain and the pressures that the data have."""
         protocol = Protocol(words, len(self.top), steps)
         strains = [leg.strain for step in steps for course in step.courses()
                    for leg in (course.start, *course.legs) if leg.strain is not None]
