@@ -173,8 +173,8 @@ def motion(protocol: Protocol) -> Motion:
                          else _HOLD if still else _SWEEP)
                 share = np.linspace(0.0, 1.0, count)
                 strain.append(before.strain + share * (leg.strain - before.strain))
-                pressure.append(np.outer(1.0 - share, before.pressure)
-                                + np.outer(share, leg.pressure))
+                pressure.append(before.pressure + np.outer(share, np.subtract(
+                    leg.pressure, before.pressure)))
                 rate.append(np.full(count, (leg.strain - before.strain) / leg.seconds))
                 time.append(clock + share * leg.seconds)
                 start.append(np.arange(count) == (0 if first else -1))
