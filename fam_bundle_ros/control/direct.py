@@ -14,6 +14,8 @@ from fam_bundle_ros.model import Bundle
 
 #: Pa: above it a motor unit counts as on.
 _ON = 2e3
+#: Share above a limit that is rounding (50 psi are 344.74 kPa, not 344.7): the limit is meant.
+ROUNDING = 1e-3
 
 
 class DirectPressures:
@@ -92,7 +94,7 @@ class DirectPressures:
         if asked.shape != self._limit.shape:
             raise InputError(f'{asked.size} pressures; expected {self._limit.size}')
         for k, (value, limit) in enumerate(zip(asked, self._limit), 1):
-            if not 0.0 <= value <= limit * (1.0 + 1e-9):
+            if not 0.0 <= value <= limit * (1.0 + ROUNDING):
                 raise InputError(f'reference of mu{k} is {value / 1e3:.4g} kPa; expected 0 to '
                                  f'{limit / 1e3:.4g} kPa, its largest pressure')
         return np.minimum(asked, self._limit)

@@ -10,6 +10,7 @@ could make up by moving its parameters within what the present data leave open.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+import math
 
 import numpy as np
 
@@ -41,6 +42,8 @@ _SHORT = 0.05
 _BEARS = 1.5
 #: Least range of strain (1) and highest pressure (Pa) of an experiment, where the data have less.
 _RANGE, _PRESSURE = 0.05, 20e3
+#: Steps of the strains, and of the pressures (Pa), that are proposed.
+_STRAINS, _PRESSURES = 1e-3, 100.0
 #: Readings above the limit of a motor unit by so much are its noise.
 _OVER = 1.05
 
@@ -63,15 +66,17 @@ class _Range:
 
     def __init__(self, cells: Cells, model: Bundle):
         data = cells.data
-        self.low = float(np.clip(data.strain.min(), LEAST_STRAIN, MOST_STRAIN - _RANGE))
-        self.high = float(np.clip(data.strain.max(), self.low + _RANGE, MOST_STRAIN))
+        # Numbers as a person would write them, within those of the data.
+        low, high = _inwards(float(data.strain.min()), float(data.strain.max()), _STRAINS)
+        self.low = min(max(low, LEAST_STRAIN), MOST_STRAIN - _RANGE)
+        self.high = min(max(high, self.low + _RANGE), MOST_STRAIN)
         top, limit = np.maximum(data.pressure.max(axis=0), 0.0), model.max_pressure
         top = np.where((top > limit) & (top < _OVER * limit), limit, top)
         self.top = top if top.max() > _PRESSURE else np.full(model.n, _PRESSURE)
         usual = (0.0 if data.is_static
                  else float(np.percentile(np.abs(data.strain_rate), 75)))
-        self.rate = usual or 0.02
-        self._force = _BEARS * max(float(np.abs(data.force).max()), 1.0)
+        self.rate = float(f'{usual or 0.02:.2g}')
+        self._force = float(f'{_BEARS * max(float(np.abs(data.force).max()), 1.0):.3g}')
 
     def protocol(self, words: str, *steps: Step) -> Protocol:
         """Return a protocol, limited to the strain and the pressures that the data have."""
@@ -98,11 +103,12 @@ class _Range:
                              self._strain(0.4), cycles=2)
 
     def _strain(self, share: float) -> float:
-        return self.low + share * (self.high - self.low)
+        return round(self.low + share * (self.high - self.low), 4)
 
     @staticmethod
     def _pressures(levels: np.ndarray, top: np.ndarray) -> tuple[Pressures, ...]:
-        return tuple(tuple(float(value) for value in level * top) for level in levels)
+        return tuple(tuple(_inwards(0.0, float(value), _PRESSURES)[1] for value in level * top)
+                     for level in levels)
 
 
 def menu(cells: Cells, model: Bundle) -> list[Protocol]:
@@ -118,7 +124,8 @@ def menu(cells: Cells, model: Bundle) -> list[Protocol]:
         data.protocol('step the strain, hold each step for 60 s and log the decay',
                       data.hold((0.2, 0.6, 0.4, 0.8), 60.0)),
         data.protocol('make small strain loops about one point at a fixed pressure', data.sweep(
-            levels, low=data.low + 0.4 * width, high=data.low + 0.5 * width)),
+            levels, low=round(data.low + 0.4 * width, 4),
+            high=round(data.low + 0.5 * width, 4))),
         data.protocol('step the pressure at a fixed strain', data.pressure_steps()),
         data.protocol('sweep at zero pressure', data.sweep(np.zeros(1))),
         data.protocol('sweep low isobars (5 to 20 % of the highest pressure)',
@@ -218,3 +225,17 @@ def without_force(first: str, second: str) -> str:
         if name in laws and laws[name].remedy:
             return laws[name].remedy
     return 'measure radius and braid angle with a calliper'
+
+
+def _inwards(low: float, high: float, step: float) -> tuple[float, float]:
+    """
+    Return the ends of a range as multiples of a step that are within it.
+
+    Examples
+    --------
+    >>> _inwards(-6e-5, 0.20007, 1e-3)
+    (0.0, 0.2)
+    """
+    rounding = 1e-6
+    return (round(math.ceil(low / step - rounding) * step, 9) + 0.0,
+            round(math.floor(high / step + rounding) * step, 9) + 0.0)

@@ -19,11 +19,13 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
+from fam_bundle_ros.control.direct import ROUNDING
 from fam_bundle_ros.data.protocol import Protocol, segments
 from fam_bundle_ros.data.segment_store import SegmentStore
 from fam_bundle_ros.errors import InputError
@@ -101,6 +103,8 @@ class Measuring(BundleNode):
                 self._stop(f'somebody else sends {topic}')
             self.subscribe(topic, kind, other)
         self.enable_client = self.create_client(SetBool, interface.ENABLE)
+        self.parameter_client = self.create_client(
+            GetParameters, 'recruitment_controller/get_parameters')
         self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
                                 self._on_sample)
         self.every(max(1.0 / self.p['rate'], 2e-3), self._check_time)
@@ -256,7 +260,7 @@ def fits(protocol: Protocol, model: Bundle) -> None:
         raise InputError(f'{protocol.name}: is for {protocol.motor_units} motor units; '
                          f'{model.name} has {model.n}')
     for k, (value, limit) in enumerate(zip(protocol.highest, model.max_pressure), 1):
-        if value > limit * (1.0 + 1e-9):
+        if value > limit * (1.0 + ROUNDING):
             raise InputError(f'{protocol.name}: mu{k} goes up to {value / 1e3:.1f} kPa; '
                              f'{model.name} allows {limit / 1e3:.1f} kPa (max_pressure)')
 
@@ -340,6 +344,12 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
         if not until(there, _PATIENCE):
             raise InputError(f'{what} under {node.get_namespace()}; is the rig running, in this '
                              'ROS domain?')
+    asked = GetParameters.Request(names=['reference_timeout'])
+    future = node.parameter_client.call_async(asked)
+    until(lambda: bool(future.done()), _ANSWER)
+    if future.done() and not future.result().values[0].double_value > 0.0:
+        raise InputError('reference_timeout of the recruitment controller is 0; expected more, '
+                         'say 1 s: were this process killed, the muscles would stay filled')
 
 
 def _enable(node: Measuring, until: Callable[[Callable[[], bool], float], bool]) -> None:
