@@ -22,6 +22,7 @@ from fam_bundle_ros.data.protocol import (
     Protocol,
     read_protocol,
     save_protocol,
+    segments,
     Sweep,
 )
 from fam_bundle_ros.discovery import compare, diagnose
@@ -29,8 +30,10 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model, Motion
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
-from fam_bundle_ros.nodes.measuring import measure, Stopped, with_room
+from fam_bundle_ros.nodes.measuring import measure, Measuring, Stopped, with_room
 from fam_bundle_ros.nodes.process import Spinner
+from fam_bundle_ros.nodes.protocol_run import ProtocolRun
+from fam_bundle_ros.nodes.sensing import Sample
 from fam_bundle_ros.resources import config_path
 
 ISOBARS = Sweep((0.05, 0.15), 0.1, ((100e3, 0.0), (300e3, 0.0), (300e3, 150e3)))
@@ -133,6 +136,22 @@ def test_the_next_experiment_breaks_the_tie_it_was_written_for(domain_id, tmp_pa
     new = read_measurement(tmp_path / 'next.csv')
     both = diagnose(model, join([old, new.select(np.arange(0, len(new), 4))]))
     assert (both.effects, both.tied) == (('threshold_pressure',), ())
+
+
+def test_a_sample_that_comes_twice_is_answered_twice_and_kept_once(ros_context, paper_bundle):
+    """In lock-step the simulator repeats what was not answered; time must not stand still."""
+    run = ProtocolRun(SHORT, segments(SHORT), lambda segment, rows: None)
+    steps, sent = [], []
+    step = run.step
+    run.step = lambda seen: steps.append(seen) or step(seen)
+    node = Measuring(paper_bundle, run, 3.0, context=ros_context)
+    node.started = True
+    node._ask_pressures = lambda stamp, pressure: sent.append(stamp)
+    for stamp in (5, 5, 10):
+        node._on_sample(Sample(stamp * 10**6, 1.0, 0.05, 0.0, [0.0, 0.0], {}))
+    node.destroy_node()
+    assert [seen.time for seen in steps] == pytest.approx([3.0, 3.005])
+    assert [stamp // 10**6 for stamp in sent] == [5, 5, 10]
 
 
 @pytest.fixture
