@@ -90,8 +90,8 @@ def compare(
 def diagnose(
     recordings: Annotated[list[str] | None, typer.Argument(
         metavar='DATA', help='Log (CSV or text, .xlsx, .lvm, .tdms, .mat, .parquet), ROS 2 bag, '
-        'or the name of data that ships. Several are of one muscle; with --specimens of those of '
-        'the table, none for all.'
+        'or the name of data that ships. With --specimens several, or none for all of the table; '
+        'with --one-muscle several.'
     )] = None,
     model: ModelOption = ...,  # type: ignore[assignment]
     specimens: Annotated[Path | None, typer.Option('--specimens', metavar='TABLE', help='Several '
@@ -104,6 +104,8 @@ def diagnose(
                                                    'write the model that it recommends (.yaml; '
                                                    'beside it the table of a discrepancy).'
                                                    )] = None,
+    one_muscle: Annotated[bool, typer.Option('--one-muscle', help='Several recordings of one and '
+                                             'the same muscle: diagnose them together.')] = False,
     protocol_out: Annotated[Path | None, typer.Option('--protocol-out', metavar='FILE',
                                                       help='Also write the next experiment as a '
                                                       'protocol (.yaml) for `measure`.')] = None,
@@ -132,10 +134,10 @@ def diagnose(
                                  '--json')
         diagnose_table(bundle, specimens, recordings or [], reading, choices, model_out, json_file)
         return
-    if not recordings:
-        raise InputError('no recording; expected one or more of one muscle, or --specimens with a '
-                         'table of several')
-    data = ' '.join(recordings)
+    if not recordings or (len(recordings) > 1 and not one_muscle):
+        raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with '
+                         'a table of their dimensions, or --one-muscle where all are of one')
+    data = recordings[0]
     measured = join([read_data(each, reading, bundle) for each in recordings])
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick, choices=choices)
@@ -155,7 +157,9 @@ def diagnose(
     console.print(escape(str(result.recommended)), soft_wrap=True)
     words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
              *(f'--remove {name}' for name in result.removed)]
-    if words:
+    if words and len(recordings) > 1:
+        console.print('add: the same with [bold]--model-out better.yaml[/bold] writes the model')
+    elif words:
         again = f' {reading.words}' if reading.words else ''
         console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data + again)} "
                       f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)
@@ -190,7 +194,7 @@ def diagnose(
         wrote(protocol_out)
         console.print(f'measure: [bold]fam_bundle measure {escape(str(protocol_out))} --model '
                       f'{escape(model)} --out next.csv[/bold], then diagnose both recordings '
-                      'together', soft_wrap=True)
+                      'with --one-muscle', soft_wrap=True)
     elif protocol_out is not None:
         notes.print(f'note: {protocol_out} was not written: what comes next is no force test')
 
