@@ -177,7 +177,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
             namespace: str = interface.NAMESPACE, domain: int | None = None, rate: float = 200.0,
             seed: int = 0, overrides: dict[str, Any] | None = None,
             progress: Callable[[float, str], None] | None = None,
-            log_level: str = 'warn') -> Path:
+            stop: Callable[[], bool] = lambda: False, log_level: str = 'warn') -> Path:
     """
     Drive an experiment and record it.
 
@@ -205,6 +205,9 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
         Parameters of the simulated rig's nodes, say ``{'faults.leak': 'mu1=2.0'}``.
     progress : callable, optional
         Gets the share that is done, and what is being done and how long it takes still.
+    stop : callable, optional
+        Asked a few times a second; true ends the experiment as Ctrl-C does: for a thread that gets
+        no signals.
     log_level : str
         Of the simulated rig's nodes.
 
@@ -220,7 +223,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
     Stopped
         When the experiment had to end: everything is vented, complete segments are kept.
     KeyboardInterrupt
-        After Ctrl-C, alike.
+        After Ctrl-C or ``stop``, alike.
     """
     fits(protocol, model)
     store = SegmentStore(out, protocol, model.names, resume)
@@ -249,7 +252,8 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
                     'lock_step': True, 'rate': rate})
             # A listener first: in lock-step nothing is repeated that way.
             spinner = ending.enter_context(closing(Spinner(context, [measuring, *nodes])))
-            _drive(spinner, measuring, run, signals, rig, protocol, progress)
+            _drive(spinner, measuring, run, lambda: signals.received or stop(), rig, protocol,
+                   progress)
     store.finish()
     return store.out
 
@@ -269,7 +273,8 @@ def with_room(protocol: Protocol, model: Bundle) -> Bundle:
     """Return a model that allows the pressures of a protocol: for a simulated rig only."""
     if protocol.motor_units != model.n:
         return model
-    units = [replace(unit, max_pressure=max(unit.max_pressure, value))
+    units = [unit if value <= unit.max_pressure * (1.0 + ROUNDING)
+             else replace(unit, max_pressure=value)
              for unit, value in zip(model.motor_units, protocol.highest)]
     return Bundle(model.name, units, model.effects, model.error, model.notes)
 
@@ -289,14 +294,14 @@ def _saved(model: Bundle, folder: str, name: str) -> str:
     return str(path)
 
 
-def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, signals: StopSignals, rig: bool,
-           protocol: Protocol, progress: Callable[[float, str], None] | None) -> None:
+def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[[], bool],
+           rig: bool, protocol: Protocol, progress: Callable[[float, str], None] | None) -> None:
     """Spin until the experiment is over; leave the bundle vented whatever happens."""
     total = run.left
 
     def until(condition: Callable[[], bool], seconds: float) -> bool:
         deadline = time.monotonic() + seconds
-        while not condition() and time.monotonic() < deadline and not signals.received:
+        while not condition() and time.monotonic() < deadline and not ended():
             spinner.spin(0.02)
         return condition()
     if rig:
@@ -306,7 +311,7 @@ def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, signals: StopSig
     try:
         if rig:
             _enable(node, until)
-        while not (run.done or node.stopped or signals.received):
+        while not (run.done or node.stopped or ended()):
             spinner.spin(_SLICE)
             if progress:
                 share = 1.0 - run.left / total
@@ -320,7 +325,6 @@ def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, signals: StopSig
             raise Stopped(': '.join(part for part in (node.stopped, node.reason) if part))
     finally:
         if rig:
-            signals.ignore()
             future = node.enable_client.call_async(SetBool.Request(data=False))
             deadline = time.monotonic() + _ANSWER
             while not future.done() and time.monotonic() < deadline:

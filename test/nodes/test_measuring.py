@@ -47,8 +47,8 @@ def paper_bundle():
 
 
 def one_muscle(bundle, effect=None):
-    """Return the first motor unit alone, without the buckling, perhaps with another effect."""
-    alone = type(bundle)('one', bundle.motor_units[:1], bundle.effects[:2])
+    """Return the first motor unit as an ideal braid, perhaps with another effect."""
+    alone = type(bundle)('one', bundle.motor_units[:1], bundle.effects[:1])
     return alone.with_effect(effect) if effect else alone
 
 
@@ -182,7 +182,16 @@ def test_a_running_rig_is_enabled_measured_and_left_vented(rig, domain_id, tmp_p
                 message, 101325.0)}), interface.NEWEST)
     from rcl_interfaces.srv import SetParameters
     client = probe.create_client(SetParameters, 'plant_simulator/set_parameters')
+    controller = probe.create_client(SetParameters, 'recruitment_controller/set_parameters')
     spinner = Spinner(context, [probe])
+
+    def patience(seconds):
+        # a killed `measure` would leave the muscles filled where references count for ever
+        controller.wait_for_service(20.0)
+        answer = controller.call_async(SetParameters.Request(parameters=[
+            Parameter('reference_timeout', value=seconds).to_parameter_msg()]))
+        while not answer.done():
+            spinner.spin(0.02)
 
     def look(share, words):
         if 'segment 2: sweep' in words and client.service_is_ready() and not shown.get('broken'):
@@ -190,6 +199,10 @@ def test_a_running_rig_is_enabled_measured_and_left_vented(rig, domain_id, tmp_p
                 Parameter('faults.gain', value='force=1.9').to_parameter_msg()]))
         spinner.spin(0.01)
     try:
+        patience(0.0)
+        with pytest.raises(InputError, match='reference_timeout .* is 0; expected more'):
+            measure(SHORT, tmp_path / 'log.csv', paper_bundle, rig=True, domain=domain_id)
+        patience(2.0)
         with pytest.raises(Stopped, match='cut the supply: FORCE force is'):
             measure(SHORT, tmp_path / 'log.csv', paper_bundle, rig=True, domain=domain_id,
                     progress=look)
