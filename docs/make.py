@@ -27,6 +27,11 @@ TOPICS = {
     'supply/pressure': 'absolute pressure of the supply, Pa',
     'reference/force': 'force.x in N; the last reference received is the control mode',
     'reference/strain': 'joint `strain` with its rate',
+    'reference/pressures': 'joints `mu1`, `mu2`, ...: gauge pressures asked for as efforts, Pa; '
+                           'for experiments: no model is asked, limits and latches act',
+    'reference/dynamometer': 'joint `strain` with its rate: what a dynamometer shall impose; the '
+                             'simulator obeys where `load.kind` is dynamometer, on a rig its '
+                             'driver does',
     'reference/trajectory': 'joint `force`, `strain` or `contraction`; sampled into the above',
     'recruitment_state': '0 off, also while the pressures still ramp down; k for RSk; latched',
     'recruitment': 'per motor unit: on or off (position), share of the force (effort, 0 to 1)',

@@ -274,7 +274,8 @@ def progress_bar(words: str) -> Iterator[Callable[..., None]]:
             nonlocal said
             if not notes.is_terminal and time.monotonic() - said > _SAY:
                 said = time.monotonic()
-                notes.print(f'{words}: {100.0 * share:.0f} %{f", {what}" if what else ""}')
+                notes.print(f'{words}: {100.0 * share:.0f} %{f", {what}" if what else ""}',
+                            soft_wrap=True)
             bar.update(task, completed=share, description=f'{words}: {what}' if what else words)
 
         yield tick

@@ -6,7 +6,7 @@ Node plant_simulator: a rig that is not there, with the names, units and service
 In wall time it steps at its rate with the latest valve commands and vents the motor units whose
 commands stay away. In lock-step it publishes a sample and ``/clock``, and steps when a valve
 command with that sample's stamp has come for every motor unit. Its supply is open only while
-``supply_enable`` says so.
+``supply_enable`` says so; a load that is a dynamometer goes where ``reference/dynamometer`` says.
 """
 
 import math
@@ -24,6 +24,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, MODEL
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.dynamometer import ImposedStrain
 from fam_bundle_ros.nodes.fault_injection import FaultInjection, FAULTS
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.models import bundle_from
@@ -115,6 +116,7 @@ class PlantSimulator(BundleNode):
         self._refused = 0
         self._meter = Meter()
         self._injection = FaultInjection(self, self.units, self._break)
+        self._imposed = ImposedStrain(self, self.rig)
         self._leave = Leave(math.inf if self.lock_step else p['supply_timeout'])
         self._set_up_interface()
         if p['start_stopped']:
@@ -285,6 +287,7 @@ class PlantSimulator(BundleNode):
         run_time = self._steps * period
         if self._script:
             self._script.before(self.rig, run_time, period)
+        self._imposed.before(period)
         if self._profile:
             target = self._profile.value(run_time + period)
             self.rig.impose_strain(target, abs(target - self.rig.truth.strain) / period)
@@ -344,6 +347,7 @@ class PlantSimulator(BundleNode):
                   ) -> Trigger.Response:
         stopped = self.rig.e_stopped
         self.rig.reset()
+        self._imposed.forget()
         if stopped:
             # Only e_stop_reset takes a stop back.
             self.rig.e_stop(stopped)
