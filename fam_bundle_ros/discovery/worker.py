@@ -21,6 +21,7 @@ from typing import Any
 
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 
@@ -63,6 +64,7 @@ class Worker:
         Where its answer goes; made where it is not there.
     name : str
         Of the files, without suffix.
+    choices : Choices, optional
 
     Attributes
     ----------
@@ -72,10 +74,11 @@ class Worker:
         With what it is busy.
     """
 
-    def __init__(self, model: Bundle, data: Measurement, folder: str | Path, name: str):
+    def __init__(self, model: Bundle, data: Measurement, folder: str | Path, name: str,
+                 choices: Choices | None = None):
         self.share, self.words = 0.0, 'starting'
         self._files = Path(folder) / f'{name}.json', Path(folder) / f'{name}.model.yaml'
-        job = pickle.dumps((model, data, *map(str, self._files)))
+        job = pickle.dumps((model, data, *map(str, self._files), choices))
         # one thread: the other cores are for what runs beside it
         environment = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1',
                        'PYTHONPATH': os.pathsep.join(part for part in sys.path if part)}
@@ -137,7 +140,8 @@ class Worker:
             pass  # it has ended; `poll` says so
 
 
-def run(model: Bundle, data: Measurement, file: str, model_file: str, tell: Any) -> None:
+def run(model: Bundle, data: Measurement, file: str, model_file: str,
+        choices: Choices | None, tell: Any) -> None:
     """
     Diagnose, and write answer and recommended model, the model first.
 
@@ -147,7 +151,8 @@ def run(model: Bundle, data: Measurement, file: str, model_file: str, tell: Any)
         Where the data do not do or a file cannot be written.
     """
     from fam_bundle_ros.discovery.diagnose import diagnose
-    found = diagnose(model, data, progress=lambda share, words: tell(0.99 * share, words))
+    found = diagnose(model, data, choices=choices,
+                     progress=lambda share, words: tell(0.99 * share, words))
     try:
         Path(file).parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
