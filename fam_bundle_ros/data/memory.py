@@ -112,6 +112,11 @@ class Memory:
         return len(self._kept)
 
     @property
+    def seconds(self) -> float:
+        """Time that the stretches cover together, s."""
+        return len(self._kept) * self._stretch
+
+    @property
     def oldest(self) -> float:
         """Time of the oldest row, s; infinite where there is none."""
         return self._kept[0].begin if self._kept else math.inf
@@ -149,9 +154,15 @@ class Memory:
         for k, value in enumerate(pressure, 3):
             sums[k] += value
 
+    def forget(self, before: float) -> None:
+        """Forget the stretches that ended before a time, s."""
+        self._kept = [stretch for stretch in self._kept if stretch.end >= before]
+
     def measurement(self, since: float = -math.inf, name: str = 'memory') -> Measurement:
         """
         Return the rows from a time on (s) as a measurement; its time begins at zero.
+
+        Another thread may call it while samples come.
 
         Raises
         ------
@@ -160,7 +171,7 @@ class Memory:
         """
         parts, label = [], []
         trial, before = -1, -10
-        for stretch in self._kept:
+        for stretch in list(self._kept):
             rows = stretch.rows[stretch.rows[:, 0] >= since]
             if len(rows) < 2:
                 continue

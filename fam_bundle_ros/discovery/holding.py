@@ -34,13 +34,13 @@ from fam_bundle_ros.model import Bundle
 __all__ = ['Holding', 'Noise', 'tolerance_of']
 
 #: s over which samples are averaged first, and the shortest look in such means.
-_SHORT, _LEAST = 0.05, 10
+_SHORT, _LEAST = 0.05, 5
 #: Sizes of an error beyond the tolerance, in standard deviations of a look, that are tried.
 _SIZES = np.array([0.5, 1.0, 2.0])
 #: Looks that it takes to raise an alarm.
 _FEWEST = 3
 #: Second differences that the noise is taken from, and the fewest that tell it.
-_DIFFERENCES, _FEW = 1200, 40
+_DIFFERENCES, _FEW = 1200, 20
 #: 1/s, below which a muscle counts as at rest: a tenth of the strain's range in a minute.
 _CRAWL = 2e-3
 #: Largest correlation of neighbouring short means that looks can be stretched for.
