@@ -95,21 +95,16 @@ class Noise:
         if len(run) == 5:
             self._wide.append(run[4] - 2.0 * run[2] + run[0])
         # a median of a thousand numbers is not worth taking for each
-        if self._new >= _FEW and len(self._near) >= _FEW:
+        if self._new >= _FEW and len(self._wide) >= _FEW:
             self._new = 0
             self._work_out()
 
     def _work_out(self) -> None:
         near = _variance(self._near)
-        rho = 0.0
-        if len(self._wide) >= _FEW and near > 0.0:
-            # AR(1): var = s^2 (6 - 8 rho^k + 2 rho^2k) at lag k
-            tried = np.linspace(0.0, _CORRELATED, 19)
-            ratio = _lagged(tried, 2) / _lagged(tried, 1)
-            found = _variance(self._wide) / near
-            # what chance does to the ratio is no correlation
-            sure = found * (1.0 - 2.0 / math.sqrt(len(self._wide)))
-            rho = float(np.interp(sure, ratio, tried))
+        # AR(1): var = s^2 (6 - 8 rho^k + 2 rho^2k) at lag k
+        tried = np.linspace(0.0, _CORRELATED, 19)
+        ratio = _lagged(tried, 2) / _lagged(tried, 1)
+        rho = float(np.interp(_variance(self._wide) / max(near, 1e-12), ratio, tried))
         count = len(self._near)
         # second differences share samples: about a third of them is independent
         self.value = math.sqrt(near / float(_lagged(np.array(rho), 1))) * (
