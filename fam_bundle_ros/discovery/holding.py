@@ -95,7 +95,7 @@ class Noise:
         if len(run) == 5:
             self._wide.append(run[4] - 2.0 * run[2] + run[0])
         # a median of a thousand numbers is not worth taking for each
-        if self._new >= _FEW and len(self._wide) >= _FEW:
+        if self._new >= _FEW and 2 * len(self._wide) >= _FEW:
             self._new = 0
             self._work_out()
 

@@ -20,10 +20,14 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from fam_bundle_ros.control import ControllerConfig, Measurement, RecruitmentController, Reference
+from fam_bundle_ros.control.rate import RateState
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.models import bundle_from
+
+#: s over which the pressures of the old model fade into those of the new one.
+_FADE = 0.3
 
 
 @dataclass
@@ -55,6 +59,11 @@ class ModelSwap:
         #: Files that were in use before, the last one last.
         self._before: list[str] = []
         self._candidate = self._refusal = ''
+        #: Setpoints at the change (Pa), what they were above the new model's, and s to go.
+        self._last: list[float] = []
+        self._offset: list[float] | None = None
+        self._left = 0.0
+        self._rate: RateState | None = None
         self._publisher = node.publisher(interface.MODEL_APPLIED, String, interface.LATCHED)
         node.subscribe(interface.MODEL_STATE, String, self._on_state, interface.LATCHED)
         node.create_service(Trigger, interface.APPLY_MODEL, self._on_apply)
@@ -64,6 +73,22 @@ class ModelSwap:
         """Return the bundle of a model file that is ready; None for any other."""
         prepared = self._prepared.get(model)
         return prepared.bundle if prepared else None
+
+    def faded(self, setpoints: list[float], dt: float) -> list[float]:
+        """Return setpoints (Pa) that go on from those before a change of the model."""
+        if self._left <= 0.0:
+            return setpoints
+        if self._offset is None:
+            self._offset = [old - new for old, new in zip(self._last, setpoints)]
+        share, self._left = self._left / _FADE, self._left - dt
+        limits = self._present().max_pressure.tolist()
+        return [min(max(value + share * offset, 0.0), limit)
+                for value, offset, limit in zip(setpoints, self._offset, limits)]
+
+    def go_on(self, controller: RecruitmentController) -> None:
+        """Let a controller that was just enabled know how the strain moves already."""
+        if self._rate is not None:
+            controller.memory.rate, self._rate = self._rate, None
 
     # --- inside --------------------------------------------------------------------------------
 
@@ -124,9 +149,12 @@ class ModelSwap:
 
     def _change(self, file: str, response: Trigger.Response) -> Trigger.Response:
         before = self._present().name
+        self._last, self._offset = list(self._node.setpoints), None
+        rate = self._node.controller.memory.rate
         (result,) = self._node.set_parameters([Parameter('model', value=file)])
         if not result.successful:
             return self._refuse(response, result.reason)
+        self._left, self._rate = _FADE, rate
         self._publisher.publish(String(data=file))
         response.success = True
         response.message = f'{self._present().name} in use since now, {before} before ({file})'

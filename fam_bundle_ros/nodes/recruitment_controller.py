@@ -240,6 +240,7 @@ class RecruitmentNode(BundleNode):
             self._take_over = not max(sample.pressure) < _VENTED
         if self._take_over and readable:
             self.controller.enable(measurement)
+            self._swap.go_on(self.controller)
             self._take_over = False
         elif self._take_over:
             self._guard.enter(self._now(), State.VENT, 'SENSOR', self._oversight.unreadable)
@@ -247,7 +248,7 @@ class RecruitmentNode(BundleNode):
             return
         command = self.controller.update(min(dt, _LONGEST), measurement, reference)
         self._command = command
-        self._setpoints = command.pressure.tolist()
+        self._setpoints = self._swap.faded(command.pressure.tolist(), dt)
         if command.explanation:
             self.get_logger().info(command.explanation)
         self._off_target.update(self._now(), reference,
