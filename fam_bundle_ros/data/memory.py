@@ -99,6 +99,8 @@ class Memory:
         self._names, self._scale = tuple(motor_units), np.asarray(max_pressure, float)
         self._seconds, self._stretch, self._most = seconds, stretch, most
         self._period = 1.0 / rate
+        #: Time of the first sample of a row, and between the last two, s.
+        self._first = self._step = 0.0
         self.clear()
 
     def clear(self) -> None:

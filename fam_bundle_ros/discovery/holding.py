@@ -177,7 +177,7 @@ class Holding:
         self.holds, self.since, self.looks = True, math.nan, 0
         self._alarm = math.nan
         self._score = -math.inf
-        self._page, self._page_begin = 0.0, math.nan
+        self._page, self._zero = 0.0, math.nan
         self._open: dict[tuple[int, int, int], _Look] = {}
         self._begin_short(math.nan, math.nan)
         self._kind: tuple[int, int, int] | None = None
@@ -239,17 +239,19 @@ class Holding:
         """Add a look to the evidence."""
         self.looks += 1
         gain = min(self.log_e_value(mean, spread), self._most)
-        if self._page <= 0.0:
-            self._page, self._page_begin = 0.0, begin
         self._page += gain
+        if self._page <= 0.0:
+            self._page, self._zero = 0.0, time
+        elif math.isnan(self._zero):
+            self._zero = begin
         self._score = float(np.logaddexp(self._score, 0.0)) + gain
         if self._score >= math.log(self.threshold):
             if self.holds:
-                self.holds, self.since = False, self._page_begin
+                self.holds, self.since = False, self._zero
             self._alarm, self._score = time, -math.inf
-            self._page = 0.0
         elif not self.holds and time - self._alarm > self._recovery:
             self.holds, self.since = True, math.nan
+            self._page, self._zero = 0.0, time
 
     def log_e_value(self, mean: float, spread: float) -> float:
         """Return ln L of a look, from its mean and its standard deviation, N."""

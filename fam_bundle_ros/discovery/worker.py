@@ -184,7 +184,8 @@ def main() -> None:
 
     threading.Thread(target=end_with_starter, daemon=True).start()
     try:
-        run(*pickle.loads(job), tell)
+        model, data, file, model_file, choices = pickle.loads(job)
+        run(model, data, file, model_file, choices, tell)
         tell(1.0, 'done')
     except InputError as error:
         out.write(json.dumps({'error': str(error)}) + '\n')

@@ -132,6 +132,7 @@ class Diagnosing:
                 'answer comes on model/diagnosis')
 
     def _poll(self) -> None:
+        self._collect()
         if self._worker is None:
             return
         done = self._worker.poll()
@@ -153,22 +154,24 @@ class Diagnosing:
     # --- the thread ----------------------------------------------------------------------------
 
     def _look_closer(self) -> None:
-        """Take what the thread has found, and let it look again where there is reason to."""
-        watch = self._watch
-        if self._look is not None:
-            if not self._look.done():
-                return
-            found = self._look
-            self._look = None
-            try:
-                watch.where, self._candidate = found.result()
-            except InputError:
-                pass  # the memory is too short yet
-            self._changed()
-        if watch.holding.holds:
-            watch.where = ''
-        if self._file or not watch.holding.holds:
-            self._look = self._thread.submit(look_closer, watch, self._file, self._candidate)
+        """Let the thread look where there is reason to."""
+        holds = self._watch.holding.holds
+        if holds:
+            self._watch.where = ''
+        if self._look is None and (self._file or not holds):
+            self._look = self._thread.submit(look_closer, self._watch, self._file,
+                                             self._candidate)
+
+    def _collect(self) -> None:
+        """Take what the thread has found."""
+        if self._look is None or not self._look.done():
+            return
+        found, self._look = self._look, None
+        try:
+            self._watch.where, self._candidate = found.result()
+        except InputError:
+            return  # the memory is too short yet
+        self._changed()
 
 
 def look_closer(watch: ModelWatch, file: str, before: Candidate | None

@@ -91,7 +91,7 @@ class ModelWatch:
                              bundle.max_pressure.tolist(), seconds)
         self._scale = float(bundle.max_pressure.sum())
         self._time = math.nan
-        self.change(bundle)
+        self._begin(bundle)
 
     def change(self, bundle: Bundle) -> None:
         """
@@ -99,8 +99,11 @@ class ModelWatch:
 
         The memory stays, but for what was before the rig ceased to be as the old model says.
         """
-        if hasattr(self, 'holding') and not self.holding.holds:
+        if not self.holding.holds:
             self.memory.forget(self.holding.since)
+        self._begin(bundle)
+
+    def _begin(self, bundle: Bundle) -> None:
         self.bundle = bundle
         tolerance = tolerance_of(bundle) if self._tolerance is None else self._tolerance
         self.holding = Holding(tolerance, self._scale, self._false_alarms, self._window)
@@ -166,8 +169,8 @@ class ModelWatch:
             return (f'the model holds: its mean error was within {watch.tolerance:.2g} N wherever '
                     f'the rig was ({watch.looks} looks)')
         ago = max(self._time - watch.since, 0.0)
-        return (f'the model no longer holds, since about {ago:.0f} s ago: its mean error is beyond '
-                f'{watch.tolerance:.2g} N' + (f'; {self.where}' if self.where else ''))
+        return (f'the model no longer holds, since about {ago:.0f} s ago: its mean error is '
+                f'beyond {watch.tolerance:.2g} N' + (f'; {self.where}' if self.where else ''))
 
     def state(self) -> dict[str, Any]:
         """Return what goes out as JSON; numbers that are not known are None."""

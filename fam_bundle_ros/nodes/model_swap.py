@@ -97,7 +97,8 @@ class ModelSwap:
             candidate = json.loads(message.data).get('candidate') or {}
             file, refusal = str(candidate.get('file', '')), str(candidate.get('refusal', ''))
         except (ValueError, AttributeError) as error:
-            raise InputError(f'{message.data[:40]!r} is not the JSON of a model monitor') from error
+            raise InputError(f'{message.data[:40]!r} is not what a model monitor says'
+                             ) from error
         self._candidate, self._refusal = file, refusal
         if file and file not in self._prepared:
             self._prepared[file] = Prepared()

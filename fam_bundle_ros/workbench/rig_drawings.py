@@ -42,7 +42,8 @@ def live_figure(samples: Sequence[dict[str, Any]], noise: float | None) -> dict[
 
     drawing = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.045,
                             row_heights=[0.36, 0.24, 0.24, 0.16])
-    plotting.dress(drawing, 700, hovermode='x unified', margin={'l': 62, 'r': 16, 't': 34, 'b': 44})
+    plotting.dress(drawing, 700, hovermode='x unified',
+                   margin={'l': 62, 'r': 16, 't': 34, 'b': 44})
     kind = next((sample.get('reference_kind') for sample in reversed(samples)), None)
     ink, muted, faint = (palette.NEUTRAL[name] for name in ('ink', 'muted', 'faint'))
 

@@ -29,13 +29,13 @@ _PATIENCE, _FAREWELL = 8.0, 5.0
 #: Bytes of a line: a diagnosis has many.
 _LONGEST = 1 << 24
 #: The simulated bundle, which ends with its standard input: that of a workbench that was killed.
-_BRINGUP = '''
+_BRINGUP = """
 import os, signal, sys, threading
 threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.SIGINT)),
                  daemon=True).start()
 from fam_bundle_ros.nodes.bundle_bringup import main
 sys.exit(main())
-'''
+"""
 
 
 class Record:

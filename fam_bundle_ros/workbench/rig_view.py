@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ['RigView']
 
-#: s between two looks at the bundle.
-_PERIOD = 0.5
+#: s between two looks at the bundle, and between two figures.
+_PERIOD, _DRAW = 0.5, 0.9
 #: What the simulated bundle gets at a click, as `hidden_effect` takes it, and its name.
 HIDDEN = ('coulomb_friction: {force: 4 N}', 'Coulomb friction of 4 N')
 _rig = LiveRig()
@@ -83,7 +83,8 @@ class RigView:
     def _source(self) -> None:
         with parts.box('section', 'side'):
             with parts.box('div', 'row'):
-                parts.typed('Namespace', self.rig.namespace, self._namespace, mark='live:namespace')
+                parts.typed('Namespace', self.rig.namespace, self._namespace,
+                            mark='live:namespace')
             with parts.box('div', 'row'):
                 self.start = parts.button('Start a simulated bundle', self._simulate, 'plain',
                                           'live:simulate')
@@ -156,7 +157,7 @@ class RigView:
         self.stop.set_visibility(self.rig.simulating)
         for button in (self.hide, self.show):
             button.set_visibility('plant_simulator' in nodes)
-        if heard and record.now['time'] != self._shown.get('time'):
+        if heard and abs(record.now['time'] - self._shown.get('time', math.inf)) >= _DRAW:
             self._shown['time'] = record.now['time']
             self.plot.update_figure(drawings.for_page(
                 live_figure(record.samples, state.get('noise_N')), self.page.dark))

@@ -12,7 +12,6 @@ from std_srvs.srv import Trigger
 from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
-from fam_bundle_ros.nodes.model_monitor import ModelMonitor
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.resources import config_path
 
@@ -58,30 +57,50 @@ def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, rig, tmp_p
     answer = graph.call(Trigger, 'apply_model')
     assert (answer.success, answer.message) == (False, 'worse')
     offer(graph, node, better)
-    rows = []
-    wanted, took = graph.pacer.after, []
+    rows, applied = [], graph.listen('model/applied', String, interface.LATCHED)
+    wanted = graph.pacer.after
 
     def after(rig, time, commands):
-        rows.append((time, *node.setpoints, node._reference.at(node._now()).value
-                     - rig.truth.force))
+        rows.append((time, *node.setpoints,
+                     node._reference.at(node._now()).value - rig.truth.force))
         return wanted(rig, time, commands)
     graph.pacer.after = after
-    times, errors = [0.0], []
+    changed = []
     for service, name in (('apply_model', 'better'), ('restore_model', 'spie2021')):
         graph.advance(rig, 7.3)
         answer = graph.call(Trigger, service)
         assert answer.success, answer.message
-        assert node.bundle.name == name
-        times.append(graph.pacer.time)
+        assert f'{name} in use since now' in answer.message
+        assert (node.bundle.name, applied[-1].data) == (name, node.p['model'])
+        changed.append(graph.pacer.time)
     graph.advance(rig, 0.5)
-    assert took == []
-    time, table = np.array([row[0] for row in rows]), np.array([row[1:] for row in rows])
-    step = np.abs(np.diff(table[:, :2], axis=0)).max(axis=1)
-    for at in times[1:]:
-        usual = step[(time[1:] > at - 6.0) & (time[1:] < at)]
-        print('BUMP', at, step[(time[1:] >= at-1e-9) & (time[1:] < at + 0.5)].max(), np.sort(usual)[-5:])
-    for begin, end in zip(times, [*times[1:]]):
-        inside = (time > begin + 1.3) & (time <= end)
-        errors.append(float(np.sqrt(np.mean(table[inside, 2] ** 2))))
-    print('ERR', errors)
-    assert errors[1] < 0.6 * errors[0]
+    time, *setpoints, error = np.array(rows).T
+    step = np.abs(np.diff(setpoints)).max(axis=0)
+    for at in changed:
+        usual = step[(time[1:] > at - 6.0) & (time[1:] < at)].max()
+        assert step[(time[1:] >= at - 1e-9) & (time[1:] < at + 0.5)].max() < usual
+    first, second = changed
+
+    def tracking(begin, end):
+        return float(np.sqrt(np.mean(error[(time > begin) & (time <= end)] ** 2)))
+    # one to and fro of the force each; what the change itself stirs up has gone by then
+    assert tracking(first + 1.3, second) < 0.6 * tracking(first - 6.0, first)
+    assert not graph.call(Trigger, 'restore_model').success
+
+
+def test_a_model_that_cannot_be_used_is_refused_and_the_old_one_stays(graph, rig, tmp_path):
+    """Another number of motor units, a file that is not there, the model of now."""
+    model = load_model(config_path('models/spie2021.yaml'))
+    one = tmp_path / 'one.yaml'
+    save_model(Bundle('one', model.motor_units[:1], model.effects), one)
+    node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
+    graph.advance(rig, 0.2)
+    for file, reason in ((one, 'motor units 1, here 2'), (tmp_path / 'no.yaml', 'no such file'),
+                         (node.p['model'], 'in use already')):
+        offer(graph, node, file)
+        answer = graph.call(Trigger, 'apply_model')
+        assert not answer.success
+        assert reason in answer.message
+    (result,) = graph.set('recruitment_controller', model='models/spie2021_damped.yaml')
+    assert 'only while the controller is off, or by apply_model' in result.reason
+    assert node.bundle.name == 'spie2021'

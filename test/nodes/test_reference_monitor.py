@@ -8,6 +8,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from fam_bundle_ros.errors import InputError
@@ -100,6 +101,7 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     nodes = make_nodes(graph.context, overrides={
         **quiet, 'sensors.force_noise': 0.5, 'lock_step': True, 'wait_for_reference': True,
         'start_enabled': True, 'plant_model': str(hidden), 'window': 2.0,
+        'diagnosis_folder': str(tmp_path),
         'load.kind': 'mass_spring', 'load.stiffness_against': 2000.0, 'load.mass': 1.0},
         simulator={'script': graph.pacer}, generator={'profile': profile})
     graph.add(*nodes)
@@ -117,6 +119,9 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
                 if m.status[0].name.endswith('model_monitor')]
     graph.until(lambda: text() and 'no longer holds' in text()[-1], 'the warning')
     monitor = next(n for n in nodes if isinstance(n, ModelMonitor))
+    assert graph.call(Trigger, 'diagnose').success
+    assert 'at work already' in graph.call(Trigger, 'diagnose').message
+    worker = monitor._diagnosing._worker
     assert graph.set('model_monitor', model=str(hidden))[0].successful
     count = len(residuals)
     graph.advance(rig, 0.5)
@@ -124,6 +129,8 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     assert np.sqrt(np.mean(values ** 2)) < 3 * floor
     assert monitor.watch.bundle.name == 'hidden'
     assert monitor.watch.holding.holds
+    monitor.stop()
+    assert worker._process.poll() is not None
 
 
 def test_model_force_plus_residual_is_the_measured_force(graph, quiet):
