@@ -84,12 +84,24 @@ def test_coloured_noise_makes_looks_longer_and_no_alarms():
     assert watch.looks < 400
 
 
-def test_noise_is_that_of_short_means(noise):
-    """White noise of 0.9 N over ten samples: 0.28 N, nearly without correlation."""
-    watch, alarms = watched(noise(60.0))
-    assert alarms == []
-    assert watch.noise.value == pytest.approx(NOISE / math.sqrt(10.0), rel=0.15)
-    assert watch.noise.time < 1.5
+def test_noise_is_that_of_short_means_and_not_of_what_turns_with_the_motion(noise):
+    """White noise of 0.9 N over ten samples: 0.28 N and 7 % for doubt, with friction too."""
+    residual = noise(80.0)
+    for added in (0.0, 6.0 * rate_of(times(80.0))):
+        watch, _ = watched(residual + added)
+        assert watch.noise.value == pytest.approx(1.07 * NOISE / math.sqrt(10.0), rel=0.07)
+        assert watch.noise.time < 1.5
+
+
+def test_friction_shows_in_noise_that_asks_for_long_looks():
+    """Looks of a second and more would average it out if they did not keep to one direction."""
+    rng = np.random.default_rng(5)
+    share = math.exp(-1.0 / (0.15 * RATE))
+    coloured = lfilter([1.0], [1.0, -share], rng.normal(
+        0.0, 1.5 * math.sqrt(1.0 - share ** 2), round(RATE * 120.0)))
+    watch, alarms = watched(coloured + 6.0 * rate_of(times(120.0)))
+    assert watch.noise.time > 4.0
+    assert alarms[0] < 90.0
 
 
 def test_friction_is_noticed_within_a_few_seconds_and_dated(noise):
@@ -129,8 +141,10 @@ def test_readings_that_are_none_and_gaps_are_no_evidence(noise):
     watch, alarms = watched(residual)
     assert alarms == []
     assert watch.looks > 10
-    watch.add(1e4, 0.1, 2e5, 500.0)
-    watch.add(1e4 + 0.06, 0.1, 2e5, 0.0)
+    looks = watch.looks
+    for k in range(round(20.0 * RATE)):  # the clock was set back
+        watch.add(k / RATE, 0.1, 2e5, residual[k - k % 7 + 1])
+    assert watch.looks > looks + 10
     assert watch.holds
 
 

@@ -66,15 +66,18 @@ def test_a_model_that_is_right_has_the_error_of_the_noise(model):
     assert watch.state()['since_s'] is None
 
 
-def test_the_error_is_that_of_the_window(model, rubbed):
-    """What is older than the window has left the number."""
+def test_the_error_is_that_of_the_window_or_since_the_model_changed(model, rubbed):
+    """What is older than the window has left the number; another model begins anew."""
     watch = ModelWatch(model, window=5.0)
-    run(watch, rubbed, 0.0, 10.0)
+    run(watch, rubbed, 0.0, 5.0)
     assert watch.error > 4.0
+    run(watch, model, 5.0, 12.0)
+    assert watch.error == pytest.approx(NOISE, rel=0.05)
+    run(watch, rubbed, 12.0, 14.0)
     watch.change(rubbed)
     assert math.isnan(watch.error)
-    run(watch, rubbed, 10.0, 14.0)
-    # the fixture knows the rate: nothing is left but noise
+    run(watch, rubbed, 14.0, 18.0)
+    # the test knows the rate: nothing is left but noise
     assert watch.error == pytest.approx(NOISE, rel=0.05)
 
 
