@@ -38,6 +38,11 @@ TOPICS = {
     'adaptation': 'what the controller has learnt of each motor unit, in words; latched',
     'model/force': 'what the model predicts, N',
     'model/residual': 'measured minus predicted, N',
+    'model/state': 'whether the model holds: JSON with holds, words, error_N, noise_N, '
+                   'tolerance_N, where, since_s, diagnosing, candidate; latched',
+    'model/diagnosis': 'what `diagnose` found: the JSON of `fam_bundle diagnose`, with file and '
+                       'model_file; latched',
+    'model/applied': 'model file that `apply_model` or `restore_model` brought into use; latched',
     'e_stop': 'emergency stop, latched; one publisher',
     'supply_enable': 'true: the supply may be open; on change and 10 times a second; false or '
                      'silent for 0.5 s: cut it and dump',
@@ -51,6 +56,11 @@ SERVICES = {
     'reset': 'the simulated rig starts anew; an emergency stop stays',
     'tare': 'the load cell of the simulated rig is set to zero; warns under pressure',
     'fault/clear': 'repair everything in the simulated rig: all parameters `faults.*`',
+    'diagnose': 'ask what the model lacks, on the memory of the last minutes; the answer comes on '
+                '`model/diagnosis` and as a file in `diagnosis_folder`',
+    'apply_model': 'use the model that the last diagnosis recommends, without a bump; refused '
+                   'unless it fits and predicts the memory better',
+    'restore_model': 'go back to the model before',
     'adaptation/reset': 'forget what was learnt',
     'adaptation/save': 'write the model with what was learnt to `adaptation_file`, by default '
                        '`<model>_adapted.yaml` in the working directory',

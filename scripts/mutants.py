@@ -22,11 +22,11 @@ import subprocess
 import sys
 import time
 
-from coverage.numbits import numbits_to_nums
 from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_and_test
 from cosmic_ray.plugins import get_operator
 from cosmic_ray.work_item import MutationSpec, TestOutcome
+from coverage.numbits import numbits_to_nums
 
 ROOMS = ('model', 'plant', 'control', 'data', 'discovery')
 OPERATORS = (

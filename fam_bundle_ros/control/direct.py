@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from fam_bundle_ros.control.safety import HOLD_TIME
 from fam_bundle_ros.control.signals import Command, Measurement, Reference
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -42,7 +43,8 @@ class DirectPressures:
     [75000.0, 100000.0, 100000.0]
     """
 
-    def __init__(self, bundle: Bundle, fade_time: float = 0.2, hold_time: float = 0.2):
+    def __init__(self, bundle: Bundle, fade_time: float = 0.2,
+                 hold_time: float = HOLD_TIME):
         self._limit = bundle.max_pressure
         self._fade_time, self._hold_time = fade_time, hold_time
         self._now = np.zeros(bundle.n)

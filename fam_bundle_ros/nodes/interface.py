@@ -47,6 +47,9 @@ RECRUITMENT = 'recruitment'
 ADAPTATION = 'adaptation'
 MODEL_FORCE = 'model/force'
 MODEL_RESIDUAL = 'model/residual'
+MODEL_STATE = 'model/state'
+MODEL_DIAGNOSIS = 'model/diagnosis'
+MODEL_APPLIED = 'model/applied'
 E_STOP = 'e_stop'
 #: Leave to open the supply; see docs/how_to/driver.md.
 SUPPLY_ENABLE = 'supply_enable'
@@ -62,9 +65,13 @@ TARE = 'tare'
 ADAPTATION_RESET = 'adaptation/reset'
 ADAPTATION_SAVE = 'adaptation/save'
 FAULT_CLEAR = 'fault/clear'
+DIAGNOSE = 'diagnose'
+APPLY_MODEL = 'apply_model'
+RESTORE_MODEL = 'restore_model'
 SERVICES = {ENABLE: SetBool, E_STOP_TRIGGER: Trigger, E_STOP_RESET: Trigger, RESET: Trigger,
             TARE: Trigger, ADAPTATION_RESET: Trigger, ADAPTATION_SAVE: Trigger,
-            FAULT_CLEAR: Trigger}
+            FAULT_CLEAR: Trigger, DIAGNOSE: Trigger, APPLY_MODEL: Trigger,
+            RESTORE_MODEL: Trigger}
 
 LOAD_CELL_FRAME = 'load_cell'
 
@@ -123,6 +130,8 @@ def topics(units: int) -> tuple[Topic, ...]:
             Topic(RECRUITMENT_STATE, UInt8, latched=True), Topic(RECRUITMENT, JointState),
             Topic(ADAPTATION, String, latched=True),
             Topic(MODEL_FORCE, WrenchStamped), Topic(MODEL_RESIDUAL, WrenchStamped),
+            *(Topic(name, String, latched=True)
+              for name in (MODEL_STATE, MODEL_DIAGNOSIS, MODEL_APPLIED)),
             Topic(E_STOP, Bool, latched=True), Topic(DIAGNOSTICS, DiagnosticArray))
 
 

@@ -27,6 +27,7 @@ from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, 
 from fam_bundle_ros.nodes.dynamometer import ImposedStrain
 from fam_bundle_ros.nodes.fault_injection import FaultInjection, FAULTS
 from fam_bundle_ros.nodes.gate import Gate
+from fam_bundle_ros.nodes.hidden_effect import HIDDEN, HiddenEffect
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import Spec, table
 from fam_bundle_ros.nodes.process import run
@@ -38,6 +39,7 @@ from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 SPECS = (
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
     Spec('plant_model', '', 'model file of the rig where it is not `model`: a hidden effect'),
+    HIDDEN,
     Spec('rate', 200.0, 'samples per second', 10.0, 2000.0),
     Spec('seed', 0, 'of the noise', 0, 2**31 - 1),
     Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
@@ -99,6 +101,7 @@ class PlantSimulator(BundleNode):
         p = self.p
         self.rig = rig or Rig(bundle_from(p['plant_model'] or p['model']), rig_config(p),
                               seed=p['seed'])
+        self._hidden = HiddenEffect(self.rig, p[HIDDEN.name])
         self.units = self.rig.bundle.n
         self._channels = [f'mu{i + 1}' for i in range(self.units)]
         self._script = script
@@ -159,7 +162,7 @@ class PlantSimulator(BundleNode):
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
             self.create_service(Trigger, name, answer)
-        self.p.on_change(self, self._injection.check, self._change)
+        self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report, 'simulated')
 
     @property
@@ -289,7 +292,9 @@ class PlantSimulator(BundleNode):
             self._script.before(self.rig, run_time, period)
         self._imposed.before(period)
         if self._profile:
-            target = self._profile.value(run_time + period)
+            when = run_time + period
+            target = self._profile.value(when % self._profile.duration
+                                         if self.p['load.repeat'] else when)
             self.rig.impose_strain(target, abs(target - self.rig.truth.strain) / period)
         stopped = self.rig.e_stopped
         if self.p['obey_supply_enable']:
@@ -367,8 +372,13 @@ class PlantSimulator(BundleNode):
             self.get_logger().warning(f'tare: {response.message}')
         return response
 
+    def _check(self, values: dict[str, Any]) -> None:
+        self._injection.check(values)
+        self._hidden.check(values)
+
     def _change(self, changes: dict[str, Any]) -> None:
         self._injection.take()
+        self._hidden.take(self.p[HIDDEN.name])
         if not self.lock_step:
             self._leave.timeout = self.p['supply_timeout']
         fields = load_change(self.p['load.kind'], changes)
@@ -384,6 +394,7 @@ class PlantSimulator(BundleNode):
         self._meter.report(report, 'sample')
         report.value('rig', 'simulated')
         report.value('model', self.rig.bundle.name)
+        report.value('hidden effect', self.p[HIDDEN.name] or 'none')
         report.value('run time, s', self._steps * self._period_ns * 1e-9, 6)
         report.value('e_stop', self.rig.e_stopped or 'off')
         if self.p['obey_supply_enable']:

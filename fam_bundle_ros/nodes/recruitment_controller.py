@@ -36,6 +36,7 @@ from fam_bundle_ros.nodes.adaptation import Adaptation
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Report, WARN
 from fam_bundle_ros.nodes.doubts import OffTarget
+from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import Oversight
 from fam_bundle_ros.nodes.parameters import table
@@ -117,6 +118,7 @@ class RecruitmentNode(BundleNode):
         self._references = ReferenceIntake(self, self.bundle, self._take_reference)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self._adaptation = Adaptation(self, lambda: self.controller)
+        self._swap = ModelSwap(self, lambda: self.bundle, lambda: controller_config(self.p))
         if self.bundle.unusual_order:
             self.get_logger().warning(self.bundle.unusual_order)
         self.p.on_change(self, self._check, self._change,
@@ -205,6 +207,8 @@ class RecruitmentNode(BundleNode):
             self._take_over = not max(sample.pressure) < _VENTED
         if self._take_over and readable:
             at_work.enable(measurement)
+            if not direct:
+                self._swap.go_on(self.controller)
             self._take_over = False
         elif self._take_over:
             self._guard.enter(self._now(), State.VENT, 'SENSOR', self._oversight.unreadable)
@@ -212,7 +216,8 @@ class RecruitmentNode(BundleNode):
             return
         command = at_work.update(min(dt, _LONGEST), measurement, reference)
         self._command = command
-        self._setpoints = command.pressure.tolist()
+        asked = command.pressure.tolist()
+        self._setpoints = asked if direct else self._swap.faded(asked, dt)
         if command.explanation:
             self.get_logger().info(command.explanation)
         self._off_target.update(self._now(), reference,
@@ -339,9 +344,10 @@ class RecruitmentNode(BundleNode):
         model = values['model']
         bundle = self._bundle_for(model)
         RecruitmentController(bundle, config)
-        if model != self._loaded and self._enabled:
-            raise InputError('the model changes only while the controller is off; the pressure '
-                             'loops keep theirs until all nodes are started anew')
+        if model != self._loaded and self._enabled and self._swap.bundle(model) is None:
+            raise InputError('the model changes only while the controller is off, or by '
+                             'apply_model; the pressure loops keep theirs until all nodes are '
+                             'started anew')
         # What the pressure loops and the readings of this node rest on.
         for what, new, old in (('motor units', bundle.n, self.bundle.n),
                                ('largest pressures', bundle.max_pressure.tolist(), self._limit),
@@ -351,7 +357,9 @@ class RecruitmentNode(BundleNode):
                 raise InputError(f'{model}: {what} {new}, here {old}: restart all nodes with it')
 
     def _bundle_for(self, model: str) -> Bundle:
-        return self.bundle if model == self._loaded else bundle_from(model)
+        if model == self._loaded:
+            return self.bundle
+        return self._swap.bundle(model) or bundle_from(model)
 
     def _change(self, changes: dict[str, Any]) -> None:
         if set(changes) <= {'reference_timeout', 'resume_within', 'ramp_down_time',

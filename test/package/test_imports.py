@@ -22,7 +22,7 @@ ALLOWED = {
     'closed_loop': {'model', 'plant', 'control'},
     'simulation': {'model', 'plant', 'control', 'closed_loop'},
     'discovery': {'model', 'data', *DRAWS},
-    'nodes': {'model', 'data', 'plant', 'control', 'simulation'},
+    'nodes': {'model', 'data', 'plant', 'control', 'discovery', 'simulation'},
     'benchmarks': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', *DRAWS},
     'report': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'benchmarks',
                *DRAWS},
