@@ -4,7 +4,7 @@
 Service ``diagnose`` of the model monitor: discovery on the memory, and what comes of it.
 
 The work is done in a process of its own. Its answer goes out latched on ``model/diagnosis`` and
-lies in a folder with the model that it recommends. That model is the candidate; every few seconds
+lies in a folder with the model that it recommends. That model is the candidate; every ten seconds
 a thread asks whether it predicts the memory better than the present one, and where that fails.
 """
 
@@ -28,7 +28,7 @@ from fam_bundle_ros.nodes.live_model import error_on, failure_words, LiveModel, 
 from fam_bundle_ros.nodes.models import bundle_from
 
 #: s between two looks at a worker, and between two at memory and candidate.
-_POLL, _LOOK = 0.2, 3.0
+_POLL, _LOOK = 0.2, 10.0
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Diagnosing:
         self._publisher = node.publisher(interface.MODEL_DIAGNOSIS, String, interface.LATCHED)
         node.create_service(Trigger, interface.DIAGNOSE, self._on_diagnose)
         node.every(_POLL, self._poll)
-        node.every(_LOOK, self._look_closer)
+        node.every(_LOOK, self.look_closer)
 
     @property
     def state(self) -> dict[str, Any]:
@@ -95,6 +95,15 @@ class Diagnosing:
         """Return the candidate as it was compiled, where it is this file."""
         found = self._candidate
         return LiveModel(found.bundle) if found and found.file == file and found.bundle else None
+
+    def look_closer(self) -> None:
+        """Let the thread look where there is reason to."""
+        holds = self._watch.holding.holds
+        if holds:
+            self._watch.where = ''
+        if self._look is None and (self._file or not holds):
+            self._look = self._thread.submit(look_closer, self._watch, self._file,
+                                             self._candidate)
 
     def forget(self) -> None:
         """Say that the model has changed: what was found was about another one."""
@@ -149,18 +158,9 @@ class Diagnosing:
         self._node.get_logger().info(f'diagnosis: {done.file}')
         self._file, self._candidate = done.model_file, None
         self._publisher.publish(String(data=done.text))
-        self._look_closer()
+        self.look_closer()
 
     # --- the thread ----------------------------------------------------------------------------
-
-    def _look_closer(self) -> None:
-        """Let the thread look where there is reason to."""
-        holds = self._watch.holding.holds
-        if holds:
-            self._watch.where = ''
-        if self._look is None and (self._file or not holds):
-            self._look = self._thread.submit(look_closer, self._watch, self._file,
-                                             self._candidate)
 
     def _collect(self) -> None:
         """Take what the thread has found."""
@@ -171,6 +171,9 @@ class Diagnosing:
             self._watch.where, self._candidate = found.result()
         except InputError:
             return  # the memory is too short yet
+        if self._file and self._candidate is None:
+            # the diagnosis has ended meanwhile
+            self.look_closer()
         self._changed()
 
 

@@ -99,6 +99,7 @@ class ModelMonitor(BundleNode):
         self.watch.add(sample.stamp * 1e-9, sample.strain, sample.pressure, sample.force, residual)
         if self._held and not self.watch.holding.holds:
             self.say('model', self.watch.words, 0.0)
+            self._diagnosing.look_closer()
             self._publish_state()
         self._held = self.watch.holding.holds
 

@@ -86,7 +86,13 @@ class ModelSwap:
                 for value, offset, limit in zip(setpoints, self._offset, limits)]
 
     def go_on(self, controller: RecruitmentController) -> None:
-        """Let a controller that was just enabled know how the strain moves already."""
+        """
+        Let a controller that was just enabled know how the strain moves already.
+
+        One that was off begins from the pressures as they are: nothing of before fades.
+        """
+        if self._node.command is None:
+            self._left, self._rate = 0.0, None
         if self._rate is not None:
             controller.memory.rate, self._rate = self._rate, None
 

@@ -6,8 +6,9 @@ import json
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.nodes import interface
@@ -107,3 +108,24 @@ def test_a_model_that_cannot_be_used_is_refused_and_the_old_one_stays(graph, rig
     (result,) = graph.set('recruitment_controller', model='models/spie2021_damped.yaml')
     assert 'only while the controller is off, or by apply_model' in result.reason
     assert node.bundle.name == 'spie2021'
+
+
+def test_a_model_applied_while_it_is_off_is_used_from_the_pressures_as_they_are(graph, rig,
+                                                                             tmp_path):
+    """Setpoints of before, when it was on, do not come back when it is enabled."""
+    model = load_model(config_path('models/spie2021.yaml'))
+    better = tmp_path / 'better.yaml'
+    save_model(model.with_effect('coulomb_friction', force=4.0).named('better'), better)
+    node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
+    graph.advance(rig, 2.0)
+    assert max(node.setpoints) > 1e5
+    offer(graph, node, better)
+    assert graph.call(Trigger, 'apply_model').success
+    # before its next tick: what is to fade is that of a controller that was on
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=False)).success
+    graph.advance(rig, 2.0)
+    assert max(node.setpoints) == 0.0
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    seen = graph.listen('mu1/pressure_setpoint', FluidPressure)
+    graph.advance(rig, lambda: seen and node.command is not None, 'the first command')
+    assert seen[-1].fluid_pressure - 101325.0 < 5e4
