@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from fam_bundle_ros.benchmarks.pool import each
+from fam_bundle_ros.campaign.pool import each
 
 
 def processes(group):
