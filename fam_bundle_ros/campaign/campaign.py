@@ -99,16 +99,15 @@ class Campaign(Told):
         return [contrast for contrast in self.contrasts if contrast.p < CLEAR]
 
     def __str__(self) -> str:
-        lines = [f'{len(self.recordings)} recordings of {len(self.muscles)} muscles, '
-                 f'{len(self.failed)} failed, '
-                 f"{sum(bool(row['duplicate_of']) for row in self.recordings)} duplicates; "
+        twice = sum(bool(row['duplicate_of']) for row in self.recordings)
+        lines = [f'{len(self.recordings)} recordings: {len(self.counted)} of '
+                 f'{len(self.muscles)} muscles count, {len(self.failed)} failed, {twice} there '
+                 'twice; '
                  + ', '.join(f'{count} {name}' for name, count in self.verdicts.items())]
         lines += [f'{share.effect} is missing in {share.muscles} of {share.of} muscles '
                   f'({100 * share.low:.0f} to {100 * share.high:.0f} %)'
                   for share in self.shares if share.muscles]
-        lines += [f'{each.effect}: median {each.fact} {each.median_lacking:.4g} where it is '
-                  f'missing, {each.median_others:.4g} where not' for each in self.clear_contrasts]
-        return '\n'.join([*lines, *map(str, self.clear_trends)])
+        return '\n'.join([*lines, *map(str, self.clear_contrasts), *map(str, self.clear_trends)])
 
 
 def counts(row: Row) -> bool:
@@ -200,7 +199,7 @@ def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str],
     parameters: list[Row] = []
     # of the same bytes the one that the table tells about is the original
     first = {recording.sha256: recording.file for recording in sorted(
-        recordings, key=lambda each: each.specimen is not None)[::-1]}
+        reversed(recordings), key=lambda each: each.specimen is not None)}
     for recording, address in zip(recordings, addresses):
         # one at a time: a thousand results need not be in memory together
         result = {'error': recording.problem} if recording.problem else store.read(address)

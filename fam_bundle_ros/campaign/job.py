@@ -134,14 +134,14 @@ def run(job: Job) -> dict[str, Any]:
     except InputError as error:
         return _failed(str(error), passing=False)
     except OSError as error:
-        return _failed(f'{job.file}: {error}', passing=True)
+        return _failed(str(error), passing=True)
     except Exception as error:  # one bad recording must not end the others
-        return _failed(f'{job.file}: unexpected {type(error).__name__}: {error}', passing=True)
+        return _failed(f'unexpected {type(error).__name__}: {error}', passing=True)
 
 
 def lost(job: Job) -> dict[str, Any]:
     """Return the result of a recording whose worker died again and again."""
-    return _failed(f'{job.file}: the process that worked on it died each time: out of memory, or '
+    return _failed('the process that worked on it died each time: out of memory, or '
                    'a crash', passing=True)
 
 
@@ -153,9 +153,10 @@ def _done(job: Job) -> dict[str, Any]:
     model = job.model.bundle()
     if job.dimensions:
         model = model.with_parameters({f'geometry.{k}': value for k, value in job.dimensions})
-    measured = read_measurement(path, recipe=recipe_for(model, job.recipe))
-    if (measured.sha256 or digest(path)) != job.sha256:
+    # before it is read: what is wrong with other data is not to be kept for these
+    if digest(path) != job.sha256:
         raise OSError('it was changed while the campaign ran')
+    measured = read_measurement(path, recipe=recipe_for(model, job.recipe))
     result = diagnose(model, measured, choices=job.choices)
     compared, said = result.comparison.to_dict(), result.to_dict()
     # kept small: tables by trial and the matrix of correlations are for one recording at a time

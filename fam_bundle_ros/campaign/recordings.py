@@ -30,7 +30,7 @@ class Recording:
     Attributes
     ----------
     file : str
-        Its path in the folder: the key of every table.
+        Its path in the folder, absolute for one elsewhere: the key of every table.
     path : Path
         Absolute.
     sha256 : str
@@ -89,9 +89,13 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
                              'line for each recording')
         told[path] = specimen
     left = {path.resolve() for path in (*leave, *([table] if table is not None else []))}
-    paths = {path.resolve() for path in _files(folder, pattern)} - left
-    root = folder.resolve()
-    found = [_recording(path, root, told.get(path)) for path in sorted(paths | set(told))]
+    # by the name in the folder, which may be a link; the table may name it by another way
+    names = {str(path.relative_to(folder)): path for path in _files(folder, pattern)
+             if path.resolve() not in left}
+    there = {path.resolve() for path in names.values()}
+    names.update({str(path): path for path in told if path not in there})
+    found = [_recording(name, path.absolute(), told.get(path.resolve()))
+             for name, path in sorted(names.items())]
     if not found:
         raise InputError(f"{folder}: no recording called '{pattern}' with one of the endings "
                          f"{', '.join(SUFFIXES)}")
@@ -126,9 +130,8 @@ def _files(folder: Path, pattern: str) -> Iterator[Path]:
                 yield here / name
 
 
-def _recording(path: Path, root: Path, specimen: Specimen | None) -> Recording:
-    file = str(path.relative_to(root)) if path.is_relative_to(root) else str(path)
+def _recording(file: str, path: Path, specimen: Specimen | None) -> Recording:
     try:
         return Recording(file, path, digest(path), specimen)
     except OSError as error:
-        return Recording(file, path, '', specimen, f'{file}: cannot be read ({error.strerror})')
+        return Recording(file, path, '', specimen, f'cannot be read ({error.strerror})')

@@ -38,9 +38,9 @@ COLUMNS: dict[str, dict[str, str]] = {
     'parameters': {
         **dict.fromkeys(('file', 'muscle', 'parameter'), _TEXT), 'value': _NUMBER, 'unit': _TEXT,
         'low': _NUMBER, 'high': _NUMBER, 'flag': _TEXT, 'tolerances_moved': _NUMBER,
-        'sure': _BOOL}}
-#: Flags of a parameter whose interval means nothing.
-UNSURE = ('dead', 'at bound', 'traded off')
+        'sure': _BOOL, **dict.fromkeys(('data_value', 'data_low', 'data_high'), _NUMBER)}}
+#: Flags of a parameter whose value is not that of the data.
+UNSURE = ('at bound',)
 
 
 def facts_of(specimen: Specimen | None) -> Row:
@@ -67,7 +67,8 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
         First file with the same bytes; empty for none.
     """
     row: Row = {'file': recording.file, 'muscle': recording.muscle,
-                'status': 'failed' if result['error'] else 'done', 'error': result['error'],
+                'status': 'failed' if result['error'] else 'done',
+                'error': result['error'].removeprefix(f'{recording.path.name}: '),
                 'duplicate_of': duplicate_of, 'in_table': recording.specimen is not None}
     data, compared, said = (result.get(key, {}) for key in ('data', 'compare', 'diagnose'))
     error, recommended = said.get('error_N', {}), said.get('recommended', {})
@@ -118,7 +119,8 @@ def parameter_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]
              'value': each['value'], 'unit': each['unit'], 'low': each['interval'][0],
              'high': each['interval'][1], 'flag': each['flag'],
              'tolerances_moved': each['tolerances'],
-             'sure': not each['flag'].startswith(UNSURE)}
+             'sure': bool(each['data_alone']) and each['flag'] not in UNSURE,
+             **dict(zip(('data_value', 'data_low', 'data_high'), each['data_alone']))}
             for key, each in result.get('diagnose', {}).get('parameters', {}).items()]
 
 

@@ -85,6 +85,10 @@ class Contrast:
     median_others: float
     p: float
 
+    def __str__(self) -> str:
+        return (f'{self.effect}: median {self.fact} {self.median_lacking:.4g} where it is missing, '
+                f'{self.median_others:.4g} where not')
+
 
 @dataclass(frozen=True)
 class Trend:
@@ -221,19 +225,18 @@ def per_muscle(rows: Sequence[Row]) -> dict[str, tuple[float, float]]:
     """
     Return the logarithm of a parameter and its standard error, of each muscle.
 
-    Recordings of one muscle are averaged by their errors; where they differ by more than those,
+    What the data alone say: a prior, the same for all, would draw muscles together. Recordings of one muscle are averaged by their errors; where they differ by more than those,
     the error is what they differ by. Values that are not above 0 have no logarithm: then the
     whole parameter is left out.
     """
-    sure = [row for row in rows if row['sure'] and row['value'] is not None]
-    if any(row['value'] <= 0.0 for row in sure):
+    sure = [row for row in rows if row['sure']]
+    if any(row['data_value'] <= 0.0 for row in sure):
         return {}
     found = {}
     for muscle in dict.fromkeys(row['muscle'] for row in sure):
         own = [row for row in sure if row['muscle'] == muscle]
-        y = np.log([row['value'] for row in own])
-        s = np.array([max((row['high'] - row['low']) / (2.0 * _95 * row['value']), _LEAST_ERROR)
-                      for row in own])
+        y = np.log([row['data_value'] for row in own])
+        s = np.array([max(_log_error(row), _LEAST_ERROR) for row in own])
         weight = 1.0 / s ** 2
         mean = float(weight @ y / weight.sum())
         error = 1.0 / weight.sum()
@@ -248,8 +251,8 @@ def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
     """
     Fit y = a + b x with errors s and a scatter of the muscles beyond them.
 
-    The scatter is DerSimonian and Laird's (moments), the error of b Knapp and Hartung's: about
-    right for few muscles and for errors s that are too small.
+    The scatter is DerSimonian and Laird's (moments), the error of b Knapp and Hartung's: right
+    for few muscles, and for errors s that are all too small or too large.
 
     Parameters
     ----------
@@ -275,8 +278,9 @@ def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
     trace = weight.sum() - np.trace(inverse @ (design.T * weight ** 2 @ design))
     between = max(0.0, (q - (len(x) - 2)) / trace)
     beta, inverse, q = fit(1.0 / (s ** 2 + between))
-    # not below 1: muscles that happen to agree do not make the errors of their fits smaller
-    error = float(np.sqrt(inverse[1, 1] * max(q / (len(x) - 2), 1.0)))
+    # by how far the muscles are off the line, whatever the fits say: what all fits err by together
+    # (a tie, a parameter that trades off with another) moves the line and does not turn it
+    error = float(np.sqrt(inverse[1, 1] * max(q / (len(x) - 2), _LEAST_ERROR ** 2)))
     p = 2.0 * float(stats.t.sf(abs(beta[1]) / error, len(x) - 2))
     return float(beta[1]), error, float(np.sqrt(between)), float(beta[0]), p
 
@@ -307,6 +311,14 @@ def _lacking(effects: Sequence[Row], muscles: Mapping[str, int], kind: str
         if 2 * many >= muscles[muscle]:
             found.setdefault(effect, set()).add(muscle)
     return found
+
+
+def _log_error(row: Row) -> float:
+    """Return the standard error of a parameter's logarithm, from its interval."""
+    value, low, high = (row[f'data_{name}'] for name in ('value', 'low', 'high'))
+    if low > 0.0:
+        return float(np.log(high / low)) / (2.0 * _95)
+    return float((high - low) / (2.0 * _95 * value))
 
 
 def _wilson(count: int, of: int) -> tuple[float, float]:

@@ -79,8 +79,7 @@ def campaign(
     show_muscle(result.model)
     known = len(result.recordings) - result.computed
     console.print(escape(str(result).splitlines()[0])
-                  + (f' ({known} were done before, failed or are there twice)' if known else ''),
-                  soft_wrap=True)
+                  + (f'; {known} needed no work this time' if known else ''), soft_wrap=True)
     table(('effect', 'muscles that lack it', 'of', 'tied'),
           [(share.effect, share.muscles, share.of, share.tied) for share in result.shares],
           numeric=(1, 2, 3))

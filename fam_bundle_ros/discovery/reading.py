@@ -15,7 +15,7 @@ def length_of(model: Bundle) -> float | None:
 
 
 def recipe_for(model: Bundle, recipe: Recipe | None = None) -> Recipe:
-    """Return a recipe; the model tells the rest length and the highest pressure where it does not."""
+    """Return a recipe with what the model knows where it has none: rest length, pressure."""
     recipe = recipe or Recipe()
     if recipe.rest_length is None:
         recipe = recipe.merged(rest_length=length_of(model))

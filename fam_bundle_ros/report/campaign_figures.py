@@ -19,6 +19,8 @@ _MOST_EFFECTS = 14
 #: More muscles than this are not named on the axis: hovering names them.
 _MOST_NAMES = 60
 _COLUMNS = 3
+#: The axis of a parameter reaches so many times beyond its values.
+_AROUND = 2.0
 _BLUE = palette.recruitment_state(1)
 
 
@@ -41,7 +43,7 @@ def lacking(result: Campaign) -> go.Figure | None:
             place = row[each['muscle']], column[each['effect']]
             for kind, values in total.items():
                 values[place] += each[kind] / muscles[each['muscle']]
-    order = np.lexsort([*total['probability'].T[::-1], *(total['named'] >= 0.5).T[::-1]])
+    order = np.lexsort([*total['probability'].T[::-1], *(total['named'] >= 0.5).T[::-1]])[::-1]
     labels = [list(muscles)[k] for k in order]
     drawing = plotting.figure(height=int(np.clip(150 + 18 * len(row), 260, 1100)),
                               margin={'l': 120, 'r': 24, 't': 110, 'b': 24})
@@ -59,7 +61,8 @@ def lacking(result: Campaign) -> go.Figure | None:
             [name for _, name in at], [muscle for muscle, _ in at], word, plotting.INK,
             6.0 if len(row) <= _MOST_NAMES else 3.0, symbol, hoverinfo='skip'))
     drawing.update_xaxes(side='top', showgrid=False, tickangle=-30, type='category')
-    drawing.update_yaxes(showgrid=False, type='category',
+    drawing.update_yaxes(showgrid=False, type='category', tickmode='array', tickvals=labels,
+                         range=[len(row) - 0.5, -0.5], tickfont={'size': 11},
                          showticklabels=len(row) <= _MOST_NAMES)
     drawing.update_layout(legend={'y': -0.01, 'yanchor': 'top'})
     return drawing
@@ -86,7 +89,10 @@ def over_facts(found: Sequence[Trend]) -> go.Figure:
                                         plotting.INK, 'dash', 1.4, hoverinfo='skip'), **where)
         unit = f' ({trend.unit})' if trend.unit else ''
         drawing.update_xaxes(type='log', title_text=trend.fact, nticks=6, **where)
-        drawing.update_yaxes(type='log', title_text=f'{trend.parameter}{unit}', nticks=6, **where)
+        # an interval that the data leave wide open must not press all points into a line
+        ends = np.log10([y.min() / _AROUND, y.max() * _AROUND]).tolist()
+        drawing.update_yaxes(type='log', title_text=f'{trend.parameter}{unit}', nticks=6,
+                             range=ends, **where)
     return drawing
 
 

@@ -54,7 +54,7 @@ def _lead(result: Campaign) -> str:
     words += [f'{share.effect} is missing in {share.muscles} of {share.of}.' for share in named]
     if result.counted and not named:
         words.append('No effect is missing in half of the recordings of any muscle.')
-    words += [f'{trend}.' for trend in result.clear_trends[:3]]
+    words += [f'{each}.' for each in (*result.clear_contrasts[:2], *result.clear_trends[:3])]
     return ' '.join([*words, f'Model {muscle_words(result.model)}.'])
 
 
@@ -98,15 +98,16 @@ def _missing(result: Campaign) -> Section:
               c.median_others, c.p) for c in result.contrasts[:_LONG]],
             'Whether muscles that lack an effect differ from the others in a number of the table. '
             'Chance: probability of such a difference if there is none (Mann-Whitney, corrected '
-            f'for {_counted(len(result.contrasts), "question")} by Holm).'))
+            f'for {_counted(len(result.contrasts), "question")} by Holm). A difference may also '
+            'say that the effect is easier to see there.'))
     return Section('What is missing', f'Verdicts: {verdicts or "none"}.', items)
 
 
 def _trends(result: Campaign) -> Section:
     clear = result.clear_trends
     asked = _counted(len(result.trends), 'question')
-    text = (f'{_counted(len(clear), "parameter")} and numbers of the table go together more '
-            f'clearly than chance makes them ({asked}, corrected by Holm).' if clear else
+    text = (f'{_counted(len(clear), "time")} a parameter goes with a number of the table more '
+            f'clearly than chance makes it ({asked}, corrected by Holm).' if clear else
             'No parameter goes with a number of the table more clearly than chance makes it '
             f'({asked}). A trend takes at least {LEAST} muscles in which the data tell the '
             'parameter.')
