@@ -198,8 +198,9 @@ def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str],
     effects: list[Row] = []
     parameters: list[Row] = []
     # of the same bytes the one that the table tells about is the original
-    first = {recording.sha256: recording.file for recording in sorted(
-        reversed(recordings), key=lambda each: each.specimen is not None)}
+    first: dict[str, str] = {}
+    for recording in sorted(recordings, key=lambda each: each.specimen is None):
+        first.setdefault(recording.sha256, recording.file)
     for recording, address in zip(recordings, addresses):
         # one at a time: a thousand results need not be in memory together
         result = {'error': recording.problem} if recording.problem else store.read(address)

@@ -86,8 +86,8 @@ class Contrast:
     p: float
 
     def __str__(self) -> str:
-        return (f'{self.effect}: median {self.fact} {self.median_lacking:.4g} where it is missing, '
-                f'{self.median_others:.4g} where not')
+        return (f'{self.effect}: median {self.fact} {self.median_lacking:.4g} where it is '
+                f'missing, {self.median_others:.4g} where not')
 
 
 @dataclass(frozen=True)
@@ -225,9 +225,10 @@ def per_muscle(rows: Sequence[Row]) -> dict[str, tuple[float, float]]:
     """
     Return the logarithm of a parameter and its standard error, of each muscle.
 
-    What the data alone say: a prior, the same for all, would draw muscles together. Recordings of one muscle are averaged by their errors; where they differ by more than those,
-    the error is what they differ by. Values that are not above 0 have no logarithm: then the
-    whole parameter is left out.
+    What the data alone say: a prior, the same for all, would draw muscles together. Recordings
+    of one muscle are averaged by their errors; where they differ by more than those, the error is
+    what they differ by. Values that are not above 0 have no logarithm: then the whole parameter
+    is left out.
     """
     sure = [row for row in rows if row['sure']]
     if any(row['data_value'] <= 0.0 for row in sure):

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The same work on a Dask cluster: two workers, one of them killed; what is said when it cannot."""
+"""The same work on a Dask cluster that loses one of two workers, and what is said without one."""
 
 import math
 import os

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What muscles say together: shares, contrasts, powers, and no more alarms than there should be."""
+"""What muscles say together: shares, contrasts, powers, and no more alarms than chance."""
 
 import numpy as np
 import pytest
