@@ -100,9 +100,8 @@ class Campaign(Told):
 
     def __str__(self) -> str:
         twice = sum(bool(row['duplicate_of']) for row in self.recordings)
-        lines = [f'{len(self.recordings)} recordings: {len(self.counted)} of '
-                 f'{len(self.muscles)} muscles count, {len(self.failed)} failed, {twice} there '
-                 'twice; '
+        lines = [f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} there '
+                 f'twice; {len(self.counted)} count, of {len(self.muscles)} muscles: '
                  + ', '.join(f'{count} {name}' for name, count in self.verdicts.items())]
         lines += [f'{share.effect} is missing in {share.muscles} of {share.of} muscles '
                   f'({100 * share.low:.0f} to {100 * share.high:.0f} %)'

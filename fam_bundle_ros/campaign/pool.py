@@ -241,9 +241,9 @@ async def _kind(distributed: Any, address: str) -> str:
 
 
 def _check(client: Any, address: str) -> None:
-    expected = code_version()
+    expected = code_version(whole=True)
     try:
-        found = client.run(code_version)
+        found = client.run(code_version, whole=True)
     except ModuleNotFoundError as error:
         raise InputError(f'scheduler {address}: a worker has no package {error.name}; expected '
                          'fam_bundle_ros installed where workers run') from error

@@ -17,15 +17,20 @@ _LAWS = 'fam_bundle_ros.effects'
 
 
 @cache
-def code_version() -> str:
+def code_version(whole: bool = False) -> str:
     """
     Return the version and a hash of the sources: a tree that is worked on keeps its version.
 
     Laws that other packages bring (entry points) change it too.
+
+    Parameters
+    ----------
+    whole : bool
+        Of the whole package, not only of what a diagnosis is computed by.
     """
     root = Path(fam_bundle_ros.__file__).parent
     digest = hashlib.sha256()
-    for name in _SOURCES:
+    for name in ('.',) if whole else _SOURCES:
         path = root / name
         for file in sorted(path.rglob('*.py')) if path.is_dir() else [path]:
             digest.update(f'{file.relative_to(root)}\n'.encode() + file.read_bytes())

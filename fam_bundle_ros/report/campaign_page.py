@@ -120,7 +120,8 @@ def _trends(result: Campaign) -> Section:
             'trends', 'Parameters over what they go with', figures.over_facts(clear[:_DRAWN]),
             'One point for each muscle with the 95 % interval of its fit; axes are logarithmic. '
             'Dashed: power law, each muscle weighed by the error of its fit and by how much '
-            'muscles differ.'))
+            'muscles differ. Intervals much wider than the scatter: the fits err alike, by a '
+            'parameter that another trades off with.'))
     if result.trends:
         items.append(Table(
             ('parameter', 'goes with', 'power', '95 % from', 'to', 'muscles', 'scatter (%)',
