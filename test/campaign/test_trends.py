@@ -47,6 +47,17 @@ def test_muscles_that_differ_by_more_than_their_fits_have_a_scatter():
     assert np.exp(start) == pytest.approx(3.0, rel=0.25)
 
 
+def test_the_scatter_is_that_of_dersimonian_and_laird():
+    """Written out with the projection onto what a line leaves, for fits of unlike errors."""
+    x, s = np.log([50.0, 90.0, 200.0, 400.0, 800.0]), np.array([0.05, 0.3, 0.1, 0.02, 0.2])
+    y = x + np.array([0.4, -0.3, 0.5, -0.2, 0.1])
+    design, weight = np.stack([np.ones(5), x], -1), np.diag(s ** -2.0)
+    left = weight - weight @ design @ np.linalg.inv(
+        design.T @ weight @ design) @ design.T @ weight
+    between = (y @ left @ y - 3.0) / np.trace(left)
+    assert power_law(x, y, s)[2] == pytest.approx(np.sqrt(between))
+
+
 def test_a_bad_fit_weighs_little():
     """One muscle that the data hardly tell does not turn the line of the others."""
     x = np.log([50.0, 100.0, 200.0, 400.0, 800.0])

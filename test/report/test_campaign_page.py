@@ -30,8 +30,9 @@ def effect(file, muscle, name, probability, named=False, tied=False):
 @pytest.fixture
 def found():
     """Return a campaign of three muscles: one of two recordings, one copy, one failure."""
-    trend = Trend('end_caps.dead_length', 'mm', 'length [mm]', (100.0, 200.0, 300.0), (4.0, 8.0, 12.0),
-                  (3.5, 7.0, 1.0), (4.5, 9.0, 120.0), 1.0, 0.9, 1.1, 0.04, 0.02, 0.001)
+    trend = Trend('end_caps.dead_length', 'mm', 'length [mm]', (100.0, 200.0, 300.0),
+                  (4.0, 16.0, 36.0), (3.5, 14.0, 1.0), (4.5, 18.0, 360.0), 2.0, 1.9, 2.1, 4e-4,
+                  0.02, 0.001)
     return Campaign(
         Bundle('lab', [MotorUnit('mu1', 1, Geometry(6e-3, 0.2, np.radians(30.0), 1e-3))],
                [catalogue.get('mesh')()]),
@@ -64,11 +65,11 @@ def test_a_trend_is_drawn_through_its_points_on_logarithmic_axes(found):
     """An interval that is wide open does not press the points into a line."""
     drawing = figures.over_facts(found.trends)
     points, line = drawing.data
-    assert np.allclose(points.y, 0.04 * np.array(points.x))
-    assert np.allclose(line.y, 0.04 * np.array(line.x))
-    assert np.allclose(np.array(points.y) + points.error_y.array, (4.5, 9.0, 120.0))
+    assert np.allclose(points.y, 4e-4 * np.array(points.x) ** 2)
+    assert np.allclose(line.y, 4e-4 * np.array(line.x) ** 2)
+    assert np.allclose(np.array(points.y) + points.error_y.array, (4.5, 18.0, 360.0))
     assert (drawing.layout.xaxis.type, drawing.layout.yaxis.type) == ('log', 'log')
-    assert 10.0 ** drawing.layout.yaxis.range[1] < 40.0
+    assert 10.0 ** drawing.layout.yaxis.range[1] < 100.0
 
 
 def test_the_errors_are_those_of_recordings_that_count(found):
@@ -84,7 +85,7 @@ def test_the_page_says_what_is_missing_and_what_was_left_out(found):
     text = render(page)
     assert 'end_caps is missing in 2 of 3.' in page.lead
     assert 'end_caps: median age 30 where it is missing, 200 where not.' in page.lead
-    assert 'end_caps.dead_length goes with length [mm] to the power 1' in page.lead
+    assert 'end_caps.dead_length goes with length [mm] to the power 2' in page.lead
     assert [(card.name, card.value) for card in page.headline[:2]] == [
         ('Recordings', '6'), ('Muscles', '3')]
     left, = [section for section in page.sections if section.title == 'Left out, or in doubt']
