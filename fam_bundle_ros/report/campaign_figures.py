@@ -62,7 +62,7 @@ def lacking(result: Campaign) -> go.Figure | None:
             6.0 if len(row) <= _MOST_NAMES else 3.0, symbol, hoverinfo='skip'))
     drawing.update_xaxes(side='top', showgrid=False, tickangle=-30, type='category')
     drawing.update_yaxes(showgrid=False, type='category', tickmode='array', tickvals=labels,
-                         range=[len(row) - 0.5, -0.5], tickfont={'size': 11},
+                         range=[len(row) - 0.5, -0.5], tickfont={'size': 11}, automargin=True,
                          showticklabels=len(row) <= _MOST_NAMES)
     drawing.update_layout(legend={'y': -0.01, 'yanchor': 'top'})
     return drawing

@@ -13,6 +13,8 @@ import pytest
 
 from fam_bundle_ros.campaign import job, run_campaign
 from fam_bundle_ros.campaign.recordings import digest, find, Recording
+from fam_bundle_ros.campaign.store import Store
+from fam_bundle_ros.campaign.tables import parameter_rows
 from fam_bundle_ros.data import Recipe
 from fam_bundle_ros.discovery import Choices
 from fam_bundle_ros.errors import InputError
@@ -145,7 +147,31 @@ def test_an_error_of_the_machine_is_tried_again_and_one_of_the_data_is_not(lab, 
     assert [job.run(each)['passing'] for each in (there, gone, broken)] == [True, True, False]
 
 
+def test_a_result_that_cannot_be_used_is_made_again(tmp_path):
+    """An error of the machine, half a file, another program's file; what is done stays."""
+    store = Store(tmp_path / 'recordings')
+    for name, passing in (('done', False), ('again', True)):
+        store.write(name, {'error': '', 'passing': passing})
+    store.path('half').write_text('{"error": "", "pass')
+    store.path('other').write_text('[]')
+    assert [store.is_done(name) for name in ('done', 'again', 'half', 'other', 'none')] == [
+        True, False, False, False, False]
+
+
+def test_a_parameter_that_the_data_do_not_tell_is_not_sure(lab):
+    """At its bound, or not moved from its prior: it stands in the table, and in no trend."""
+    told = {'value': 2.0, 'unit': 'N', 'interval': [1.0, 3.0], 'flag': '', 'tolerances': None,
+            'data_alone': [2.0, 1.0, 3.0]}
+    rows = parameter_rows(Recording('a.csv', lab / 'a.csv', 'abc'), {'diagnose': {'parameters': {
+        'sure': told, 'traded': {**told, 'flag': 'traded off with geometry.radius'},
+        'bound': {**told, 'flag': 'at bound'},
+        'dead': {**told, 'flag': 'dead: the data do not move it', 'data_alone': []}}}})
+    assert {row['parameter']: row['sure'] for row in rows} == {
+        'sure': True, 'traded': True, 'bound': False, 'dead': False}
+
+
 @pytest.mark.parametrize(('change', 'said'), [
+    ({'specimens': 'twice.csv'}, r"m0\.csv is in column 'file' twice"),
     ({'folder': 'nowhere'}, 'nowhere: no such folder'),
     ({'pattern': '*.mcap'}, r"no recording called '\*.mcap'"),
     ({'out': '.'}, 'holds the recordings; expected another folder'),
@@ -157,13 +183,16 @@ def test_an_error_of_the_machine_is_tried_again_and_one_of_the_data_is_not(lab, 
 def test_a_campaign_that_cannot_be_run_says_why(lab, tmp_path, change, said):
     """Before any work is done."""
     options = {'folder': '.', 'model': 'model.yaml', 'out': str(tmp_path / 'out'), **change}
+    (tmp_path / 'twice.csv').write_text(f'file\n{lab}/m0.csv\n{lab}/m0.csv\n')
+    if change.get('specimens') == 'twice.csv':
+        options['specimens'] = str(tmp_path / 'twice.csv')
     paths = {key: lab / options.pop(key) for key in ('folder', 'model', 'out', 'specimens')
              if key in options}
     with pytest.raises(InputError, match=said):
         run_campaign(**paths, **options)
 
 
-def test_results_and_hidden_files_are_no_recordings(lab, alone, campaign, tmp_path):
+def test_results_and_hidden_files_are_no_recordings(tmp_path):
     """Results inside of the folder are left out at the next run; a bag is one recording."""
     folder = tmp_path / 'lab'
     (folder / 'results').mkdir(parents=True)
