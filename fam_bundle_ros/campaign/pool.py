@@ -17,6 +17,7 @@ from concurrent.futures import (
 )
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+import logging
 from multiprocessing import active_children, connection, get_context, parent_process
 import os
 import signal
@@ -224,9 +225,15 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
     if kind != 'Scheduler':
         raise InputError(f'scheduler {address}: no scheduler answers ({why}); expected the '
                          'address that `dask scheduler` prints, such as tcp://192.168.1.5:8786')
-    with distributed.Client(address, timeout=_ANSWER, set_as_default=False) as client:
-        _check(client, address)
-        yield client
+    logger = logging.getLogger('distributed.client')
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)  # its tracebacks come beside the error that says it
+    try:
+        with distributed.Client(address, timeout=_ANSWER, set_as_default=False) as client:
+            _check(client, address)
+            yield client
+    finally:
+        logger.setLevel(level)
 
 
 async def _kind(distributed: Any, address: str) -> str:
