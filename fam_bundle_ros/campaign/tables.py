@@ -48,8 +48,8 @@ def facts_of(specimen: Specimen | None) -> Row:
     if specimen is None:
         return {}
     units = specimen.units
-    return {**{f'{name} [{units[name]}]' if name in units else name: value
-               for name, value in specimen.facts.items()}, **specimen.remarks}
+    return {f'{name} [{units[name]}]' if name in units else name: value
+            for name, value in {**specimen.remarks, **specimen.facts}.items()}
 
 
 def recording_row(recording: Recording, result: Mapping[str, Any], address: str,

@@ -66,7 +66,7 @@ class Specimen:
     remarks : dict of str to str
         What is no number, by its header: the supplier, a name of the muscle, ...
     units : dict of str to str
-        Of the facts whose header has one.
+        Of the cells whose header has one.
     """
 
     name: str
@@ -129,6 +129,8 @@ def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], ro
         if name == 'file':
             file = cell.strip()
         elif cell.strip() and name:
+            if unit:
+                units[name] = unit
             try:
                 value = float(cell)
             except ValueError:
@@ -137,8 +139,6 @@ def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], ro
                 remarks[name] = cell.strip()
                 continue
             facts[name] = value
-            if unit:
-                units[name] = unit
             if name in DIMENSIONS:
                 if not unit:
                     raise InputError(f"{where} has no unit; expected for example "

@@ -63,6 +63,7 @@ def test_the_table_of_specimens_stands_beside_each_recording(alone):
     assert rows['length [mm]'].dropna().tolist() == [90.0, 120.0, 160.0, 210.0, 280.0]
     assert rows['age [days]'].dtype == float
     assert rows['age [days]'].isna()[['m0.csv', 'm1.csv']].tolist() == [True, False]
+    assert 'age' not in rows
     assert rows.supplier['m3.csv'] == 'ACME'
     assert rows.in_table.tolist() == [False, False, *[True] * 5]
 
@@ -115,7 +116,7 @@ def test_a_campaign_that_was_killed_goes_on_where_it_was(alone, campaign, lab, t
     assert_same(out, alone[1])
 
 
-def test_a_result_is_found_by_what_it_depends_on_and_nothing_else(lab):
+def test_a_result_is_found_by_what_it_depends_on_and_nothing_else(lab, monkeypatch):
     """Data, model, dimensions, recipe, options: another address; name and place: the same."""
     model = job.Model.of(lab / 'model.yaml')
     usual = {'recording': Recording('a.csv', lab / 'a.csv', 'abc'), 'model': model,
@@ -125,13 +126,15 @@ def test_a_result_is_found_by_what_it_depends_on_and_nothing_else(lab):
         chosen = {**usual, **other}
         return job.Job.of(**chosen).address(chosen['model'].digest)
     in_table = {each.file: each for each in find(lab, lab / 'specimens.csv')}['m0.csv'].specimen
-    others = [
+    usual_address, others = address(), [
         address(recording=Recording('a.csv', lab / 'a.csv', 'abd')),
         address(recording=Recording('a.csv', lab / 'a.csv', 'abc', in_table)),
         address(model=job.Model(model.text.replace('30 deg', '31 deg'), 'm', str(lab))),
         address(recipe=Recipe(gauge=False)), address(choices=Choices(odds=10.0))]
     assert len({address(), *others}) == 1 + len(others)
     assert address(recording=Recording('b.csv', lab / 'later' / 'b.csv', 'abc')) == address()
+    monkeypatch.setattr(job, 'code_version', lambda: '9.9')
+    assert address() not in {usual_address, *others}
 
 
 def test_an_error_of_the_machine_is_tried_again_and_one_of_the_data_is_not(lab, tmp_path):
