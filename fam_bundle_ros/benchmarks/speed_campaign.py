@@ -13,6 +13,7 @@ import time
 import numpy as np
 
 from fam_bundle_ros.benchmarks.speed import Figure, Row
+from fam_bundle_ros.benchmarks.speed_studies import children
 from fam_bundle_ros.campaign import run_campaign
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit, save_model
 
@@ -52,9 +53,9 @@ def campaign(scale: float) -> list[Figure]:
         # in a process of its own: the memory of this one is that of other rows too
         with ProcessPoolExecutor(1, get_context('spawn')) as fresh:
             cpu, wall, gigabytes = fresh.submit(_alone, folder / 'all').result()
-        begin, load = time.perf_counter(), os.getloadavg()[0]
+        begin, load, spent = time.perf_counter(), os.getloadavg()[0], children()
         run_campaign(folder / 'shared', model, folder / 'two', workers=2)
-        two = time.perf_counter() - begin
+        two, spent = time.perf_counter() - begin, children() - spent
         one = wall[shared - 1]
         figures = [
             Figure(f'one recording of the first {few}', cpu[few - 1] / few, 's of CPU time'),
@@ -64,7 +65,8 @@ def campaign(scale: float) -> list[Figure]:
                    note='largest resident memory; the process also starts and imports'),
             Figure(f'{shared} recordings, two processes', one / two / 2.0,
                    'of twice the speed of one', reach=REACH_EFFICIENCY, at_least=True,
-                   note=_words(one, two, load))]
+                   note=f'{_words(one, two, load)}; their CPU time is {spent:.0f} s beside '
+                   f'{cpu[shared - 1]:.0f} s of one')]
         try:
             from distributed import LocalCluster
         except ImportError:
