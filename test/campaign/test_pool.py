@@ -52,6 +52,16 @@ def test_a_task_that_takes_its_process_along_stops_no_other():
         each(signal.raise_signal, tasks[:2], 2)
 
 
+def test_a_script_that_starts_processes_while_it_is_imported_is_told_so(tmp_path):
+    """No task is to blame, and it is said once."""
+    script = tmp_path / 'script.py'
+    script.write_text('import math\nfrom fam_bundle_ros.campaign.pool import each\n'
+                      'each(math.sqrt, [4.0] * 9, 2)\n')
+    told = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
+    assert told.returncode == 1
+    assert "below `if __name__ == '__main__':`" in told.stderr.splitlines()[-1]
+
+
 @pytest.mark.parametrize(('end', 'status', 'words'), [
     (signal.SIGTERM, 1, 'fam_bundle: stopped\n'), (signal.SIGINT, 1, 'fam_bundle: stopped\n'),
     (signal.SIGKILL, -signal.SIGKILL, '')])
