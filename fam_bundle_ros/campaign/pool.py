@@ -140,6 +140,7 @@ def _in_processes(function: Callable[[Any], Any], todo: dict[int, Any], count: i
                         del todo[place]
                         yield place, result
             except BrokenProcessPool:
+                _can_start()
                 suspects.update({place: todo.pop(place) for place in under_way.values()})
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
@@ -147,6 +148,17 @@ def _in_processes(function: Callable[[Any], Any], todo: dict[int, Any], count: i
                     process.terminate()
                 raise
     return suspects
+
+
+def _can_start() -> None:
+    """Raise WorkerDied where processes end before any task: no task is to blame, none can run."""
+    try:
+        with ProcessPoolExecutor(1, get_context('spawn'), _begin_worker) as pool:
+            pool.submit(os.getpid).result()
+    except BrokenProcessPool as error:
+        raise WorkerDied('processes end as they start; expected a script that calls this below '
+                         "`if __name__ == '__main__':`, since each process imports it, and enough "
+                         'memory') from error
 
 
 def _told_lost(lost: Lost, task: Any) -> Any:
