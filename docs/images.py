@@ -37,6 +37,9 @@ PICTURES = (
     (('benchmark-control', '--trajectories', 'ramp', '--plants', 'nominal', '--controllers',
       'neglect/orderly,reversal_aware/orderly', '--no-ros', '--out', 'PAGE'),
      (('policies', 'policies', 900),)),
+    (('measure', 'spie2021', '--out', 'LAB/isobars.csv'), ()),
+    (('compare', 'LAB/isobars.csv', '--model', 'spie2021', '--out', 'PAGE'),
+     (('comparison', 'measured_isobars', 980),)),
     (('demo', '--out', 'FOLDER'),
      (('force-run', 'run', 980),)),
     (('campaign', 'LAB', '--model', 'LAB/model.yaml', '--specimens', 'LAB/specimens.csv', '--out',
@@ -62,7 +65,7 @@ def main() -> int:
             if status:
                 return status
             page = places['FOLDER'] / 'index.html' if 'FOLDER' in command else places['PAGE']
-            text = page.read_text(encoding='utf-8')
+            text = page.read_text(encoding='utf-8') if figures else ''
             for key, name, width in figures:
                 for theme in ('light', 'dark'):
                     alone = Path(scratch, f'{name}.html')
