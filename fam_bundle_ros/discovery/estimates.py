@@ -43,6 +43,10 @@ class Estimate:
         How many tolerances (widths of its prior) a parameter of the model has moved.
     si : float
         The value in SI units.
+    prior : tuple of float
+        Centre and 95 % ends of what was taken for likely before the data, in the unit.
+    moved : tuple of float
+        Value and 95 % ends in widths of the prior, from its centre; without its bounds.
     """
 
     key: str
@@ -53,6 +57,8 @@ class Estimate:
     tolerances: float | None
     si: float
     si_interval: tuple[float, float]
+    prior: tuple[float, float, float]
+    moved: tuple[float, float, float]
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -65,7 +71,8 @@ class Estimate:
         """Return value, unit, interval and flag."""
         chosen = asdict(self)
         chosen['interval'] = list(self.interval)
-        chosen['si_interval'] = list(self.si_interval)
+        for name in ('si_interval', 'prior', 'moved'):
+            chosen[name] = list(chosen[name])
         return chosen
 
 
@@ -97,6 +104,8 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
         unit, size = unit_of(fit.model, prior.key)
         spread = max(own[j], (posterior.spread(prior.key, u) if posterior else None) or 0.0)
         ends = (prior.theta(u - _95 * spread), prior.theta(u + _95 * spread))
+        lowest = 0.0 if prior.kind == 'half' else -_95
+        before = (prior.theta(0.0) / size, prior.theta(lowest) / size, prior.theta(_95) / size)
         flag = ''
         if own[j] > DEAD:
             flag = 'dead: the data do not move it'
@@ -110,7 +119,8 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
                 flag = f'traded off with {fit.priors[worst].key}'
         value = prior.theta(u)
         found.append(Estimate(prior.key, value / size, unit, (ends[0] / size, ends[1] / size),
-                              flag, float(u) if prior.own else None, value, ends))
+                              flag, float(u) if prior.own else None, value, ends, before,
+                              (float(u), float(u - _95 * spread), float(u + _95 * spread))))
     return found
 
 
