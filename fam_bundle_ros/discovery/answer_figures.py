@@ -65,8 +65,9 @@ def unseen(result: Diagnosis) -> go.Figure | None:
                     legendgroup=name, showlegend=row == 1 and kind == next(iter(kinds)),
                     hovertemplate=f'%{{y:.1f}} N at %{{x:.1f}} N, {KINDS[kind]} left out'),
                     row=row, col=1)
+    drawing.update_yaxes(automargin=True)
     drawing.update_yaxes(title_text='predicted (N)', row=1, col=1)
-    drawing.update_yaxes(title_text='measured minus predicted (N)', row=2, col=1)
+    drawing.update_yaxes(title_text='residual (N)', row=2, col=1)
     drawing.update_xaxes(title_text='measured (N)', row=2, col=1)
     return drawing
 
@@ -90,7 +91,7 @@ def discrepancy(result: Diagnosis) -> go.Figure | None:
     names = result.best.motor_units
     # beside one another on a narrow page: short
     titles = [', '.join(filter(None, (names[unit].name if len(names) > 1 else '',
-                                      part if len(rows) > len(names) else '', when)))
+                                      part if ('odd', 0) in rows else '', when)))
               for part, unit in rows for when in ('before', 'after')[:len(columns)]]
     drawing = make_subplots(len(rows), len(columns), shared_xaxes=True, shared_yaxes=True,
                             horizontal_spacing=0.04, vertical_spacing=0.24 / len(rows),
@@ -107,7 +108,7 @@ def discrepancy(result: Diagnosis) -> go.Figure | None:
     for column in range(1, len(columns) + 1):
         drawing.update_xaxes(title_text='strain', row=len(rows), col=column)
     drawing.update_xaxes(showgrid=False, nticks=4, tickangle=0)
-    drawing.update_yaxes(showgrid=False)
+    drawing.update_yaxes(showgrid=False, automargin=True)
     small_titles(drawing)
     return drawing
 
@@ -155,11 +156,14 @@ def _beside(other: LikelySet, chosen: LikelySet) -> str:
         return str(other)
     mine, theirs = ({change.label: change for change in each.changes}
                     for each in (chosen, other))
-    return ', '.join([
-        *(f'{theirs[label]} for {mine[label]}' for label in mine
-          if label in theirs and theirs[label] != mine[label]),
-        *(f'without {mine[label]}' for label in mine if label not in theirs),
-        *(f'with {theirs[label]}' for label in theirs if label not in mine)])
+    shapes = [f'{theirs[label]} instead of {mine[label]}' for label in mine
+              if label in theirs and theirs[label] != mine[label]]
+    gone = [str(mine[label]) for label in mine if label not in theirs]
+    new = [str(theirs[label]) for label in theirs if label not in mine]
+    if len(gone) == len(new) == 1:
+        shapes.append(f'{new.pop()} instead of {gone.pop()}')
+    return ', '.join([*shapes, *(f'without {each}' for each in gone),
+                      *(f'with {each}' for each in new)])
 
 
 def priors(result: Diagnosis) -> go.Figure | None:
@@ -171,14 +175,12 @@ def priors(result: Diagnosis) -> go.Figure | None:
     told = result.parameters[::-1]
     if not told:
         return None
-    # the middle of a constant that is no less than zero is at zero: no bar to the left of it
-    prior = [(-1.96 if each.prior[1] < each.prior[0] else 0.0,
-              1.96 if each.prior[2] > each.prior[0] else 0.0) for each in told]
     after = np.clip([each.moved for each in told], -_FARTHEST, _FARTHEST)
     drawing = plotting.figure('widths of the prior', '',
-                              height=120 + 34 * len(told))
+                              height=120 + 40 * len(told))
     rows = list(range(len(told)))
-    drawing.add_trace(_bars(rows, prior, 'before the data', _FAINT, 11.0, 0.45))
+    drawing.add_trace(_bars(rows, [each.reach for each in told], 'before the data', _FAINT, 11.0,
+                            0.45))
     drawing.add_trace(_bars(rows, after[:, 1:], 'after', _MODEL.light, 4.0, 1.0))
     drawing.add_trace(plotting.points(
         after[:, 0], rows, 'value', _MODEL, 8.0, showlegend=False,

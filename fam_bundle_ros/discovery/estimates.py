@@ -46,7 +46,9 @@ class Estimate:
     prior : tuple of float
         Centre and 95 % ends of what was taken for likely before the data, in the unit.
     moved : tuple of float
-        Value and 95 % ends in widths of the prior, from its centre; without its bounds.
+        Value and 95 % ends in widths of the prior, from its centre, within the bounds.
+    reach : tuple of float
+        95 % ends of the prior itself in such widths.
     """
 
     key: str
@@ -59,6 +61,7 @@ class Estimate:
     si_interval: tuple[float, float]
     prior: tuple[float, float, float]
     moved: tuple[float, float, float]
+    reach: tuple[float, float]
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -71,7 +74,7 @@ class Estimate:
         """Return value, unit, interval and flag."""
         chosen = asdict(self)
         chosen['interval'] = list(self.interval)
-        for name in ('si_interval', 'prior', 'moved'):
+        for name in ('si_interval', 'prior', 'moved', 'reach'):
             chosen[name] = list(chosen[name])
         return chosen
 
@@ -104,8 +107,10 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
         unit, size = unit_of(fit.model, prior.key)
         spread = max(own[j], (posterior.spread(prior.key, u) if posterior else None) or 0.0)
         ends = (prior.theta(u - _95 * spread), prior.theta(u + _95 * spread))
-        lowest = 0.0 if prior.kind == 'half' else -_95
-        before = (prior.theta(0.0) / size, prior.theta(lowest) / size, prior.theta(_95) / size)
+        low, high = prior.limits
+        reach = (max(-_95, low), min(_95, high))
+        before = (prior.theta(0.0) / size, prior.theta(reach[0]) / size,
+                  prior.theta(reach[1]) / size)
         flag = ''
         if own[j] > DEAD:
             flag = 'dead: the data do not move it'
@@ -120,7 +125,8 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
         value = prior.theta(u)
         found.append(Estimate(prior.key, value / size, unit, (ends[0] / size, ends[1] / size),
                               flag, float(u) if prior.own else None, value, ends, before,
-                              (float(u), float(u - _95 * spread), float(u + _95 * spread))))
+                              (float(u), *(float(min(max(end, low), high)) for end in (
+                                  u - _95 * spread, u + _95 * spread))), reach))
     return found
 
 

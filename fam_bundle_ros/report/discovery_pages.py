@@ -176,7 +176,7 @@ def ladder_picture(steps: Sequence[Mapping[str, Any]], noise: float | None,
 def _sets_words(result: Diagnosis) -> str:
     chosen = next(each for each in result.likely if each.chosen)
     words = ('Probability of each set of changes to the model, over all sets that were fitted. '
-             f'Coloured: the set that is told ({chosen}); the others by what they have else.')
+             f'Coloured: the set that is told ({chosen}); the others by how they differ from it.')
     if result.verdict == 'unexplained':
         return f'{words} As if one of them had to be the answer: the verdict is that none is.'
     if chosen.probability < max(each.probability for each in result.likely):
@@ -196,7 +196,8 @@ def _unseen_section(result: Diagnosis) -> list[Section]:
         f'({kind}) is off by {found.held_out_N:.3g} N rms there.', [
             Picture('unseen', 'Predicted and measured where the fit was not told', drawing,
                     'Each point is the mean of neighbouring rows in a block that the fit did not '
-                    'see. On the line, prediction and measurement are the same.'),
+                    'see. On the line, prediction and measurement are the same. Below: measured '
+                    'minus predicted.'),
             Table(('model', 'error on rows not seen (N)'), [
                 ('effects alone', found.held_out_physics_N),
                 ('effects with the discrepancy', found.held_out_discrepancy_N),
