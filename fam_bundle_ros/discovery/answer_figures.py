@@ -9,6 +9,7 @@ and every parameter before and after the data.
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,7 +131,8 @@ def sets(result: Diagnosis, most: int = 8) -> go.Figure | None:
     if len(shown) < 2:
         return None
     chosen = next(each for each in shown if each.chosen)
-    labels = [_broken(_beside(each, chosen)) for each in shown]
+    labels = ['<br>'.join(wrap(_beside(each, chosen), 30, break_long_words=False))
+              for each in shown]
     pitch = 16 + 18 * max(label.count('<br>') + 1 for label in labels)
     drawing = plotting.figure('probability', '', height=110 + pitch * len(shown),
                               showlegend=False)
@@ -204,16 +206,3 @@ def _bars(rows: list[int], ends: np.ndarray | list[tuple[float, float]], name: s
     y = [value for row in rows for value in (row, row, None)]
     return go.Scatter(x=x, y=y, mode='lines', name=name, opacity=opacity, hoverinfo='skip',
                       line={'color': colour, 'width': width}, connectgaps=False)
-
-
-def _broken(words: str, most: int = 34) -> str:
-    """Return names with commas in lines of about so many letters."""
-    lines = ['']
-    for part in words.split(', '):
-        joined = f'{lines[-1]}, {part}' if lines[-1] else part
-        if len(joined) > most and lines[-1]:
-            lines[-1] += ','
-            lines.append(part)
-        else:
-            lines[-1] = joined
-    return '<br>'.join(lines)

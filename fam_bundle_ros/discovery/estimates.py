@@ -106,8 +106,9 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
     for j, (prior, u) in enumerate(zip(fit.priors, fit.u)):
         unit, size = unit_of(fit.model, prior.key)
         spread = max(own[j], (posterior.spread(prior.key, u) if posterior else None) or 0.0)
-        ends = (prior.theta(u - _95 * spread), prior.theta(u + _95 * spread))
         low, high = prior.limits
+        moved = (float(u), max(float(u - _95 * spread), low), min(float(u + _95 * spread), high))
+        ends = (prior.theta(moved[1]), prior.theta(moved[2]))
         reach = (max(-_95, low), min(_95, high))
         before = (prior.theta(0.0) / size, prior.theta(reach[0]) / size,
                   prior.theta(reach[1]) / size)
@@ -125,8 +126,7 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
         value = prior.theta(u)
         found.append(Estimate(prior.key, value / size, unit, (ends[0] / size, ends[1] / size),
                               flag, float(u) if prior.own else None, value, ends, before,
-                              (float(u), *(float(min(max(end, low), high)) for end in (
-                                  u - _95 * spread, u + _95 * spread))), reach))
+                              moved, reach))
     return found
 
 
