@@ -234,7 +234,8 @@ def page(rows: dict[tuple[str, str, float], dict[str, Any]], command: str) -> st
     text = '\n'.join(f"| {' | '.join(row)} |" for row in table)
     return f"""# Constants of the search
 
-`{command}` (resumable; the cases that were complete when this page was written)
+`{command}` (it goes on where it was ended; this page has the {len(cases)} cases that were \
+complete, so read it as a first look: `--cases 200 --splits 14` takes a night)
 
 Every number that the search for missing effects goes by (`fam_bundle_ros/discovery/settings.py`) \
 is halved and doubled, one at a time, the most sensitive first. *Right* and *wrong and confident* \
