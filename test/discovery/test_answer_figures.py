@@ -13,12 +13,19 @@ from fam_bundle_ros.report.page import render
 
 
 @pytest.fixture(scope='module')
-def found(paper_muscle, make_sweeps):
-    """Return the diagnosis of a muscle with a hidden friction of 4 N."""
-    truth = paper_muscle.with_effect('coulomb_friction', force=4.0)
-    data = make_sweeps(truth, cycles=1)
-    return diagnose(paper_muscle, data.select(np.arange(len(data)) % 3 == 0),
-                    choices=Choices(most=1))
+def record(paper_muscle, make_sweeps):
+    """Return a function that makes a third of the rows of a muscle with 4 N of friction."""
+    def make(noise):
+        data = make_sweeps(paper_muscle.with_effect('coulomb_friction', force=4.0), noise,
+                           cycles=1)
+        return data.select(np.arange(len(data)) % 3 == 0)
+    return make
+
+
+@pytest.fixture(scope='module')
+def found(paper_muscle, record):
+    """Return its diagnosis; the friction is hidden."""
+    return diagnose(paper_muscle, record(0.6), choices=Choices(most=1))
 
 
 def test_forces_not_seen_are_off_by_what_the_folds_say(found):
@@ -38,6 +45,14 @@ def test_forces_not_seen_are_off_by_what_the_folds_say(found):
     rival = np.concatenate([t.y for t in drawing.data
                             if t.name == 'six-parameter form' and t.yaxis == 'y2'])
     assert np.std(rival) > 3.0 * np.std(off)
+
+
+def test_forces_not_seen_are_nearer_to_the_truth_than_the_measurement(found, record):
+    """The noise of a row is not in a prediction that was made without it."""
+    truth = dict(zip(record(0.6).force, record(0.0).force))
+    each = found.held_out.unseen['isobar']
+    true = np.array([truth[force] for force in each.measured])
+    assert np.std(each.physics - true) < 0.6 * np.std(each.measured - true)
 
 
 def test_the_friction_is_in_the_discrepancy_before_and_not_after(found):
