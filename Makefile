@@ -6,6 +6,8 @@
 
 BIN := .venv/bin
 JOBS ?= 2
+COUNT ?= 200
+SEED ?= 1
 # What computes: the same numbers have to come out without numba and with the oldest numpy. The
 # control benchmark compares schemes, not numbers, and takes ten minutes without numba.
 PLAIN ?= test/model test/plant test/control test/test_kernels.py
@@ -13,7 +15,7 @@ OLDEST ?= $(PLAIN) test/nodes
 WITHOUT_NUMBA := --ignore test/control/test_benchmark.py
 export PYTHON CHROMIUM
 
-.PHONY: help install demo test test-plain test-oldest browser-test docs lint build clean
+.PHONY: help install demo test test-plain test-oldest browser-test mutants docs lint build clean
 
 help:  ## show this list (default)
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | \
@@ -40,6 +42,10 @@ browser-test: install  ## run the workbench's browser tests; pictures go to docs
 	@CI=true FAM_BUNDLE_SCREENSHOTS=docs/images $(BIN)/python -m pytest \
 		test/workbench/test_browser_story.py test/workbench/test_browser_quality.py
 
+mutants:  ## break COUNT=200 places one at a time and see which faults no test notices (hours)
+	@sh scripts/venv.sh .venv-mutants mutants
+	@.venv-mutants/bin/python scripts/mutants.py .mutants $(COUNT) $(SEED)
+
 docs:  ## build the documentation into docs/_build/html; runs its notebooks
 	@sh scripts/venv.sh .venv-docs docs
 	@PATH="$$PWD/.venv-docs/bin:$$PATH" .venv-docs/bin/python -m sphinx -E -W --keep-going -q \
@@ -54,6 +60,6 @@ build: install  ## build with colcon into install/ (ament_python)
 	@$(if $(ROS_DISTRO),$(shell command -v colcon || echo $(BIN)/colcon),$(BIN)/colcon) build
 
 clean:  ## remove .venv, build products and caches; keeps report/
-	rm -rf .venv .venv-oldest .venv-docs docs/_build build install log *.egg-info
+	rm -rf .venv .venv-oldest .venv-docs .venv-mutants .mutants docs/_build build install log *.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find fam_bundle_ros test -name __pycache__ -type d -prune -exec rm -rf {} +

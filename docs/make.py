@@ -27,12 +27,22 @@ TOPICS = {
     'supply/pressure': 'absolute pressure of the supply, Pa',
     'reference/force': 'force.x in N; the last reference received is the control mode',
     'reference/strain': 'joint `strain` with its rate',
+    'reference/pressures': 'joints `mu1`, `mu2`, ...: gauge pressures asked for as efforts, Pa; '
+                           'for experiments: no model is asked, limits and latches act',
+    'reference/dynamometer': 'joint `strain` with its rate: what a dynamometer shall impose; the '
+                             'simulator obeys where `load.kind` is dynamometer, on a rig its '
+                             'driver does',
     'reference/trajectory': 'joint `force`, `strain` or `contraction`; sampled into the above',
     'recruitment_state': '0 off, also while the pressures still ramp down; k for RSk; latched',
     'recruitment': 'per motor unit: on or off (position), share of the force (effort, 0 to 1)',
     'adaptation': 'what the controller has learnt of each motor unit, in words; latched',
     'model/force': 'what the model predicts, N',
     'model/residual': 'measured minus predicted, N',
+    'model/state': 'whether the model holds: JSON with holds, words, error_N, noise_N, '
+                   'tolerance_N, where, since_s, diagnosing, candidate; latched',
+    'model/diagnosis': 'what `diagnose` found: the JSON of `fam_bundle diagnose`, with file and '
+                       'model_file; latched',
+    'model/applied': 'model file that `apply_model` or `restore_model` brought into use; latched',
     'e_stop': 'emergency stop, latched; one publisher',
     'supply_enable': 'true: the supply may be open; on change and 10 times a second; false or '
                      'silent for 0.5 s: cut it and dump',
@@ -46,6 +56,11 @@ SERVICES = {
     'reset': 'the simulated rig starts anew; an emergency stop stays',
     'tare': 'the load cell of the simulated rig is set to zero; warns under pressure',
     'fault/clear': 'repair everything in the simulated rig: all parameters `faults.*`',
+    'diagnose': 'ask what the model lacks, on the memory of the last minutes; the answer comes on '
+                '`model/diagnosis` and as a file in `diagnosis_folder`',
+    'apply_model': 'use the model that the last diagnosis recommends, without a bump; refused '
+                   'unless it fits and predicts the memory better',
+    'restore_model': 'go back to the model before',
     'adaptation/reset': 'forget what was learnt',
     'adaptation/save': 'write the model with what was learnt to `adaptation_file`, by default '
                        '`<model>_adapted.yaml` in the working directory',

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['config_names', 'config_path', 'data_path', 'model_path']
+__all__ = ['config_names', 'config_path', 'data_path', 'model_path', 'protocol_path']
 
 
 def config_path(relative: str | Path) -> Path:
@@ -88,6 +88,18 @@ def data_path(name: str | Path) -> Path:
         return config_path(f'data/{name}.csv')
     known = ', '.join(file.removesuffix('.csv') for file in shipped)
     raise InputError(f'{name}: no such file or bag; measurements that ship: {known or "none"}')
+
+
+def protocol_path(name: str | Path) -> Path:
+    """Return the path of a protocol, or of one that ships by its name."""
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = [file.removesuffix('.yaml') for file in config_names('protocols')]
+    if str(name) in shipped:
+        return config_path(f'protocols/{name}.yaml')
+    raise InputError(f'{name}: no such protocol; protocols that ship: '
+                     f'{", ".join(shipped) or "none"}')
 
 
 def _root() -> Path:

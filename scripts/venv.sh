@@ -8,6 +8,7 @@
 #   scripts/venv.sh FOLDER            the pins of requirements.txt
 #   scripts/venv.sh FOLDER ubuntu     numpy, scipy, ... as Ubuntu 24.04 ships them, no numba
 #   scripts/venv.sh FOLDER docs       the same as without, and docs/requirements.txt
+#   scripts/venv.sh FOLDER mutants    the same as without, and scripts/mutants.txt
 #
 # PYTHON names the interpreter; without it the first that works is taken. With ROS_DISTRO set
 # (ROS sourced) that ROS is used: its Python, its rclpy, and Ubuntu's numpy, for which the
@@ -89,6 +90,7 @@ pins() {
     further=/dev/null
     if [ "$flavour" = ubuntu ]; then further="$further requirements-ubuntu.txt"; fi
     if [ "$purpose" = docs ]; then further="$further docs/requirements.txt"; fi
+    if [ "$purpose" = mutants ]; then further="$further scripts/mutants.txt"; fi
     # shellcheck disable=SC2086
     names=$(cat $further | sed -n 's/^\([A-Za-z0-9_.-]*\)==.*/^\1==/p')
     # shellcheck disable=SC2086

@@ -15,6 +15,8 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     ModelOption,
     muscle_of,
+    notes,
+    Odds,
     open_model,
     progress_bar,
     read_data,
@@ -23,6 +25,7 @@ from fam_bundle_ros.cli.common import (
     save_json,
     show_muscle,
     table,
+    Unexplained,
     wrote,
 )
 from fam_bundle_ros.cli.specimens import diagnose_table
@@ -79,7 +82,7 @@ def compare(
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import comparison_page
         from fam_bundle_ros.report.page import write_page
-        write_page(out, comparison_page(result, bundle, _files(data, model)))
+        write_page(out, comparison_page(result, bundle, _files([data], model)))
         wrote(out)
     save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
                           'data': measured.to_dict()})
@@ -89,7 +92,8 @@ def compare(
 def diagnose(
     recordings: Annotated[list[str] | None, typer.Argument(
         metavar='DATA', help='Log (CSV or text, .xlsx, .lvm, .tdms, .mat, .parquet), ROS 2 bag, '
-        'or the name of data that ships. With --specimens several, or none for all of the table.'
+        'or the name of data that ships. With --specimens several, or none for all of the table; '
+        'with --one-muscle several.'
     )] = None,
     model: ModelOption = ...,  # type: ignore[assignment]
     specimens: Annotated[Path | None, typer.Option('--specimens', metavar='TABLE', help='Several '
@@ -102,11 +106,13 @@ def diagnose(
                                                    'write the model that it recommends (.yaml; '
                                                    'beside it the table of a discrepancy).'
                                                    )] = None,
-    unexplained: Annotated[float, typer.Option(metavar='SHARE', min=1e-4, max=1.0, help='How much '
-                                               'structure beyond every law is normal, as a share '
-                                               "of the force's standard deviation.")] = 0.01,
-    odds: Annotated[float, typer.Option(min=1.0, help='Sets of effects at most so many times '
-                                        'less probable than the best are ties.')] = 20.0,
+    one_muscle: Annotated[bool, typer.Option('--one-muscle', help='Several recordings of one and '
+                                             'the same muscle: diagnose them together.')] = False,
+    protocol_out: Annotated[Path | None, typer.Option('--protocol-out', metavar='FILE',
+                                                      help='Also write the next experiment as a '
+                                                      'protocol (.yaml) for `measure`.')] = None,
+    unexplained: Unexplained = 0.01,
+    odds: Odds = 20.0,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
     *,
@@ -114,20 +120,24 @@ def diagnose(
 ) -> None:
     """Find out which physical effect a model is missing, if any, and what to measure next."""
     from fam_bundle_ros import discovery
+    from fam_bundle_ros.data import join, save_protocol
     bundle = open_model(model, allow_python)
     choices = discovery.Choices(unexplained=unexplained, odds=odds)
-    if model_out is not None and model_out.suffix not in ('.yaml', '.yml'):
-        raise InputError(f'{model_out}: expected the name of a model file (.yaml) to write')
+    for what, file in (('model', model_out), ('protocol', protocol_out)):
+        if file is not None and file.suffix not in ('.yaml', '.yml'):
+            raise InputError(f'{file}: expected the name of a {what} file (.yaml) to write')
     if specimens is not None:
-        if out is not None:
-            raise InputError(f'--out {out}: several specimens have no page yet; expected --json')
+        for option, file in (('--out', out), ('--protocol-out', protocol_out)):
+            if file is not None:
+                raise InputError(f'{option} {file}: several specimens have none yet; expected '
+                                 '--json')
         diagnose_table(bundle, specimens, recordings or [], reading, choices, model_out, json_file)
         return
-    if not recordings or len(recordings) > 1:
+    if not recordings or (len(recordings) > 1 and not one_muscle):
         raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with '
-                         'a table of their dimensions')
+                         'a table of their dimensions, or --one-muscle where all are of one')
     data = recordings[0]
-    measured = read_data(data, reading, bundle)
+    measured = join([read_data(each, reading, bundle) for each in recordings])
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick, choices=choices)
     show_muscle(bundle)
@@ -146,7 +156,9 @@ def diagnose(
     console.print(escape(str(result.recommended)), soft_wrap=True)
     words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
              *(f'--remove {name}' for name in result.removed)]
-    if words:
+    if words and len(recordings) > 1:
+        console.print('add: the same with [bold]--model-out better.yaml[/bold] writes the model')
+    elif words:
         again = f' {reading.words}' if reading.words else ''
         console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data + again)} "
                       f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)
@@ -170,12 +182,20 @@ def diagnose(
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import diagnosis_page
         from fam_bundle_ros.report.page import write_page
-        write_page(out, diagnosis_page(result, _files(data, model)))
+        write_page(out, diagnosis_page(result, _files(recordings, model)))
         wrote(out)
     save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
                           'data': measured.to_dict()})
     if model_out is not None:
         wrote(*result.recommended.save(model_out))
+    if protocol_out is not None and result.next_protocol is not None:
+        save_protocol(result.next_protocol, protocol_out)
+        wrote(protocol_out)
+        console.print(f'measure: [bold]fam_bundle measure {escape(str(protocol_out))} --model '
+                      f'{escape(model)} --out next.csv[/bold], then diagnose both recordings '
+                      'with --one-muscle', soft_wrap=True)
+    elif protocol_out is not None:
+        notes.print(f'note: {protocol_out} was not written: what comes next is no force test')
 
 
 @reads_data
@@ -239,5 +259,6 @@ def _check_first(result: Any) -> None:
         console.print(f'[bold]check first[/bold]: {escape(slip)}', soft_wrap=True)
 
 
-def _files(data: str, model: str) -> list[tuple[str, Path]]:
-    return [('measurement', data_path(data)), ('model file', model_path(model))]
+def _files(recordings: list[str], model: str) -> list[tuple[str, Path]]:
+    return [*(('measurement', data_path(data)) for data in recordings),
+            ('model file', model_path(model))]

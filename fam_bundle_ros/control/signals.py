@@ -34,11 +34,14 @@ class Reference:
     What is wanted: ``kind`` is ``force`` (N) or ``strain``; ``rate`` is its rate per second.
 
     A reference that moves should say its rate: a rate of 0 with a new value is a step.
+    With the kind ``pressure`` (see `fam_bundle_ros.control.direct`) neither is used but
+    ``pressure``, the gauge pressures of all motor units, Pa.
     """
 
     kind: str
-    value: float
+    value: float = 0.0
     rate: float = 0.0
+    pressure: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

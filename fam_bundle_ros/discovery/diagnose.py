@@ -123,6 +123,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     recommended = recommend(best, joint, held, fitter)
     residual = data.force - predict(best, data)
     shapes = describe(cells, final)
+    further = next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes)
     return Diagnosis(
         verdict=finding.verdict, model=model, measurement=comparison.measurement,
         summary=summarise(finding, answer, found, ties, base, shapes),
@@ -134,7 +135,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         error_N=error, noise=noise_floor(data, residual),
         ranking=_ranking(search, posterior, answer, final, finding, beyond), tied=ties,
         located=comparison.located,
-        next_experiment=next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes),
+        next_experiment=further.words, next_protocol=further.protocol,
         parameters=tuple(told),
         moved={p.key: float(u) for p, u in zip(final.priors, final.u) if p.own},
         best=best, recalibrated=recalibrated, shapes_left=shapes,

@@ -11,6 +11,7 @@ import numpy as np
 
 from fam_bundle_ros.discovery.evidence import Fit
 from fam_bundle_ros.discovery.posterior import Posterior
+from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.units import si_factor
 
@@ -49,6 +50,10 @@ class Estimate:
         Value and 95 % ends in widths of the prior, from its centre, within the bounds.
     reach : tuple of float
         95 % ends of the prior itself in such widths.
+    data_alone : tuple of float
+        What the data say without the parameter's prior: value and both ends of the 95 % interval.
+        It is what to compare specimens by: a prior draws all of them towards one value. Empty
+        where the data do not move it.
     """
 
     key: str
@@ -62,6 +67,7 @@ class Estimate:
     prior: tuple[float, float, float]
     moved: tuple[float, float, float]
     reach: tuple[float, float]
+    data_alone: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -74,7 +80,7 @@ class Estimate:
         """Return value, unit, interval and flag."""
         chosen = asdict(self)
         chosen['interval'] = list(self.interval)
-        for name in ('si_interval', 'prior', 'moved', 'reach'):
+        for name in ('si_interval', 'prior', 'moved', 'reach', 'data_alone'):
             chosen[name] = list(chosen[name])
         return chosen
 
@@ -126,8 +132,23 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
         value = prior.theta(u)
         found.append(Estimate(prior.key, value / size, unit, (ends[0] / size, ends[1] / size),
                               flag, float(u) if prior.own else None, value, ends, before,
-                              moved, reach))
+                              moved, reach,
+                              tuple(v / size for v in _data_alone(prior, u, own[j]))))
     return found
+
+
+def _data_alone(prior: Prior, u: float, spread: float) -> tuple[float, ...]:
+    """
+    Return value and 95 % interval of a parameter without its prior, SI.
+
+    The prior is N(0, 1) in u; a posterior N(u, s^2) is then that of a likelihood
+    N(u / (1 - s^2), s^2 / (1 - s^2)).
+    """
+    if spread > DEAD:
+        return ()
+    left = 1.0 - spread ** 2
+    centre, reach = u / left, _95 * spread / np.sqrt(left)
+    return prior.theta(centre), prior.theta(centre - reach), prior.theta(centre + reach)
 
 
 def confounding(fit: Fit) -> tuple[list[str], np.ndarray]:

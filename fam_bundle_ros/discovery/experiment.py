@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which experiment tells two models apart: a T-criterion over a short menu.
+Which experiment tells two models apart: a T-criterion over a short menu of protocols.
 
 For each experiment the difference of the two predictions is taken, less what the weaker model
 could make up by moving its parameters within what the present data leave open.
@@ -9,10 +9,21 @@ could make up by moving its parameters within what the present data leave open.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import math
 
 import numpy as np
 
+from fam_bundle_ros.data.protocol import (
+    Hold,
+    Limits,
+    Pause,
+    PressureSteps,
+    Protocol,
+    segments,
+    Sweep,
+)
+from fam_bundle_ros.data.segments import LEAST_STRAIN, MOST_STRAIN, Pressures, Step
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.model import Bundle, catalogue, Motion
@@ -23,46 +34,162 @@ _PLAIN = 'sweep each isobar up and down, with the time logged'
 #: What is harder to do than the plain sweep must separate by so much more: another speed tells
 #: nothing about effects that do not depend on it.
 _WORTH = 1.1
+#: Samples of a sweep one way, of a hold, and of a step: a leg that takes a small share of its
+#: course. Experiments of any length count alike.
+_SWEEP, _HOLD, _STEP = 25, 60, 3
+_SHORT = 0.05
+#: What the load cell has borne, times this, it bears in the next experiment too.
+_BEARS = 1.5
+#: Least range of strain (1) and highest pressure (Pa) of an experiment, where the data have less.
+_RANGE, _PRESSURE = 0.05, 20e3
+#: Steps of the strains, and of the pressures (Pa), that are proposed.
+_STRAINS, _PRESSURES = 1e-3, 100.0
+#: Readings above the limit of a motor unit by so much are its noise.
+_OVER = 1.05
 
 
 @dataclass(frozen=True)
 class Experiment:
     """A proposal: what to do, and how far apart it would drive the two models (chi2)."""
 
-    words: str
+    protocol: Protocol
     separation: float
 
+    @property
+    def words(self) -> str:
+        """What to do, in a line."""
+        return self.protocol.name
 
-def menu(cells: Cells, model: Bundle) -> list[tuple[str, Motion]]:
-    """Return experiments within the range of the data, as motions of some hundred samples."""
-    data = cells.data
-    low, high = float(data.strain.min()), float(data.strain.max())
-    top = data.pressure.max(axis=0)
-    usual = float(np.percentile(np.abs(data.strain_rate), 75)) if not data.is_static else 0.0
-    usual = usual or 0.02
+
+class _Range:
+    """What the data have covered, and experiments within it."""
+
+    def __init__(self, cells: Cells, model: Bundle):
+        data = cells.data
+        # Numbers as a person would write them, within those of the data.
+        low, high = _inwards(float(data.strain.min()), float(data.strain.max()), _STRAINS)
+        self.low = min(max(low, LEAST_STRAIN), MOST_STRAIN - _RANGE)
+        self.high = min(max(high, self.low + _RANGE), MOST_STRAIN)
+        top, limit = np.maximum(data.pressure.max(axis=0), 0.0), model.max_pressure
+        top = np.where((top > limit) & (top < _OVER * limit), limit, top)
+        self.top = top if top.max() > _PRESSURE else np.full(model.n, _PRESSURE)
+        usual = (0.0 if data.is_static
+                 else float(np.percentile(np.abs(data.strain_rate), 75)))
+        self.rate = float(f'{usual or 0.02:.2g}')
+        self._force = float(f'{_BEARS * max(float(np.abs(data.force).max()), 1.0):.3g}')
+
+    def protocol(self, words: str, *steps: Step) -> Protocol:
+        """Return a protocol, limited to the strain and the pressures that the data have."""
+        protocol = Protocol(words, len(self.top), steps)
+        strains = [leg.strain for step in steps for course in step.courses()
+                   for leg in (course.start, *course.legs) if leg.strain is not None]
+        return replace(protocol, limits=Limits(float(self.top.max()), (
+            min(strains), max(max(strains), min(strains) + 1e-3)), self._force))
+
+    def sweep(self, levels: np.ndarray, speed: float = 1.0, *, low: float | None = None,
+              high: float | None = None, top: np.ndarray | None = None) -> Sweep:
+        """Return isobars at shares of the highest pressures, at so many times the usual rate."""
+        return Sweep((self.low if low is None else low, self.high if high is None else high),
+                     speed * self.rate, self._pressures(levels, self.top if top is None else top))
+
+    def hold(self, shares: tuple[float, ...], seconds: float) -> Hold:
+        """Return strain steps to shares of the range, held so long."""
+        return Hold(tuple(map(self._strain, shares)), seconds,
+                    self._pressures(np.array([0.7]), self.top))
+
+    def pressure_steps(self) -> PressureSteps:
+        """Return steps of the pressures up and down."""
+        return PressureSteps(self._pressures(np.array([0.4, 0.9]), self.top), 0.3,
+                             self._strain(0.4), cycles=2)
+
+    def _strain(self, share: float) -> float:
+        return round(self.low + share * (self.high - self.low), 4)
+
+    @staticmethod
+    def _pressures(levels: np.ndarray, top: np.ndarray) -> tuple[Pressures, ...]:
+        return tuple(tuple(_inwards(0.0, float(value), _PRESSURES)[1] for value in level * top)
+                     for level in levels)
+
+
+def menu(cells: Cells, model: Bundle) -> list[Protocol]:
+    """Return experiments within the range of the data; the first is the plain one."""
+    data = _Range(cells, model)
     levels = np.linspace(0.15, 1.0, 4)
+    width = data.high - data.low
+    again = data.sweep(np.array([0.5]))
     tests = [
-        (_PLAIN, _sweeps(low, high, top, levels, usual)),
-        ('sweep the same isobars ten times faster', _sweeps(low, high, top, levels, 10 * usual)),
-        ('sweep the same isobars ten times slower', _sweeps(low, high, top, levels, usual / 10)),
-        ('step the strain, hold each step for 60 s and log the decay', _holds(low, high, top)),
-        ('make small strain loops about one point at a fixed pressure',
-         _sweeps(low + 0.4 * (high - low), low + 0.5 * (high - low), top, levels, usual)),
-        ('step the pressure at a fixed strain', _pressure_steps(low, high, top)),
-        ('sweep at zero pressure', _sweeps(low, high, top, np.zeros(1), usual)),
-        ('sweep low isobars (5 to 20 % of the highest pressure)',
-         _sweeps(low, high, top, np.array([0.05, 0.1, 0.15, 0.2]), usual)),
-        ('compress each isobar past its free strain',
-         _sweeps(low, min(high + 0.08, 0.4), top, levels, usual)),
-        ('repeat the first isobar after an hour', _late(low, high, top, usual)),
+        plain(cells, model),
+        data.protocol('sweep the same isobars ten times faster', data.sweep(levels, 10.0)),
+        data.protocol('sweep the same isobars ten times slower', data.sweep(levels, 0.1)),
+        data.protocol('step the strain, hold each step for 60 s and log the decay',
+                      data.hold((0.2, 0.6, 0.4, 0.8), 60.0)),
+        data.protocol('make small strain loops about one point at a fixed pressure', data.sweep(
+            levels, low=round(data.low + 0.4 * width, 4),
+            high=round(data.low + 0.5 * width, 4))),
+        data.protocol('step the pressure at a fixed strain', data.pressure_steps()),
+        data.protocol('sweep at zero pressure', data.sweep(np.zeros(1))),
+        data.protocol('sweep low isobars (5 to 20 % of the highest pressure)',
+                      data.sweep(np.array([0.05, 0.1, 0.15, 0.2]))),
+        data.protocol('compress each isobar past its free strain',
+                      data.sweep(levels, high=max(min(data.high + 0.08, 0.4), data.high))),
+        data.protocol('repeat the first isobar after an hour', again, Pause(3600.0), again),
     ]
     if model.n > 1:
         for k, unit in enumerate(model.motor_units):
             alone = np.zeros(model.n)
-            alone[k] = top[k]
-            tests.append((f'sweep with {unit.name} alone under pressure',
-                          _sweeps(low, high, alone, levels, usual)))
+            alone[k] = data.top[k]
+            if alone[k] > 0.0:
+                tests.append(data.protocol(f'sweep with {unit.name} alone under pressure',
+                                           data.sweep(levels, top=alone)))
     return tests
+
+
+def plain(cells: Cells, model: Bundle) -> Protocol:
+    """Return isobars over the range of the data."""
+    data = _Range(cells, model)
+    return data.protocol(_PLAIN, data.sweep(np.linspace(0.15, 1.0, 4)))
+
+
+def finer(cells: Cells, model: Bundle) -> Protocol:
+    """Return isobars over the range of the data in finer steps and at two speeds."""
+    data = _Range(cells, model)
+    levels = np.linspace(0.0, 1.0, 9)
+    return data.protocol('sweep isobars in fine steps and at two speeds', data.sweep(levels),
+                         data.sweep(levels, 4.0))
+
+
+def motion(protocol: Protocol) -> Motion:
+    """
+    Return the motion of a protocol that imposes the strain, as some hundred samples.
+
+    Every segment is a trial; sweeps, holds and steps have the same number of samples however long
+    they take.
+    """
+    strain, pressure, rate, time, start = [], [], [], [], []
+    clock = 0.0
+    for segment in segments(protocol):
+        course, before = segment.course, segment.course.start
+        clock += segment.pause + segment.before
+        first = True
+        for leg in course.legs:
+            if leg.seconds > 0.0:
+                assert before.strain is not None
+                assert leg.strain is not None
+                still = before.strain == leg.strain and before.pressure == leg.pressure
+                count = (_STEP if leg.seconds < _SHORT * course.seconds
+                         else _HOLD if still else _SWEEP)
+                share = np.linspace(0.0, 1.0, count)
+                strain.append(before.strain + share * (leg.strain - before.strain))
+                pressure.append(before.pressure + np.outer(share, np.subtract(
+                    leg.pressure, before.pressure)))
+                rate.append(np.full(count, (leg.strain - before.strain) / leg.seconds))
+                time.append(clock + share * leg.seconds)
+                start.append(np.arange(count) == (0 if first else -1))
+                first = False
+            clock += leg.seconds
+            before = leg
+    joined = (np.concatenate(values) for values in (strain, pressure, rate, time, start))
+    return Motion(*joined)
 
 
 def best_experiment(fitter: Fitter, first: Fit, second: Fit,
@@ -74,15 +201,16 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
     """
     ranked = []
     known = np.linalg.inv(second.covariance)
-    for words, motion in menu(fitter.cells, first.model):
+    for protocol in menu(fitter.cells, first.model):
+        test = motion(protocol)
         slope = np.array([prior.slope(u) for prior, u in zip(second.priors, second.u)])
-        force, columns = second.model.jacobian(motion, [p.key for p in second.priors])
-        gap = (first.model.predict(motion) - force) / fitter.cells.noise
+        force, columns = second.model.jacobian(test, [p.key for p in second.priors])
+        gap = (first.model.predict(test) - force) / fitter.cells.noise
         columns = columns * slope / fitter.cells.noise
         part = columns.T @ gap
         separation = float(gap @ gap - part @ np.linalg.solve(known + columns.T @ columns, part))
         if np.isfinite(separation):
-            ranked.append(Experiment(words, max(separation, 0.0)))
+            ranked.append(Experiment(protocol, max(separation, 0.0)))
     plain = max((item.separation for item in ranked if item.words == _PLAIN), default=0.0)
     ranked.sort(key=lambda item: (-item.separation if item.separation > _WORTH * plain
                                   else -plain, item.words != _PLAIN))
@@ -99,37 +227,15 @@ def without_force(first: str, second: str) -> str:
     return 'measure radius and braid angle with a calliper'
 
 
-def _sweeps(low: float, high: float, top: np.ndarray, levels: np.ndarray, rate: float) -> Motion:
-    once = np.linspace(0.0, 1.0, 25)
-    path = low + (high - low) * np.concatenate([once, once[::-1]])
-    duration = 2 * (high - low) / rate
-    strain = np.tile(path, len(levels))
-    time = np.concatenate([k * (duration + 1.0) + np.linspace(0, duration, len(path))
-                           for k in range(len(levels))])
-    way = np.tile(np.repeat([rate, -rate], len(once)), len(levels))
-    pressure = np.repeat(levels, len(path))[:, None] * top[None, :]
-    start = np.arange(len(strain)) % len(path) == 0
-    return Motion(strain, pressure, way, time, start)
+def _inwards(low: float, high: float, step: float) -> tuple[float, float]:
+    """
+    Return the ends of a range as multiples of a step that are within it.
 
-
-def _holds(low: float, high: float, top: np.ndarray) -> Motion:
-    steps = low + (high - low) * np.array([0.2, 0.6, 0.4, 0.8])
-    strain = np.repeat(steps, 60)
-    time = np.arange(len(strain)) * 1.0
-    pressure = np.repeat(0.7 * top[None, :], len(strain), axis=0)
-    return Motion(strain, pressure, np.zeros(len(strain)), time, time == 0)
-
-
-def _pressure_steps(low: float, high: float, top: np.ndarray) -> Motion:
-    time = np.arange(240) * 0.01
-    share = np.where((time // 0.3) % 2 == 0, 0.4, 0.9)
-    strain = np.full(len(time), low + 0.4 * (high - low))
-    return Motion(strain, share[:, None] * top[None, :], np.zeros(len(time)), time, time == 0)
-
-
-def _late(low: float, high: float, top: np.ndarray, rate: float) -> Motion:
-    base = _sweeps(low, high, top, np.array([0.5, 0.5]), rate)
-    assert base.time is not None
-    time = base.time.copy()
-    time[len(time) // 2:] += 3600.0
-    return Motion(base.strain, base.pressure, base.strain_rate, time, base.start)
+    Examples
+    --------
+    >>> _inwards(-6e-5, 0.20007, 1e-3)
+    (0.0, 0.2)
+    """
+    rounding = 1e-6
+    return (round(math.ceil(low / step - rounding) * step, 9) + 0.0,
+            round(math.floor(high / step + rounding) * step, 9) + 0.0)

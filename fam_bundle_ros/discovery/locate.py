@@ -53,7 +53,8 @@ class Region:
 
 
 def locate(measurement: Measurement, residual: np.ndarray, noise: float,
-           past_free: np.ndarray | None = None, most: int = 4) -> tuple[Region, ...]:
+           past_free: np.ndarray | None = None, most: int = 4,
+           bins: int = 12) -> tuple[Region, ...]:
     """
     Return the regions of strain, pressure, direction and time where the error is beyond noise.
 
@@ -67,8 +68,10 @@ def locate(measurement: Measurement, residual: np.ndarray, noise: float,
         Samples past the free strain.
     most : int
         Report no more regions than this.
+    bins : int
+        Of strain and of pressure at most; the work grows with its fourth power.
     """
-    grid = _Grid(measurement, residual, noise, past_free)
+    grid = _Grid(measurement, residual, noise, past_free, bins)
     total = max(float(np.sum(residual ** 2) - len(residual) * noise ** 2), 0.0)
     regions: list[Region] = []
     left = np.ones(len(residual), bool)
@@ -129,13 +132,13 @@ class _Grid:
     """Cells of strain, pressure and direction, and boxes of cells."""
 
     def __init__(self, measurement: Measurement, residual: np.ndarray, noise: float,
-                 past_free: np.ndarray | None):
+                 past_free: np.ndarray | None, bins: int):
         self.noise = noise
         unit = varying_unit(measurement)
         self.unit = '' if measurement.pressure.shape[1] == 1 else (
             f'{measurement.motor_units[unit]} ')
-        self.strain, self.edges = strain_bins(measurement.strain, 12)
-        self.level, self.means = pressure_levels(measurement.pressure[:, unit], 12)
+        self.strain, self.edges = strain_bins(measurement.strain, bins)
+        self.level, self.means = pressure_levels(measurement.pressure[:, unit], bins)
         self.direction = measurement.direction
         self.directions = [int(d) for d in np.unique(measurement.direction)]
         self.past_free = past_free

@@ -13,6 +13,7 @@ import numpy as np
 
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
+from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery.compare import Comparison
 from fam_bundle_ros.discovery.estimates import Estimate
 from fam_bundle_ros.discovery.held_out import HeldOut
@@ -163,6 +164,8 @@ class Diagnosis(Told):
     located : tuple of Region
         Where the model fails, largest first.
     next_experiment : str
+    next_protocol : Protocol or None
+        The same to be measured, where it is a force test.
     parameters : tuple of Estimate
         Of the best model.
     moved : dict
@@ -217,6 +220,7 @@ class Diagnosis(Told):
     likely: tuple[LikelySet, ...]
     ladder: list[dict[str, Any]] = field(default_factory=list)
     seconds: float = 0.0
+    next_protocol: Protocol | None = None
 
     def __str__(self) -> str:
         lines = [f'{self.verdict}: {self.summary}',

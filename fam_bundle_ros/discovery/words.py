@@ -5,14 +5,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.noise import NoiseFloor
+from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.experiment import best_experiment, without_force
+from fam_bundle_ros.discovery.experiment import best_experiment, finer, plain, without_force
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import head
 from fam_bundle_ros.discovery.posterior import Change, Posterior
@@ -20,6 +23,13 @@ from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding
 
 Ties = tuple[tuple[str, ...], ...]
+
+
+class Next(NamedTuple):
+    """What to measure next: in words, and as a protocol where it is a force test."""
+
+    words: str
+    protocol: Protocol | None = None
 
 
 def what(change: Change) -> str:
@@ -80,10 +90,10 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
 
 def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                     answer: Sequence[Change], chosen: Fit, ties: Ties,
-                    shapes: Sequence[Template]) -> str:
+                    shapes: Sequence[Template]) -> Next:
     """Return the experiment that would tell most."""
     if finding.artefacts:
-        return '; '.join(artefact.remedy for artefact in finding.artefacts)
+        return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
     if answer:
         tie = ties[0] if ties else (answer[-1].label, '')
         rival = _rival(posterior, tie, chosen)
@@ -92,20 +102,23 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                                     if label != tie[0]), 'the model without it')
             best, _ = best_experiment(fitter, chosen, rival)
             if best is None and ties:
-                return (f'no force test of the menu separates {tie[0]} from {other}; '
-                        + without_force(tie[0], other))
+                return Next(f'no force test of the menu separates {tie[0]} from {other}; '
+                            + without_force(tie[0], other))
             if best is not None:
-                return (f'{best.words}: separates {tie[0]} from {other} '
-                        f'(by {np.sqrt(best.separation):.0f} noise sd)')
+                why = (f'separates {tie[0]} from {other} '
+                       f'(by {np.sqrt(best.separation):.0f} noise sd)')
+                return Next(f'{best.words}: {why}', replace(best.protocol, notes=why))
     if finding.verdict == 'unexplained':
         shape = shapes[0].words if shapes else 'the error'
-        return (f'measure where the error is largest again, in finer steps and at two speeds '
-                f'({shape})')
+        return Next(f'measure where the error is largest again, in finer steps and at two speeds '
+                    f'({shape})', finer(fitter.cells, chosen.model))
     if finding.verdict == 'recalibrate':
-        return 'measure radius and braid angle with a calliper: they explain the error'
+        return Next('measure radius and braid angle with a calliper: they explain the error')
     if fitter.cells.data.is_static:
-        return 'log a sweep up and down with time: friction and memory cannot be seen in a map'
-    return 'none needed within this range; widen it (past free strain, another speed) to go on'
+        return Next('log a sweep up and down with time: friction and memory cannot be seen in a '
+                    'map', plain(fitter.cells, chosen.model))
+    return Next('none needed within this range; widen it (past free strain, another speed) to '
+                'go on')
 
 
 def _labels(posterior: Posterior, fit: Fit) -> list[str]:

@@ -43,6 +43,10 @@ class OffTarget:
     def update(self, now: float, reference: Reference, measured: Mapping[str, float]) -> None:
         """Compare a reference with the readings at a time, s."""
         kind = reference.kind
+        if kind not in self._limits:
+            # Pressures are the business of their loops.
+            self.reset()
+            return
         value = measured[kind]
         # A reading that is no number is no error here: the sensor's watch tells of it.
         if not abs(value - reference.value) > self._limits[kind]:
@@ -60,12 +64,15 @@ class ReferenceTally:
 
     def __init__(self) -> None:
         self._kind = ''
+        self._between: tuple[str, ...] = ()
         self._changes = 0
         self._refused: list[str] = []
 
     def take(self, kind: str) -> None:
         """Note a reference that was taken."""
-        self._changes += kind != self._kind != ''
+        if kind != self._kind != '':
+            self._changes += 1
+            self._between = tuple(sorted((kind, self._kind)))
         self._kind = kind
 
     def refuse(self, reason: str) -> None:
@@ -77,5 +84,6 @@ class ReferenceTally:
         if self._refused:
             report.add(WARN, f'{len(self._refused)} references refused: {self._refused[-1]}')
         if self._changes > 1:
-            report.add(WARN, f'references changed {self._changes} times between force and strain')
+            report.add(WARN, f'references changed {self._changes} times between '
+                       + ' and '.join(self._between))
         self._refused, self._changes = [], 0

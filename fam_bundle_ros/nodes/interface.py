@@ -38,12 +38,18 @@ STRAIN = 'strain'
 SUPPLY = 'supply/pressure'
 REFERENCE_FORCE = 'reference/force'
 REFERENCE_STRAIN = 'reference/strain'
+REFERENCE_PRESSURES = 'reference/pressures'
+#: The strain that a dynamometer shall impose.
+REFERENCE_DYNAMOMETER = 'reference/dynamometer'
 TRAJECTORY = 'reference/trajectory'
 RECRUITMENT_STATE = 'recruitment_state'
 RECRUITMENT = 'recruitment'
 ADAPTATION = 'adaptation'
 MODEL_FORCE = 'model/force'
 MODEL_RESIDUAL = 'model/residual'
+MODEL_STATE = 'model/state'
+MODEL_DIAGNOSIS = 'model/diagnosis'
+MODEL_APPLIED = 'model/applied'
 E_STOP = 'e_stop'
 #: Leave to open the supply; see docs/how_to/driver.md.
 SUPPLY_ENABLE = 'supply_enable'
@@ -59,9 +65,13 @@ TARE = 'tare'
 ADAPTATION_RESET = 'adaptation/reset'
 ADAPTATION_SAVE = 'adaptation/save'
 FAULT_CLEAR = 'fault/clear'
+DIAGNOSE = 'diagnose'
+APPLY_MODEL = 'apply_model'
+RESTORE_MODEL = 'restore_model'
 SERVICES = {ENABLE: SetBool, E_STOP_TRIGGER: Trigger, E_STOP_RESET: Trigger, RESET: Trigger,
             TARE: Trigger, ADAPTATION_RESET: Trigger, ADAPTATION_SAVE: Trigger,
-            FAULT_CLEAR: Trigger}
+            FAULT_CLEAR: Trigger, DIAGNOSE: Trigger, APPLY_MODEL: Trigger,
+            RESTORE_MODEL: Trigger}
 
 LOAD_CELL_FRAME = 'load_cell'
 
@@ -115,10 +125,13 @@ def topics(units: int) -> tuple[Topic, ...]:
     return (Topic(FORCE, WrenchStamped), Topic(STRAIN, JointState), Topic(SUPPLY, FluidPressure),
             *per_unit, *states, Topic(SUPPLY_ENABLE, Bool),
             Topic(REFERENCE_FORCE, WrenchStamped), Topic(REFERENCE_STRAIN, JointState),
+            Topic(REFERENCE_PRESSURES, JointState), Topic(REFERENCE_DYNAMOMETER, JointState),
             Topic(TRAJECTORY, JointTrajectory),
             Topic(RECRUITMENT_STATE, UInt8, latched=True), Topic(RECRUITMENT, JointState),
             Topic(ADAPTATION, String, latched=True),
             Topic(MODEL_FORCE, WrenchStamped), Topic(MODEL_RESIDUAL, WrenchStamped),
+            *(Topic(name, String, latched=True)
+              for name in (MODEL_STATE, MODEL_DIAGNOSIS, MODEL_APPLIED)),
             Topic(E_STOP, Bool, latched=True), Topic(DIAGNOSTICS, DiagnosticArray))
 
 
@@ -349,6 +362,29 @@ def reference_strain_writer() -> Callable[[int, float, float], JointState]:
 def reference_strain_message(stamp: int, strain: float, rate: float = 0.0) -> JointState:
     """Return a message of `reference_strain_writer`."""
     return reference_strain_writer()(stamp, strain, rate)
+
+
+def reference_pressures_writer(units: int) -> Callable[[int, Iterable[float]], JointState]:
+    """Return the writer (stamp, gauge pressures in Pa) of pressure references."""
+    return joint_writer([f'mu{k + 1}' for k in range(units)], 'effort')
+
+
+def read_pressures(message: JointState, units: int) -> tuple[float, ...]:
+    """
+    Return the gauge pressures that are asked of mu1 ... mu<n>, Pa, whatever their order.
+
+    Raises
+    ------
+    InputError
+        When not every motor unit has exactly one.
+    """
+    names = [f'mu{k + 1}' for k in range(units)]
+    if sorted(message.name) != sorted(names) or len(message.effort) != units:
+        raise InputError(f"pressures name {', '.join(message.name) or 'nothing'} with "
+                         f"{len(message.effort)} efforts; expected {', '.join(names)} with one "
+                         'each')
+    found = dict(zip(message.name, message.effort))
+    return tuple(found[name] for name in names)
 
 
 # --- recruitment ------------------------------------------------------------------------------

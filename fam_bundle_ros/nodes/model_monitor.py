@@ -1,27 +1,32 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Node model_monitor: what the model says the load cell should show, and by how much it is wrong.
+Node model_monitor: what the model says the load cell should show, and whether it still holds.
 
-Publishes ``model/force`` and ``model/residual`` (measured minus model) for every sample, and on
-/diagnostics the residual's rms beside the noise floor that neighbouring samples tell. No verdict:
-a residual above the noise says that something is missing, ``fam_bundle diagnose`` says what.
+Publishes ``model/force`` and ``model/residual`` (measured minus model) for every sample. Keeps a
+thinned memory of the last minutes and tests whether the residual is more than the model's own
+error and the noise; the answer goes to ``model/state`` (latched JSON) and /diagnostics. Service
+``diagnose`` asks on that memory which effect is missing: ``model/diagnosis`` (latched JSON), and a
+file with the model that it recommends beside it. ``apply_model`` of recruitment_controller brings
+it into use, here as there.
 """
 
-from collections import deque
 from collections.abc import Mapping
+import json
 import math
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
-import numpy as np
 from rclpy.context import Context
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
+from fam_bundle_ros.nodes.diagnosing import Diagnosing
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, Report, WARN
+from fam_bundle_ros.nodes.live_model import LiveModel, ModelWatch
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import Spec, table
 from fam_bundle_ros.nodes.process import run
@@ -29,41 +34,20 @@ from fam_bundle_ros.nodes.sensing import Sample, Sensing
 
 SPECS = (
     *MODEL, *LISTENER, *sensing.SPECS,
-    Spec('window', 5.0, 'time over which residual and noise floor are taken, s', 0.5, 600.0),
-    Spec('warn_ratio', 2.0, 'warn when the residual is above the noise floor times this', 1.0,
-         100.0, dynamic=True),
+    Spec('window', 60.0, 'time over which the error is taken, and without alarm to hold again, s',
+         0.5, 600.0),
+    Spec('memory', 300.0, 'how far the memory reaches back, s', 10.0, 3600.0),
+    Spec('false_alarms', 0.1, 'alarms per hour that a model which holds may cause at most', 1e-4,
+         60.0),
+    Spec('tolerance', -1.0, 'mean error at a state that is no failure, N; -1: twice the error of '
+         'the model file, at least 1 % of the largest force', -1.0, 1e4),
+    Spec('diagnosis_folder', 'fam_bundle_diagnoses', 'where diagnoses and the models that they '
+         'recommend are written'),
+    Spec('diagnosis_effects', 5, 'effects that a diagnosis may add, replace or remove at most', 1,
+         5),
 )
-
-
-class LiveModel:
-    """
-    A model that follows a rig sample by sample.
-
-    Parameters
-    ----------
-    bundle : Bundle
-        Its sensor effects are taken off the readings and put on the force, as in a comparison.
-    """
-
-    def __init__(self, bundle: Bundle):
-        self.bundle = bundle
-        #: s since it was made.
-        self._time = 0.0
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin a new trial."""
-        self._state = self.bundle.start_state()
-
-    def step(self, dt: float, strain: float, pressure: list[float], rate: float) -> float:
-        """Return the force that the load cell should show now, N; nan for unusable readings."""
-        if not math.isfinite(strain + rate + sum(pressure)):
-            self.reset()
-            return math.nan
-        self._time += dt
-        strain, felt = self.bundle.felt(strain, np.array(pressure), self._time)
-        forces, self._state = self.bundle.step(self._state, dt, strain, felt, rate)
-        return float(self.bundle.readings(forces.sum(), strain, felt, self._time)[0])
+#: s between two messages on the state.
+_PERIOD = 0.5
 
 
 class ModelMonitor(BundleNode):
@@ -79,18 +63,24 @@ class ModelMonitor(BundleNode):
 
     def __init__(self, *, context: Context | None = None, **keywords: Any):
         super().__init__('model_monitor', SPECS, context=context, **keywords)
-        self._live = LiveModel(bundle_from(self.p['model']))
-        self._residuals: deque[float] = deque(
-            maxlen=max(round(self.p['window'] * self.p['rate']), 50))
+        p = self.p
+        self._live = LiveModel(bundle_from(p['model']))
+        bundle = self._live.bundle
+        self.watch = ModelWatch(bundle, p['window'], p['memory'], p['false_alarms'],
+                                p['tolerance'] if p['tolerance'] > 0.0 else None)
         self._stamp = -1
+        self._held, self._state = True, ''
         self._send_model, self._send_residual = (
             self.sender(topic, WrenchStamped, interface.force_writer())
             for topic in (interface.MODEL_FORCE, interface.MODEL_RESIDUAL))
-        bundle = self._live.bundle
+        self._state_publisher = self.publisher(interface.MODEL_STATE, String, interface.LATCHED)
+        self._diagnosing = Diagnosing(self, self.watch, self._publish_state)
         self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
                                 self._on_sample)
+        self.subscribe(interface.MODEL_APPLIED, String, self._on_applied, interface.LATCHED)
         self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report)
+        self.every(_PERIOD, self._publish_state)
         if self.lock_step:
             self.every(0.5, self._sensing.check_time)
 
@@ -106,43 +96,66 @@ class ModelMonitor(BundleNode):
         residual = sample.force - force
         self._send_model(sample.stamp, force)
         self._send_residual(sample.stamp, residual)
-        if math.isfinite(residual):
-            self._residuals.append(residual)
+        self.watch.add(sample.stamp * 1e-9, sample.strain, sample.pressure, sample.force, residual)
+        if self._held and not self.watch.holding.holds:
+            self.say('model', self.watch.words, 0.0)
+            self._diagnosing.look_closer()
+            self._publish_state()
+        self._held = self.watch.holding.holds
+
+    def stop(self) -> None:
+        """End the diagnosis that is at work."""
+        self._diagnosing.stop()
+
+    # --- model ---------------------------------------------------------------------------------
+
+    def _on_applied(self, message: String) -> None:
+        """Follow the recruitment controller to another model."""
+        if message.data != self.p['model']:
+            (result,) = self.set_parameters([Parameter('model', value=message.data)])
+            if not result.successful:
+                raise InputError(result.reason)
 
     def _check(self, values: Mapping[str, Any]) -> None:
+        if values['model'] == self.p['model'] or self._diagnosing.ready(values['model']):
+            return
         n, units = bundle_from(values['model']).n, self._live.bundle.n
         if n != units:
             raise InputError(f"{values['model']} has {n} motor units; this bundle has {units}")
 
     def _change(self, changes: dict[str, Any]) -> None:
         if 'model' in changes:
-            self._live = LiveModel(bundle_from(self.p['model']))
-            self._residuals.clear()
+            model = self.p['model']
+            self._live = self._diagnosing.ready(model) or LiveModel(bundle_from(model))
+            self.watch.change(self._live.bundle)
+            self._diagnosing.forget()
+            self._publish_state()
+
+    # --- output --------------------------------------------------------------------------------
+
+    def _publish_state(self) -> None:
+        text = json.dumps({**self.watch.state(), 'file': self.p['model'],
+                           **self._diagnosing.state})
+        if text != self._state:
+            self._state = text
+            self._state_publisher.publish(String(data=text))
 
     def _report(self, report: Report) -> None:
         self._sensing.report(report)
-        report.value('model', self._live.bundle.name)
-        if len(self._residuals) < 50:
+        watch = self.watch
+        report.value('model', watch.bundle.name)
+        if not math.isfinite(watch.noise):
             report.add(WARN, 'WAITING for samples')
             return
-        residual = np.array(self._residuals)
-        rms, floor = float(np.sqrt(np.mean(residual ** 2))), noise_floor(residual)
-        report.value('residual rms, N', rms)
-        report.value('residual mean, N', float(residual.mean()))
-        report.value('noise floor, N', floor)
-        report.value('residual / noise floor', rms / max(floor, 1e-9))
-        if rms > self.p['warn_ratio'] * floor + 1e-3:
-            report.add(WARN, f'model error {rms:.2f} N rms over a noise floor of {floor:.2f} N')
-
-
-def noise_floor(residual: np.ndarray) -> float:
-    """
-    Return the noise of evenly sampled residuals, N, from second differences.
-
-    Slow errors of the model cancel in them; the median keeps switching moments out.
-    """
-    second = residual[2:] - 2.0 * residual[1:-1] + residual[:-2]
-    return float(1.4826 * np.median(np.abs(second - np.median(second))) / math.sqrt(6.0))
+        report.value('residual rms, N', watch.error)
+        report.value('noise floor, N', watch.noise)
+        report.value('tolerance, N', watch.holding.tolerance)
+        report.value('memory, s', watch.memory.seconds)
+        report.value('holds', watch.holding.holds)
+        if watch.holding.holds:
+            report.value('judgement', watch.words)
+        else:
+            report.add(WARN, watch.words)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -6,7 +6,7 @@ Node plant_simulator: a rig that is not there, with the names, units and service
 In wall time it steps at its rate with the latest valve commands and vents the motor units whose
 commands stay away. In lock-step it publishes a sample and ``/clock``, and steps when a valve
 command with that sample's stamp has come for every motor unit. Its supply is open only while
-``supply_enable`` says so.
+``supply_enable`` says so; a load that is a dynamometer goes where ``reference/dynamometer`` says.
 """
 
 import math
@@ -24,8 +24,10 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, MODEL
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
+from fam_bundle_ros.nodes.dynamometer import ImposedStrain
 from fam_bundle_ros.nodes.fault_injection import FaultInjection, FAULTS
 from fam_bundle_ros.nodes.gate import Gate
+from fam_bundle_ros.nodes.hidden_effect import HIDDEN, HiddenEffect
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import Spec, table
 from fam_bundle_ros.nodes.process import run
@@ -37,6 +39,7 @@ from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 SPECS = (
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
     Spec('plant_model', '', 'model file of the rig where it is not `model`: a hidden effect'),
+    HIDDEN,
     Spec('rate', 200.0, 'samples per second', 10.0, 2000.0),
     Spec('seed', 0, 'of the noise', 0, 2**31 - 1),
     Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
@@ -98,6 +101,7 @@ class PlantSimulator(BundleNode):
         p = self.p
         self.rig = rig or Rig(bundle_from(p['plant_model'] or p['model']), rig_config(p),
                               seed=p['seed'])
+        self._hidden = HiddenEffect(self.rig, p[HIDDEN.name])
         self.units = self.rig.bundle.n
         self._channels = [f'mu{i + 1}' for i in range(self.units)]
         self._script = script
@@ -115,6 +119,7 @@ class PlantSimulator(BundleNode):
         self._refused = 0
         self._meter = Meter()
         self._injection = FaultInjection(self, self.units, self._break)
+        self._imposed = ImposedStrain(self, self.rig)
         self._leave = Leave(math.inf if self.lock_step else p['supply_timeout'])
         self._set_up_interface()
         if p['start_stopped']:
@@ -157,7 +162,7 @@ class PlantSimulator(BundleNode):
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
             self.create_service(Trigger, name, answer)
-        self.p.on_change(self, self._injection.check, self._change)
+        self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report, 'simulated')
 
     @property
@@ -285,8 +290,11 @@ class PlantSimulator(BundleNode):
         run_time = self._steps * period
         if self._script:
             self._script.before(self.rig, run_time, period)
+        self._imposed.before(period)
         if self._profile:
-            target = self._profile.value(run_time + period)
+            when = run_time + period
+            target = self._profile.value(when % self._profile.duration
+                                         if self.p['load.repeat'] else when)
             self.rig.impose_strain(target, abs(target - self.rig.truth.strain) / period)
         stopped = self.rig.e_stopped
         if self.p['obey_supply_enable']:
@@ -344,6 +352,7 @@ class PlantSimulator(BundleNode):
                   ) -> Trigger.Response:
         stopped = self.rig.e_stopped
         self.rig.reset()
+        self._imposed.forget()
         if stopped:
             # Only e_stop_reset takes a stop back.
             self.rig.e_stop(stopped)
@@ -363,8 +372,13 @@ class PlantSimulator(BundleNode):
             self.get_logger().warning(f'tare: {response.message}')
         return response
 
+    def _check(self, values: dict[str, Any]) -> None:
+        self._injection.check(values)
+        self._hidden.check(values)
+
     def _change(self, changes: dict[str, Any]) -> None:
         self._injection.take()
+        self._hidden.take(self.p[HIDDEN.name])
         if not self.lock_step:
             self._leave.timeout = self.p['supply_timeout']
         fields = load_change(self.p['load.kind'], changes)
@@ -380,6 +394,7 @@ class PlantSimulator(BundleNode):
         self._meter.report(report, 'sample')
         report.value('rig', 'simulated')
         report.value('model', self.rig.bundle.name)
+        report.value('hidden effect', self.p[HIDDEN.name] or 'none')
         report.value('run time, s', self._steps * self._period_ns * 1e-9, 6)
         report.value('e_stop', self.rig.e_stopped or 'off')
         if self.p['obey_supply_enable']:

@@ -1,22 +1,21 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Node recruitment_controller: a force or strain reference in, pressure setpoints out.
+Node recruitment_controller: a force, strain or pressure reference in, pressure setpoints out.
 
 Each complete sample of the rig is answered with setpoints that carry its stamp. The last
-reference received, ``reference/force`` or ``reference/strain``, is the control mode; switching off
-forgets it. Readings that cannot be trusted hold the pressures at first and vent when it lasts. A
-loss that lasts on, late readings, over-pressure, a force that no pressure explains, a pressure
-loop that latches or falls silent, and a process that stood still vent the whole bundle and cut
-the supply (``supply_enable``) until ``enable`` is called again; so does the emergency stop.
+reference received, ``reference/force``, ``reference/strain`` or ``reference/pressures``, is the
+control mode; switching off forgets it. Readings that cannot be trusted hold the pressures at
+first and vent when it lasts. A loss that lasts on, late readings, over-pressure, a force that no
+pressure explains, a pressure loop that latches or falls silent, and a process that stood still
+vent the whole bundle and cut the supply (``supply_enable``) until ``enable`` is called again; so
+does the emergency stop.
 """
 
-from collections.abc import Callable, Mapping
-import math
+from collections.abc import Mapping
 import time
 from typing import Any
 
-from geometry_msgs.msg import WrenchStamped
 from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import UInt8
@@ -28,14 +27,16 @@ from fam_bundle_ros.control import (
     RecruitmentController,
     Reference,
 )
+from fam_bundle_ros.control.direct import DirectPressures
 from fam_bundle_ros.control.safety import Guard, Health, State
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.adaptation import Adaptation
 from fam_bundle_ros.nodes.base import BundleNode
-from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
-from fam_bundle_ros.nodes.doubts import OffTarget, ReferenceTally
+from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Report, WARN
+from fam_bundle_ros.nodes.doubts import OffTarget
+from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import Oversight
 from fam_bundle_ros.nodes.parameters import table
@@ -44,7 +45,8 @@ from fam_bundle_ros.nodes.recruitment_parameters import (
     controller_config,
     SPECS,
 )
-from fam_bundle_ros.nodes.references import MovingReference, ReferenceRate
+from fam_bundle_ros.nodes.reference_intake import ReferenceIntake
+from fam_bundle_ros.nodes.references import MovingReference
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.supply_enable import SupplyEnable
 
@@ -54,12 +56,8 @@ _LONGEST = 0.1
 _CLOCK_SET = 0.5
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
-#: 1/s: no muscle contracts that fast (all of its way in 0.03 s).
-_FASTEST = 10.0
 #: Errors of force (share of the blocked force) and strain up to which a reference is reached.
 _REACHED_FORCE, _REACHED_STRAIN = 0.05, 0.02
-#: References that change by more than this share of the blocked force at once are steps.
-_STEP = 0.02
 
 
 class RecruitmentNode(BundleNode):
@@ -79,6 +77,9 @@ class RecruitmentNode(BundleNode):
         self.bundle = bundle_from(p['model'])
         self._loaded = p['model']
         self.controller = RecruitmentController(self.bundle, controller_config(p))
+        self._direct = DirectPressures(self.bundle, hold_time=p['hold_time'])
+        #: Whether pressures were asked for by themselves in the last tick.
+        self._was_direct = False
         n = self.bundle.n
         self._limit = self.bundle.max_pressure.tolist()
         #: Whether to enable as soon as nothing speaks against it; in lock-step at once.
@@ -89,10 +90,6 @@ class RecruitmentNode(BundleNode):
         self._reference = MovingReference()
         #: State while there is no reference.
         self._without_reference = 'WAITING'
-        self._reference_rate = ReferenceRate(
-            _STEP * float(self.bundle.blocked_force(self.bundle.max_pressure)))
-        self._reference_meter = Meter()
-        self._tally = ReferenceTally()
         self._off_target = OffTarget({
             'force': _REACHED_FORCE * float(self.bundle.blocked_force(self.bundle.max_pressure)),
             'strain': _REACHED_STRAIN})
@@ -118,10 +115,10 @@ class RecruitmentNode(BundleNode):
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
                                 self._on_sample, extra, self._oversight.look_at_pressure)
-        self.subscribe(interface.REFERENCE_FORCE, WrenchStamped, self._tallied(self._on_force))
-        self.subscribe(interface.REFERENCE_STRAIN, JointState, self._tallied(self._on_strain))
+        self._references = ReferenceIntake(self, self.bundle, self._take_reference)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self._adaptation = Adaptation(self, lambda: self.controller)
+        self._swap = ModelSwap(self, lambda: self.bundle, lambda: controller_config(self.p))
         if self.bundle.unusual_order:
             self.get_logger().warning(self.bundle.unusual_order)
         self.p.on_change(self, self._check, self._change,
@@ -147,40 +144,7 @@ class RecruitmentNode(BundleNode):
         """Return the last setpoints, Pa (gauge)."""
         return self._setpoints
 
-    # --- references ----------------------------------------------------------------------------
-
-    def _tallied(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback that counts what it refuses."""
-        def callback(message: Any) -> None:
-            try:
-                take(message)
-            except InputError as error:
-                self._tally.refuse(str(error))
-                raise
-        return callback
-
-    def _on_force(self, message: WrenchStamped) -> None:
-        stamp = interface.stamp_ns(message.header.stamp)
-        value = interface.read_force(message)
-        self._take_reference('force', stamp, value,
-                             self._reference_rate.update(stamp, value))
-
-    def _on_strain(self, message: JointState) -> None:
-        stamp = interface.stamp_ns(message.header.stamp)
-        value, rate = interface.read_strain(
-            message, float(self.bundle.motor_units[0].geometry.length))
-        self._take_reference('strain', stamp, value, 0.0 if math.isnan(rate) else rate)
-
-    def _take_reference(self, kind: str, stamp: int, value: float, rate: float) -> None:
-        limit = 1e5 if kind == 'force' else 1.0
-        if not abs(value) <= limit:
-            raise InputError(f'reference is {value:g}; expected a size up to {limit:g}')
-        if kind == 'strain' and not abs(rate) <= _FASTEST:
-            raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
-                             f'{_FASTEST:g}')
-        self._reference_meter.tick()
-        self._tally.take(kind)
-        reference = Reference(kind, value, rate)
+    def _take_reference(self, stamp: int, reference: Reference) -> None:
         if self.lock_step and self.p['wait_for_reference']:
             self._sensing.put('reference', stamp, reference)
         else:
@@ -233,19 +197,27 @@ class RecruitmentNode(BundleNode):
         if dt < 0.0:
             # The clock was set: what filters and memory hold belongs to another time.
             self._take_over = True
+        direct = reference.kind == 'pressure'
+        at_work = self._direct if direct else self.controller
+        if direct is not self._was_direct and self._take_over is not None:
+            self._take_over = True
+        self._was_direct = direct
         if self._take_over is None:
             # A vented bundle has nothing to be taken over.
             self._take_over = not max(sample.pressure) < _VENTED
         if self._take_over and readable:
-            self.controller.enable(measurement)
+            at_work.enable(measurement)
+            if not direct:
+                self._swap.go_on(self.controller)
             self._take_over = False
         elif self._take_over:
             self._guard.enter(self._now(), State.VENT, 'SENSOR', self._oversight.unreadable)
             self._ramp_down(dt, at_once=True)
             return
-        command = self.controller.update(min(dt, _LONGEST), measurement, reference)
+        command = at_work.update(min(dt, _LONGEST), measurement, reference)
         self._command = command
-        self._setpoints = command.pressure.tolist()
+        asked = command.pressure.tolist()
+        self._setpoints = asked if direct else self._swap.faded(asked, dt)
         if command.explanation:
             self.get_logger().info(command.explanation)
         self._off_target.update(self._now(), reference,
@@ -277,7 +249,7 @@ class RecruitmentNode(BundleNode):
             waiting = self._without_reference == 'WAITING'
             return (State.WAITING, '') if waiting else (State.READY, self._without_reference)
         limit = self.p['reference_timeout']
-        last = self._reference_meter.last
+        last = self._references.meter.last
         if not self.lock_step and limit > 0.0 and last is not None:
             age = time.monotonic() - last
             if age > limit:
@@ -372,9 +344,10 @@ class RecruitmentNode(BundleNode):
         model = values['model']
         bundle = self._bundle_for(model)
         RecruitmentController(bundle, config)
-        if model != self._loaded and self._enabled:
-            raise InputError('the model changes only while the controller is off; the pressure '
-                             'loops keep theirs until all nodes are started anew')
+        if model != self._loaded and self._enabled and self._swap.bundle(model) is None:
+            raise InputError('the model changes only while the controller is off, or by '
+                             'apply_model; the pressure loops keep theirs until all nodes are '
+                             'started anew')
         # What the pressure loops and the readings of this node rest on.
         for what, new, old in (('motor units', bundle.n, self.bundle.n),
                                ('largest pressures', bundle.max_pressure.tolist(), self._limit),
@@ -384,7 +357,9 @@ class RecruitmentNode(BundleNode):
                 raise InputError(f'{model}: {what} {new}, here {old}: restart all nodes with it')
 
     def _bundle_for(self, model: str) -> Bundle:
-        return self.bundle if model == self._loaded else bundle_from(model)
+        if model == self._loaded:
+            return self.bundle
+        return self._swap.bundle(model) or bundle_from(model)
 
     def _change(self, changes: dict[str, Any]) -> None:
         if set(changes) <= {'reference_timeout', 'resume_within', 'ramp_down_time',
@@ -403,7 +378,6 @@ class RecruitmentNode(BundleNode):
 
     def _report(self, report: Report) -> None:
         self._sensing.report(report)
-        self._reference_meter.report(report, 'reference')
         report.value('state', self._state)
         report.value('enabled', self._enabled)
         now = self._guard.now
@@ -432,9 +406,9 @@ class RecruitmentNode(BundleNode):
                            f'({command.saturated})')
         if self._off_target.text:
             report.add(WARN, self._off_target.text)
-        self._tally.report(report)
+        self._references.report(report)
         for topic in (interface.FORCE, interface.STRAIN, interface.REFERENCE_FORCE,
-                      interface.REFERENCE_STRAIN, interface.E_STOP,
+                      interface.REFERENCE_STRAIN, interface.REFERENCE_PRESSURES, interface.E_STOP,
                       *(name(i + 1) for i in range(self.bundle.n)
                         for name in (interface.pressure_topic, interface.setpoint_topic))):
             if (count := self.publisher_count(topic)) > 1:

@@ -41,6 +41,7 @@ _LOADS: dict[str, tuple[type[Load], dict[str, str]]] = {
 LOAD = (
     Spec('load.kind', 'mass_spring', 'what the bundle pulls on', choices=tuple(_LOADS)),
     Spec('load.profile', '', 'trajectory file (quantity strain) that the dynamometer imposes'),
+    Spec('load.repeat', False, 'the dynamometer begins the profile anew at its end'),
     Spec('load.strain', 0.1, 'strain that the dynamometer holds', -0.15, 0.5, dynamic=True),
     Spec('load.speed', 1.0, 'largest strain rate of the dynamometer, 1/s', 1e-4, 100.0,
          dynamic=True),

@@ -157,6 +157,12 @@ class Rig:
         self._known: Faults | None = None
         self.length = float(bundle.length)
         self._seed = seed
+        self._describe()
+        self.reset()
+
+    def _describe(self) -> None:
+        """Work out the records of bundle and configuration."""
+        bundle, config = self.bundle, self.config
         air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
                            bundle.pneumatics.supply_resistance)
         tube = float(config.chamber.tube_volume)
@@ -164,7 +170,6 @@ class Rig:
                                 tube - config.chamber.line_volume, float(config.trip_pressure),
                                 *_dependences(bundle, bundle.model(False)))
         self.sensors = SensorRecord.of(config.sensors, *_gauge_errors(bundle))
-        self.reset()
 
     def reset(self) -> None:
         """Return to the start: at rest, vented, seed as new, not stopped. Faults stay."""
@@ -268,6 +273,25 @@ class Rig:
         """
         self.load = changed_load(self.load, changes)
         self._load = self.load.record
+
+    def change_bundle(self, bundle: Any) -> None:
+        """
+        Go on with other muscles in place: strain, pressures, load and noise stay as they are.
+
+        The memory of their effects begins here.
+
+        Raises
+        ------
+        InputError
+            When the bundle has other motor units or another rest length.
+        """
+        if (bundle.n, float(bundle.length)) != (self.bundle.n, self.length):
+            raise InputError(f'{bundle.n} motor units of {1e3 * float(bundle.length):g} mm; the '
+                             f'rig has {self.bundle.n} of {1e3 * self.length:g} mm')
+        self.bundle, self._known = bundle, None
+        self._describe()
+        self.model = bundle.model(False)
+        begin(self.record, self.model, self.state)
 
     def tare(self) -> None:
         """Zero the force reading at the present force (as the mean of many samples would)."""

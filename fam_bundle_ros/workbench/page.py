@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The page: top bar, messages, and which of its three views is shown. One per browser tab."""
+"""The page: top bar, messages, and which of its views is shown. One per browser tab."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -21,6 +21,7 @@ from fam_bundle_ros.workbench.incoming import Incoming
 from fam_bundle_ros.workbench.intake_view import IntakeView
 from fam_bundle_ros.workbench.live import record
 from fam_bundle_ros.workbench.muscle import MuscleForm
+from fam_bundle_ros.workbench.rig_view import RigView
 from fam_bundle_ros.workbench.session import Session
 from fam_bundle_ros.workbench.start_view import StartView
 
@@ -31,12 +32,14 @@ _LOOK = '[matchMedia("(prefers-color-scheme: dark)").matches, ' \
 
 
 def register(first: Case | Incoming | None = None) -> None:
-    """Put the page at '/'; it opens with ``first`` or with the start view."""
+    """Put the page at '/', where it opens with ``first``, and at '/live'."""
     ui.page('/', title='fam_bundle workbench')(root(first))
+    ui.page('/live', title='fam_bundle live')(root(view='live'))
 
 
-def root(first: Case | Incoming | None = None) -> Callable[[], Awaitable[None]]:
-    """Return the function that builds the page for one tab."""
+def root(first: Case | Incoming | None = None, view: str = 'find'
+         ) -> Callable[[], Awaitable[None]]:
+    """Return the function that builds the page for one tab, with one of its views."""
     async def index() -> None:
         ui.add_css(parts.style())
         await ui.context.client.connected()
@@ -47,6 +50,7 @@ def root(first: Case | Incoming | None = None) -> Callable[[], Awaitable[None]]:
         fresh = 'session' not in kept
         session = kept.setdefault('session', Session())
         page = Page(session)
+        page.view = view
         if fresh and isinstance(first, Incoming):
             session.incoming = deepcopy(first)  # what one tab types is not another's
         elif fresh and first is not None:
@@ -73,6 +77,7 @@ class Page:
         self.view = 'find'
         self.explorer: Explorer | None = None
         self.case_view: CaseView | None = None
+        self.rig_view: RigView | None = None
 
     async def look(self) -> None:
         """Ask the browser whether it is dark, narrow, and wants things to move."""
@@ -95,8 +100,11 @@ class Page:
         self.show()
 
     def show(self, view: str | None = None) -> None:
-        """Draw a view anew: ``find`` or ``explore``; by default the present one."""
+        """Draw a view anew: ``find``, ``explore`` or ``live``; by default the present one."""
         self.view = view or self.view
+        if self.rig_view is not None:
+            self.rig_view.timer.deactivate()
+            self.rig_view = None
         self._draw_top()
         self.messages.clear()
         self.content.clear()
@@ -104,6 +112,8 @@ class Page:
             if self.view == 'explore':
                 self.explorer = self.explorer or self._make_explorer()
                 ExplorerView(self, self.explorer)
+            elif self.view == 'live':
+                self.rig_view = RigView(self)
             elif self.session.incoming is not None:
                 IntakeView(self, self.session.incoming)
             elif self.session.case is None:
@@ -130,7 +140,8 @@ class Page:
             with parts.box('div', 'brand'):
                 parts.text('b', 'fam_bundle')
                 parts.text('span', ' workbench')
-            for key, said in (('find', 'Find what is missing'), ('explore', 'Explore a bundle')):
+            for key, said in (('find', 'Find what is missing'), ('explore', 'Explore a bundle'),
+                              ('live', 'Live')):
                 parts.button(said, lambda key=key: self._go(key), 'tab', f'tab:{key}',
                              **({'aria-current': 'page'} if key == self.view else {}))
             parts.box('span', 'grow')

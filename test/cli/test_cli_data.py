@@ -29,8 +29,15 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     """`diagnose` on loops of a muscle with hidden dry friction names it, in JSON too."""
     case = repository / 'test/data/practice/p03'
     result = fam_bundle('diagnose', f'{case}.csv', '--model', f'{case}.model.yaml',
-                        '--out', 'page.html', '--json', 'result.json')
+                        '--out', 'page.html', '--json', 'result.json', '--protocol-out',
+                        'next.yaml')
     assert result.returncode == 0, result.stderr
+    assert 'fam_bundle measure next.yaml --model' in result.stdout
+    planned = fam_bundle('measure', 'next.yaml', '--model', f'{case}.model.yaml', '--dry-run')
+    assert planned.returncode == 0, planned.stderr
+    assert 'segments, ' in planned.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        'next.yaml', 'page.html', 'result.json']
     found = json.loads((tmp_path / 'result.json').read_text())
     keys = {'verdict', 'noise_floor_N', 'error_N', 'effects', 'ranking', 'tied', 'located',
             'next_experiment'}

@@ -16,7 +16,7 @@ from typer.main import get_command
 import yaml
 
 from fam_bundle_ros.cli.app import app
-from fam_bundle_ros.data import load_recipe
+from fam_bundle_ros.data import load_recipe, read_protocol
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes.profile import load_profile
 
@@ -25,7 +25,7 @@ DOCUMENTS = ['README.md', 'CONTRIBUTING.md', *sorted(
     str(page.relative_to(ROOT)) for page in (ROOT / 'docs').rglob('*.md')
     if '_build' not in page.parts)]
 READERS = {'fam-bundle-model/1': load_model, 'fam-bundle-recipe/1': load_recipe,
-           'fam-bundle-trajectory/1': load_profile}
+           'fam-bundle-trajectory/1': load_profile, 'fam-bundle-protocol/1': read_protocol}
 _TYPED = re.compile(r'^(?:\$ )?fam_bundle ([a-z-]+)(.*?)(?:#.*)?$', re.M)
 
 

@@ -99,3 +99,14 @@ def test_a_writer_leaves_nothing_of_the_message_before():
     strain = interface.strain_writer(0.1)
     strain(3, 0.2, 0.3)
     assert strain(4, 0.1, 0.0) == interface.strain_message(4, 0.1, 0.0, 0.1)
+
+
+def test_pressures_come_by_name_and_every_unit_needs_one():
+    """The order of the names is free; a missing or a second one is refused."""
+    message = interface.reference_pressures_writer(2)(5, (1e5, 2e5))
+    assert interface.read_pressures(message, 2) == (1e5, 2e5)
+    turned = JointState(name=['mu2', 'mu1'], effort=[2e5, 1e5])
+    assert interface.read_pressures(turned, 2) == (1e5, 2e5)
+    for names, efforts in ((['mu1'], [1e5]), (['mu1', 'mu2'], [1e5]), (['mu1', 'mu1'], [0.0] * 2)):
+        with pytest.raises(InputError, match='expected mu1, mu2 with one each'):
+            interface.read_pressures(JointState(name=names, effort=efforts), 2)

@@ -245,7 +245,7 @@ def test_old_reference_never_comes_back(graph, live, event):
     publisher = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
     graph.until(lambda: publisher.get_subscription_count() == 1, 'the node')
     publisher.publish(interface.force_message(1, 60.0))
-    graph.until(lambda: node._reference_meter.last is not None, 'the reference')
+    graph.until(lambda: node._references.meter.last is not None, 'the reference')
     # One from before the first enable counts.
     graph.call(SetBool, 'enable', SetBool.Request(data=True))
     graph.until(lambda: rig.rig.truth.force > 40.0, 'force')

@@ -8,13 +8,15 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
-from fam_bundle_ros.nodes.model_monitor import ModelMonitor, noise_floor
+from fam_bundle_ros.nodes.live_model import noise_floor
+from fam_bundle_ros.nodes.model_monitor import ModelMonitor
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
@@ -95,17 +97,18 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     hidden = tmp_path / 'hidden.yaml'
     save_model(load_model(config_path('models/spie2021.yaml')).with_effect(
         'coulomb_friction', force=6.0).named('hidden'), hidden)
-    profile = Points('p', 'force', (0.0, 0.5, 1.5, 2.5), (30.0, 30.0, 70.0, 30.0))
+    profile = Points('p', 'force', tuple(range(9)), (30.0, *(70.0, 30.0) * 4))
     nodes = make_nodes(graph.context, overrides={
         **quiet, 'sensors.force_noise': 0.5, 'lock_step': True, 'wait_for_reference': True,
         'start_enabled': True, 'plant_model': str(hidden), 'window': 2.0,
+        'diagnosis_folder': str(tmp_path),
         'load.kind': 'mass_spring', 'load.stiffness_against': 2000.0, 'load.mass': 1.0},
         simulator={'script': graph.pacer}, generator={'profile': profile})
     graph.add(*nodes)
     rig = nodes[-1]
     residuals = graph.listen('model/residual', WrenchStamped)
     diagnostics = graph.listen('/diagnostics', DiagnosticArray)
-    graph.advance(rig, 2.5)
+    graph.advance(rig, 8.0)
     values = np.array([m.wrench.force.x for m in residuals[100:]])
     floor = noise_floor(values)
     assert floor == pytest.approx(0.5, rel=0.3)
@@ -114,14 +117,20 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     def text():
         return [m.status[0].message for m in diagnostics
                 if m.status[0].name.endswith('model_monitor')]
-    graph.until(lambda: text() and 'model error' in text()[-1], 'the warning')
+    graph.until(lambda: text() and 'no longer holds' in text()[-1], 'the warning')
     monitor = next(n for n in nodes if isinstance(n, ModelMonitor))
+    assert graph.call(Trigger, 'diagnose').success
+    assert 'at work already' in graph.call(Trigger, 'diagnose').message
+    worker = monitor._diagnosing._worker
     assert graph.set('model_monitor', model=str(hidden))[0].successful
     count = len(residuals)
     graph.advance(rig, 0.5)
     values = np.array([m.wrench.force.x for m in residuals[count + 20:]])
     assert np.sqrt(np.mean(values ** 2)) < 3 * floor
-    assert monitor._live.bundle.name == 'hidden'
+    assert monitor.watch.bundle.name == 'hidden'
+    assert monitor.watch.holding.holds
+    monitor.stop()
+    assert worker._process.poll() is not None
 
 
 def test_model_force_plus_residual_is_the_measured_force(graph, quiet):

@@ -22,14 +22,16 @@ ALLOWED = {
     'closed_loop': {'model', 'plant', 'control'},
     'simulation': {'model', 'plant', 'control', 'closed_loop'},
     'discovery': {'model', 'data', *DRAWS},
-    'nodes': {'model', 'plant', 'control', 'simulation'},
-    'benchmarks': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', *DRAWS},
+    'nodes': {'model', 'data', 'plant', 'control', 'discovery', 'simulation'},
+    'campaign': {'model', 'data', 'discovery'},
+    'benchmarks': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'campaign',
+                   *DRAWS},
     'report': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'benchmarks',
-               *DRAWS},
+               'campaign', *DRAWS},
     'workbench': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'report',
                   *DRAWS},
     'cli': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'nodes', 'report',
-            'benchmarks', 'workbench', *DRAWS},
+            'benchmarks', 'campaign', 'workbench', *DRAWS},
 }
 # Modules that know nothing of physics and serve every layer.
 PLAIN = {'atomic', 'bagwriter', 'errors', 'kernels', 'mcapfile', 'resources', 'told', 'units'}

@@ -1,0 +1,127 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command `measure`: an experiment driven and recorded."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from rich.markup import escape
+import typer
+
+from fam_bundle_ros.cli.common import (
+    AllowPython,
+    console,
+    JsonFile,
+    notes,
+    open_model,
+    PAPER,
+    progress_bar,
+    save_json,
+    show_muscle,
+    table,
+    wrote,
+)
+from fam_bundle_ros.errors import InputError
+
+#: So many segments are listed; of more the first and the last.
+_LISTED = 20
+
+
+def measure(
+    protocol: Annotated[str, typer.Argument(metavar='PROTOCOL', help='Protocol file, or the name '
+                                            'of one that ships, such as spie2021.')],
+    out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='New CSV for the '
+                                      'recording.')] = Path('measured.csv'),
+    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model of '
+                                              'the controller, and of the simulated rig.')] = None,
+    plant_model: Annotated[str | None, typer.Option(metavar='MODEL', help='Model of the '
+                                                    'simulated rig: a hidden effect.')] = None,
+    rig: Annotated[bool, typer.Option('--rig', help='Use the bundle that runs already, a rig and '
+                                      'its controller, instead of a simulated one.')] = False,
+    resume: Annotated[bool, typer.Option('--resume', help='Go on with an experiment that did not '
+                                         'end: complete segments are kept.')] = False,
+    dry_run: Annotated[bool, typer.Option('--dry-run', help='Only say what would be done, and '
+                                          'how long it takes.')] = False,
+    namespace: Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace '
+                                           'of the bundle.')] = 'bundle',
+    seed: Annotated[int, typer.Option(help='Of the noise of the simulated rig.', min=0)] = 0,
+    yes: Annotated[bool, typer.Option('--yes', help='With --rig: do not ask.')] = False,
+    json_file: JsonFile = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """
+    Drive an experiment on a simulated rig or a real one, and record it as a CSV.
+
+    Isobars, holds, minor loops, pressure steps and sweeps, as a protocol lists them. Segments that
+    are complete are kept: after Ctrl-C or a stop --resume goes on. `compare` and `diagnose` read
+    the CSV.
+    """
+    from fam_bundle_ros.data.protocol import read_protocol
+    from fam_bundle_ros.data.segment_store import SegmentStore
+    from fam_bundle_ros.nodes.measuring import fits, Stopped, with_room
+    from fam_bundle_ros.nodes.measuring import measure as drive
+    if rig and (model is None or plant_model is not None):
+        raise InputError('--rig without --model; expected the model file of the muscles on the '
+                         'rig' if model is None else '--rig and --plant-model exclude each other')
+    plan = read_protocol(protocol)
+    bundle = open_model(model or PAPER, allow_python)
+    plant = None if plant_model is None else open_model(plant_model, allow_python)
+    show_muscle(bundle, model is not None)
+    if not rig:
+        allowed, bundle = bundle, with_room(plan, bundle)
+        plant = None if plant is None else with_room(plan, plant)
+        if any(bundle.max_pressure > allowed.max_pressure):
+            notes.print(f'note: the simulated rig may go beyond the max_pressure of '
+                        f'{escape(allowed.name)}, as the protocol asks; a rig may not')
+    fits(plan, bundle)
+    store = SegmentStore(out, plan, bundle.names, resume)
+    result = _announce(plan, store.done, rig)
+    if dry_run:
+        save_json(json_file, result)
+        return
+    if rig:
+        _ask_leave(plan, yes)
+    try:
+        with progress_bar('measure') as tick:
+            drive(plan, out, bundle, plant_model=plant, rig=rig, resume=resume,
+                  namespace=namespace.strip('/'), seed=seed, progress=tick)
+    except (Stopped, KeyboardInterrupt) as end:
+        if isinstance(end, Stopped):
+            notes.print(f'[bold red]stopped and vented[/bold red]: {escape(str(end))}',
+                        soft_wrap=True)
+        notes.print(f"{len(store.done)} of {result['segments']} segments are kept in "
+                    f'{store.folder}; --resume goes on', soft_wrap=True)
+        if isinstance(end, Stopped):
+            raise typer.Exit(1) from None
+        raise
+    wrote(out, out.with_suffix('.protocol.yaml'))
+    save_json(json_file, {**result, 'file': out})
+
+
+def _announce(plan: Any, done: frozenset[int], rig: bool) -> dict[str, Any]:
+    """Say what will be done and how long it takes; return it."""
+    from fam_bundle_ros.data.protocol import segments
+    from fam_bundle_ros.nodes.measuring import minutes
+    planned = segments(plan)
+    todo = [segment for segment in planned if segment.number not in done]
+    left = sum(segment.duration for segment in todo)
+    rows: list[tuple[Any, str, str]] = []
+    begin = 0.0
+    for segment in todo:
+        rows.append((segment.number, minutes(begin), segment.course.words))
+        begin += segment.duration
+    if len(rows) > _LISTED:
+        rows = [*rows[:_LISTED - 1], ('...', '', ''), rows[-1]]
+    console.print(f'[bold]{escape(plan.name)}[/bold]: {len(planned)} segments'
+                  + (f', {len(done)} of them done' if done else '') + f', {minutes(left)}'
+                  + ('' if rig else ' (a simulated rig takes less)'), soft_wrap=True)
+    table(('segment', 'from', 'what'), rows)
+    return {'protocol': plan.name, 'segments': len(planned), 'done': len(done), 'seconds': left}
+
+
+def _ask_leave(plan: Any, yes: bool) -> None:
+    """Ask before air goes in."""
+    text = (f'Now the muscles are filled, up to {max(plan.highest) / 1e3:.0f} kPa, and moved: is '
+            'everybody away from them and the stop button at hand?')
+    if not (yes or typer.confirm(text)):
+        raise InputError('no leave: nothing was done')

@@ -1,0 +1,330 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The steps of an experiment, and the courses of strain and pressure that they come to.
+
+A course begins at a strain and at pressures and goes on in legs; along a leg strain and pressures
+change linearly. Nothing here knows of files, models or rigs.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from dataclasses import dataclass
+from itertools import accumulate
+import math
+
+from fam_bundle_ros.errors import InputError
+
+#: Gauge pressures of all motor units, Pa.
+Pressures = tuple[float, ...]
+#: Strains beyond these are mistakes.
+LEAST_STRAIN, MOST_STRAIN = -0.15, 0.5
+#: 1/s: of the strain steps of `Hold` where no rate is given.
+_STEP_RATE = 0.5
+#: Pa and s: pressures that differ by less are alike; a leg that takes less has no length.
+_ALIKE, _SHORT = 1.0, 1e-9
+
+
+@dataclass(frozen=True)
+class Leg:
+    """
+    A piece of a course: how long it takes, and what holds at its end.
+
+    Attributes
+    ----------
+    seconds : float, s
+        0 for a step of the pressures.
+    strain : float or None
+        None where the load is free to move: no dynamometer is asked for anything.
+    pressure : tuple of float, Pa (gauge)
+    """
+
+    seconds: float
+    strain: float | None
+    pressure: Pressures
+
+    @property
+    def words(self) -> str:
+        """Say pressures, and the strain where it is imposed."""
+        strain = '' if self.strain is None else f' at strain {self.strain:.3g}'
+        return f'{pressure_words(self.pressure)}{strain}'
+
+
+@dataclass(frozen=True)
+class Course:
+    """
+    A start, and legs from there.
+
+    Attributes
+    ----------
+    words : str
+        What is done, for people.
+    start : Leg
+        Where it begins; its duration is not used.
+    legs : tuple of Leg
+    """
+
+    words: str
+    start: Leg
+    legs: tuple[Leg, ...]
+
+    @property
+    def seconds(self) -> float:
+        """How long the legs take together, s."""
+        return sum(leg.seconds for leg in self.legs)
+
+    def at(self, time: float) -> tuple[float | None, float, Pressures]:
+        """
+        Return strain, strain rate (1/s) and pressures (Pa) at a time since the start, s.
+
+        Examples
+        --------
+        >>> up = Course('up', Leg(0.0, 0.0, (0.0,)), (Leg(10.0, 0.2, (50e3,)),))
+        >>> up.at(5.0)
+        (0.1, 0.02, (25000.0,))
+        >>> up.at(11.0)
+        (0.2, 0.0, (50000.0,))
+        """
+        ends = list(accumulate(leg.seconds for leg in self.legs))
+        k = bisect_right(ends, time)
+        before = self.legs[k - 1] if k else self.start
+        if k == len(self.legs):
+            return before.strain, 0.0, before.pressure
+        leg = self.legs[k]
+        share = min(max(1.0 - (ends[k] - time) / leg.seconds, 0.0), 1.0)
+        pressure = tuple(a + share * (b - a) for a, b in zip(before.pressure, leg.pressure))
+        if before.strain is None or leg.strain is None:
+            return None, 0.0, pressure
+        change = leg.strain - before.strain
+        return before.strain + share * change, change / leg.seconds, pressure
+
+
+class Step(ABC):
+    """A step of an experiment: one course, or one for each of several pressures."""
+
+    #: As it is called in a file.
+    kind: str
+
+    @abstractmethod
+    def courses(self) -> tuple[Course, ...]:
+        """Return what is to be done, in the order in which it is written."""
+
+
+@dataclass(frozen=True)
+class Sweep(Step):
+    """
+    Isobars: the dynamometer moves the strain up and down while the pressures stay.
+
+    A narrow range with several cycles makes minor loops.
+
+    Parameters
+    ----------
+    strain : (float, float)
+        From, and to.
+    rate : float, 1/s
+    pressure : tuple of Pressures, Pa (gauge)
+        One course for each.
+    cycles : int
+        Up and down so many times.
+    """
+
+    strain: tuple[float, float]
+    rate: float
+    pressure: tuple[Pressures, ...]
+    cycles: int = 1
+    kind = 'sweep'
+
+    def __post_init__(self) -> None:
+        _positive(self.kind, rate=self.rate, cycles=self.cycles)
+        if len(self.strain) != 2 or self.strain[0] == self.strain[1]:
+            raise InputError(f'sweep: strain is {_listed(self.strain)}; expected two strains, '
+                             '[from, to]')
+
+    def courses(self) -> tuple[Course, ...]:
+        """Return one course for each of the pressures."""
+        low, high = self.strain
+        seconds = abs(high - low) / self.rate
+        return tuple(Course(
+            f'sweep {low:g} to {high:g} and back at {pressure_words(pressure)}',
+            Leg(0.0, low, pressure),
+            (Leg(seconds, high, pressure), Leg(seconds, low, pressure)) * self.cycles)
+            for pressure in self.pressure)
+
+
+@dataclass(frozen=True)
+class Hold(Step):
+    """
+    The strain steps and is held after each step, while the pressures stay: relaxation.
+
+    Parameters
+    ----------
+    strain : tuple of float
+        One after the other.
+    time : float, s
+        At each.
+    pressure : tuple of Pressures, Pa (gauge)
+        One course for each.
+    rate : float, 1/s
+        At which the strain steps.
+    """
+
+    strain: tuple[float, ...]
+    time: float
+    pressure: tuple[Pressures, ...]
+    rate: float = _STEP_RATE
+    kind = 'hold'
+
+    def __post_init__(self) -> None:
+        _positive(self.kind, time=self.time, rate=self.rate)
+
+    def courses(self) -> tuple[Course, ...]:
+        """Return one course for each of the pressures."""
+        courses = []
+        for pressure in self.pressure:
+            legs, before = [], self.strain[0]
+            for strain in self.strain:
+                legs += [Leg(abs(strain - before) / self.rate, strain, pressure),
+                         Leg(self.time, strain, pressure)]
+                before = strain
+            courses.append(Course(
+                f'hold {", ".join(f"{strain:g}" for strain in self.strain)} for {self.time:g} s '
+                f'each at {pressure_words(pressure)}', Leg(0.0, self.strain[0], pressure),
+                _lasting(legs)))
+        return tuple(courses)
+
+
+@dataclass(frozen=True)
+class PressureSteps(Step):
+    """
+    The pressures step, and are held after each step.
+
+    Parameters
+    ----------
+    pressure : tuple of Pressures, Pa (gauge)
+        One after the other, all in one course.
+    time : float, s
+        At each.
+    strain : float, optional
+        That a dynamometer holds; without it the load is free to move.
+    cycles : int
+        The whole row so many times.
+    """
+
+    pressure: tuple[Pressures, ...]
+    time: float
+    strain: float | None = None
+    cycles: int = 1
+    kind = 'pressure_steps'
+
+    def __post_init__(self) -> None:
+        _positive(self.kind, time=self.time, cycles=self.cycles)
+        _several(self.kind, self.pressure)
+
+    def courses(self) -> tuple[Course, ...]:
+        """Return one course."""
+        legs: list[Leg] = []
+        for pressure in self.pressure * self.cycles:
+            legs += [Leg(0.0, self.strain, pressure), Leg(self.time, self.strain, pressure)]
+        return (Course(f'pressure steps, {self.time:g} s each, up to '
+                       + Leg(0.0, self.strain, _highest(self.pressure)).words,
+                       Leg(0.0, self.strain, self.pressure[0]), tuple(legs)),)
+
+
+@dataclass(frozen=True)
+class PressureSweep(Step):
+    """
+    The pressures move from one to the next and back: how strain is swept without a dynamometer.
+
+    Parameters
+    ----------
+    pressure : tuple of Pressures, Pa (gauge)
+        Two or more; all in one course.
+    rate : float, Pa/s
+        Of the motor unit whose pressure changes most.
+    strain : float, optional
+        That a dynamometer holds; without it the load is free to move.
+    cycles : int
+        There and back so many times.
+    """
+
+    pressure: tuple[Pressures, ...]
+    rate: float
+    strain: float | None = None
+    cycles: int = 1
+    kind = 'pressure_sweep'
+
+    def __post_init__(self) -> None:
+        _positive(self.kind, rate=self.rate, cycles=self.cycles)
+        _several(self.kind, self.pressure)
+
+    def courses(self) -> tuple[Course, ...]:
+        """Return one course."""
+        legs, before = [], self.pressure[0]
+        for pressure in (*self.pressure[1:], *self.pressure[-2::-1]) * self.cycles:
+            way = max(abs(a - b) for a, b in zip(before, pressure))
+            legs.append(Leg(way / self.rate, self.strain, pressure))
+            before = pressure
+        return (Course('pressure sweep up to '
+                       + Leg(0.0, self.strain, _highest(self.pressure)).words,
+                       Leg(0.0, self.strain, self.pressure[0]), _lasting(legs)),)
+
+
+@dataclass(frozen=True)
+class Pause(Step):
+    """Wait, vented: what comes after is measured so much later. Random order keeps it in place."""
+
+    time: float
+    kind = 'pause'
+
+    def __post_init__(self) -> None:
+        _positive(self.kind, time=self.time)
+
+    def courses(self) -> tuple[Course, ...]:
+        """Return nothing: nothing is recorded."""
+        return ()
+
+
+STEPS: dict[str, type[Step]] = {step.kind: step for step in (Sweep, Hold, PressureSteps,
+                                                             PressureSweep, Pause)}
+
+
+def pressure_words(pressure: Pressures) -> str:
+    """
+    Return pressures in words.
+
+    Examples
+    --------
+    >>> pressure_words((68947.6, 0.0))
+    '68.9, 0 kPa'
+    """
+    return f'{", ".join(f"{value / 1e3:.3g}" for value in pressure)} kPa'
+
+
+def alike(first: Pressures, second: Pressures) -> bool:
+    """Return whether pressures are the same to 1 Pa."""
+    return all(abs(a - b) < _ALIKE for a, b in zip(first, second))
+
+
+def _highest(pressures: tuple[Pressures, ...]) -> Pressures:
+    return tuple(map(max, zip(*pressures)))
+
+
+def _lasting(legs: list[Leg]) -> tuple[Leg, ...]:
+    return tuple(leg for leg in legs if leg.seconds > _SHORT)
+
+
+def _positive(kind: str, **values: float) -> None:
+    for name, value in values.items():
+        if not 0.0 < value < math.inf:
+            raise InputError(f'{kind}: {name} is {value:g}; expected more than 0')
+
+
+def _several(kind: str, pressure: tuple[Pressures, ...]) -> None:
+    if len(pressure) < 2 or all(alike(pressure[0], each) for each in pressure):
+        raise InputError(f'{kind}: pressure does not change; expected two or more')
+
+
+def _listed(values: tuple[float, ...]) -> str:
+    return f'[{", ".join(f"{value:g}" for value in values)}]'

@@ -1,0 +1,62 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The dynamometer of the simulated rig, moved by messages on ``reference/dynamometer``."""
+
+import time
+
+from sensor_msgs.msg import JointState
+
+from fam_bundle_ros.control import Reference
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.references import MovingReference
+from fam_bundle_ros.plant import Dynamometer, Rig
+
+
+class ImposedStrain:
+    """
+    Moves the dynamometer of a rig as the last message says, on along its rate until the next.
+
+    Parameters
+    ----------
+    node : BundleNode
+        The simulator, with its parameter ``load.speed``.
+    rig : Rig
+        Messages are refused while its load is not a dynamometer.
+    """
+
+    def __init__(self, node: BundleNode, rig: Rig):
+        self._node, self._rig = node, rig
+        self._reference = MovingReference()
+        self._now = 0.0
+        node.subscribe(interface.REFERENCE_DYNAMOMETER, JointState, self._take)
+
+    def _take(self, message: JointState) -> None:
+        strain, rate = interface.read_strain(message, self._rig.length)
+        if not isinstance(self._rig.load, Dynamometer):
+            raise InputError(f'the load is a {type(self._rig.load).__name__}; only load.kind '
+                             'dynamometer imposes a strain')
+        # Refuses a strain that no dynamometer goes to.
+        Dynamometer(strain)
+        rate = rate if abs(rate) <= self._node.p['load.speed'] else 0.0
+        self._reference.take(Reference('strain', strain, rate), self._time())
+
+    def forget(self) -> None:
+        """Stay where it is."""
+        self._reference = MovingReference()
+
+    def before(self, period: float) -> None:
+        """Let the dynamometer go to where it is wanted after a step of the rig."""
+        self._now += period
+        wanted = self._reference.at(self._time() + (0.0 if self._node.lock_step else period))
+        if wanted is None:
+            return
+        low, high = Dynamometer.stops
+        target = min(max(wanted.value, low), high)
+        away = abs(target - self._rig.truth.strain)
+        if away > 0.0:
+            self._rig.impose_strain(target, min(away / period, self._node.p['load.speed']))
+
+    def _time(self) -> float:
+        return self._now if self._node.lock_step else time.monotonic()

@@ -1,0 +1,213 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A model beside a running rig: what it says, how far off it is, whether it still holds. No ROS.
+
+`LiveModel` predicts sample by sample; `ModelWatch` keeps the error of the last minute, the memory
+of the last minutes, and the test of `fam_bundle_ros.discovery.holding` on the residual.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+import math
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.memory import Memory
+from fam_bundle_ros.discovery.holding import Holding, tolerance_of
+from fam_bundle_ros.discovery.locate import locate
+from fam_bundle_ros.discovery.predict import predict
+from fam_bundle_ros.model import Bundle
+
+#: Samples that the noise floor is taken from.
+_NOISE_SAMPLES = 1000
+#: Cells of strain and of pressure in which a failure is located.
+_BINS = 6
+
+
+class LiveModel:
+    """
+    A model that follows a rig sample by sample.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        Its sensor effects are taken off the readings and put on the force, as in a comparison.
+    """
+
+    def __init__(self, bundle: Bundle):
+        self.bundle = bundle
+        #: s since it was made.
+        self._time = 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a new trial."""
+        self._state = self.bundle.start_state()
+
+    def step(self, dt: float, strain: float, pressure: list[float], rate: float) -> float:
+        """Return the force that the load cell should show now, N; nan for unusable readings."""
+        if not math.isfinite(strain + rate + sum(pressure)):
+            self.reset()
+            return math.nan
+        self._time += dt
+        strain, felt = self.bundle.felt(strain, np.array(pressure), self._time)
+        forces, self._state = self.bundle.step(self._state, dt, strain, felt, rate)
+        return float(self.bundle.readings(forces.sum(), strain, felt, self._time)[0])
+
+
+class ModelWatch:
+    """
+    What is known of a model's error while a rig runs.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    window : float, s
+        Over which the error is taken.
+    seconds : float, s
+        How far the memory reaches back.
+    false_alarms : float, 1/h
+        Most that a model which holds may cause.
+    tolerance : float, N, optional
+        Mean error at a state that is no failure; from the model by default.
+
+    Attributes
+    ----------
+    bundle : Bundle
+    memory : Memory
+    holding : Holding
+    where : str
+        Where it fails, in words, once it was located.
+    """
+
+    def __init__(self, bundle: Bundle, window: float = 60.0, seconds: float = 300.0,
+                 false_alarms: float = 0.1, tolerance: float | None = None):
+        self._window, self._false_alarms, self._tolerance = window, false_alarms, tolerance
+        self.memory = Memory([unit.name for unit in bundle.motor_units],
+                             bundle.max_pressure.tolist(), seconds)
+        self._scale = float(bundle.max_pressure.sum())
+        self._time = math.nan
+        self._begin(bundle)
+
+    def change(self, bundle: Bundle) -> None:
+        """
+        Watch another model of the same rig.
+
+        The memory stays, but for what was before the rig ceased to be as the old model says.
+        """
+        if not self.holding.holds:
+            self.memory.forget(self.holding.since)
+        self._begin(bundle)
+
+    def _begin(self, bundle: Bundle) -> None:
+        self.bundle = bundle
+        tolerance = tolerance_of(bundle) if self._tolerance is None else self._tolerance
+        self.holding = Holding(tolerance, self._scale, self._false_alarms, self._window)
+        self.where = ''
+        #: Seconds of the window: when each began (s), sum of squares (N^2), samples.
+        self._squares: deque[list[float]] = deque()
+        self._residuals: deque[float] = deque(maxlen=_NOISE_SAMPLES)
+
+    def add(self, time: float, strain: float, pressure: Sequence[float], force: float,
+            residual: float) -> None:
+        """
+        Take a sample.
+
+        Parameters
+        ----------
+        time : float, s
+        strain : float
+        pressure : sequence of float, Pa (gauge)
+        force, residual : float, N
+            Measured, and measured minus modelled; where they are not finite nothing is learnt.
+        """
+        self.memory.add(time, strain, pressure, force)
+        if time < self._time:
+            # the clock was set
+            self._squares.clear()
+        self._time = time
+        if not math.isfinite(residual):
+            return
+        self.holding.add(time, strain, sum(pressure), residual)
+        self._residuals.append(residual)
+        squares = self._squares
+        if not squares or time - squares[-1][0] >= 1.0:
+            squares.append([time, 0.0, 0.0])
+            while time - squares[0][0] > self._window:
+                squares.popleft()
+        squares[-1][1] += residual * residual
+        squares[-1][2] += 1.0
+
+    @property
+    def error(self) -> float:
+        """Rms of the residual over the window, or since the model changed, N; nan at first."""
+        count = sum(second[2] for second in self._squares)
+        return math.sqrt(sum(second[1] for second in self._squares) / count) if count else math.nan
+
+    @property
+    def noise(self) -> float:
+        """Noise of a sample, N; nan at first."""
+        residual = np.array(self._residuals)
+        return noise_floor(residual) if len(residual) > 50 else math.nan
+
+    @property
+    def since(self) -> float:
+        """From when on the memory is of the rig as it is now, s."""
+        return -math.inf if self.holding.holds else self.holding.since
+
+    @property
+    def words(self) -> str:
+        """Whether the model holds, in a sentence."""
+        watch = self.holding
+        if not watch.looks:
+            return 'WAITING for motion and samples to judge the model by'
+        if watch.holds:
+            return (f'the model holds: its mean error was within {watch.tolerance:.2g} N wherever '
+                    f'the rig was ({watch.looks} looks)')
+        ago = max(self._time - watch.since, 0.0)
+        return (f'the model no longer holds, since about {ago:.0f} s ago: its mean error is '
+                f'beyond {watch.tolerance:.2g} N' + (f'; {self.where}' if self.where else ''))
+
+    def state(self) -> dict[str, Any]:
+        """Return what goes out as JSON; numbers that are not known are None."""
+        def known(value: float) -> float | None:
+            return value if math.isfinite(value) else None
+        watch = self.holding
+        return {'holds': watch.holds, 'words': self.words, 'model': self.bundle.name,
+                'error_N': known(self.error), 'noise_N': known(self.noise),
+                'tolerance_N': watch.tolerance, 'where': self.where, 'looks': watch.looks,
+                'since_s': None if watch.holds else known(self._time - watch.since),
+                'memory_s': self.memory.seconds}
+
+
+def failure_words(bundle: Bundle, data: Measurement) -> str:
+    """Return where a model fails on data, in words; empty where nothing stands out."""
+    residual = data.force - predict(bundle, data)
+    regions = locate(data, residual, noise_floor(residual), most=2, bins=_BINS)
+    return '; '.join(str(region) for region in regions)
+
+
+def error_on(bundle: Bundle, data: Measurement) -> float:
+    """
+    Return the rms error of a model on data, N.
+
+    Raises
+    ------
+    InputError
+        Where data and model have other motor units.
+    """
+    return rms(data.force - predict(bundle, data))
+
+
+def noise_floor(residual: np.ndarray) -> float:
+    """
+    Return the noise of evenly sampled residuals, N, from second differences.
+
+    Slow errors of the model cancel in them; the median keeps switching moments out.
+    """
+    second = residual[2:] - 2.0 * residual[1:-1] + residual[:-2]
+    return float(1.4826 * np.median(np.abs(second - np.median(second))) / math.sqrt(6.0))

@@ -1,0 +1,380 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Drives an experiment over ROS and records it: what ``fam_bundle measure`` does.
+
+On a simulated rig that it starts itself, in lock-step and so as fast as the machine can, or on a
+bundle that runs already. Pressures go to the recruitment controller (``reference/pressures``) and
+pass its limits, watches and latches; strain goes to the dynamometer (``reference/dynamometer``).
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import closing, ExitStack
+from dataclasses import replace
+import math
+from pathlib import Path
+import tempfile
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.srv import GetParameters
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+from fam_bundle_ros.control.direct import ROUNDING
+from fam_bundle_ros.data.protocol import Protocol, segments
+from fam_bundle_ros.data.segment_store import SegmentStore
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, save_model
+from fam_bundle_ros.nodes import interface, sensing
+from fam_bundle_ros.nodes.base import BundleNode, LISTENER
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.diagnostics import ERROR
+from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
+from fam_bundle_ros.nodes.protocol_run import Asked, ProtocolRun, Seen, Stopped
+from fam_bundle_ros.nodes.sensing import Sample, Sensing
+
+__all__ = ['measure', 'Stopped']
+
+#: s that a rig and its controller get to be heard, a service to answer, a reason to come.
+_PATIENCE, _ANSWER, _REASON = 10.0, 5.0, 2.5
+#: s without a sample after which the rig is silent.
+_SILENT = 2.0
+#: s between two looks at how far it is.
+_SLICE = 0.2
+#: What a simulated rig is told: it runs at once, and answers as fast as it can.
+_SIMULATED = {'lock_step': True, 'wait_for_reference': True, 'publish_clock': True,
+              'start_enabled': True, 'start_stopped': False, 'generate': False, 'monitor': False}
+
+
+class Measuring(BundleNode):
+    """
+    Asks for what a `ProtocolRun` wants, sample by sample.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        For the number of motor units and the rest length.
+    run : ProtocolRun
+    clock : float, s
+        What time it is in the experiment at the first sample.
+    **keywords
+        Of `BundleNode`.
+
+    Attributes
+    ----------
+    stopped : str
+        Why the experiment cannot go on; empty while it can.
+    heard : float
+        Steady time of the last sample, s; 0 before the first.
+    """
+
+    def __init__(self, bundle: Bundle, run: ProtocolRun, clock: float, **keywords: Any):
+        super().__init__('measuring', (*LISTENER, *sensing.SPECS), **keywords)
+        self._run, self._zero = run, clock
+        self._first: int | None = None
+        self._last = -1
+        self._setpoint = [math.nan] * bundle.n
+        self._open = False
+        self._asked: Asked | None = None
+        self._reason = ''
+        self.stopped = ''
+        self.heard = 0.0
+        #: Until then the rig is only asked to stay as it is.
+        self.started = False
+        self._ask_pressures = self.sender(interface.REFERENCE_PRESSURES, JointState,
+                                          interface.reference_pressures_writer(bundle.n))
+        self._ask_strain = self.sender(interface.REFERENCE_DYNAMOMETER, JointState,
+                                       interface.reference_strain_writer())
+        for k in range(bundle.n):
+            def setpoint(message: FluidPressure, k: int = k) -> None:
+                self._setpoint[k] = interface.read_pressure(message, self.ambient)
+            self.subscribe(interface.setpoint_topic(k + 1), FluidPressure, setpoint)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_supply, interface.RELIABLE)
+        self.subscribe(interface.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics,
+                       interface.RELIABLE)
+        for topic, kind in ((interface.REFERENCE_FORCE, WrenchStamped),
+                            (interface.REFERENCE_STRAIN, JointState)):
+            def other(message: Any, topic: str = topic) -> None:
+                self._stop(f'somebody else sends {topic}')
+            self.subscribe(topic, kind, other)
+        self.enable_client = self.create_client(SetBool, interface.ENABLE)
+        self.parameter_client = self.create_client(
+            GetParameters, 'recruitment_controller/get_parameters')
+        self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
+                                self._on_sample)
+        self.every(max(1.0 / self.p['rate'], 2e-3), self._check_time)
+
+    @property
+    def reason(self) -> str:
+        """Why the recruitment controller is off, as it says itself; empty where it is not."""
+        return self._reason
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether the controller has taken its leave of the supply back."""
+        return self.stopped == _CUT
+
+    def _on_sample(self, sample: Sample) -> None:
+        if sample.silent:
+            return
+        self.heard = time.monotonic()
+        if self._first is None:
+            self._first = sample.stamp
+        # In lock-step a sample that was not answered comes twice.
+        if sample.stamp > self._last and not self.stopped and self.started:
+            seen = Seen(self._zero + (sample.stamp - self._first) * 1e-9, sample.force,
+                        sample.strain, tuple(sample.pressure), tuple(self._setpoint))
+            try:
+                self._asked = self._run.step(seen)
+            except Stopped as stopped:
+                self._stop(str(stopped))
+        self._last = max(sample.stamp, self._last)
+        self._send(sample.stamp)
+
+    def _send(self, stamp: int) -> None:
+        asked = self._asked
+        vented = [0.0] * len(self._setpoint)
+        if asked is not None and asked.strain is not None and not self.stopped:
+            # First: in lock-step the rig moves on once the pressures are answered.
+            self._ask_strain(stamp, asked.strain, asked.rate)
+        self._ask_pressures(stamp, vented if self.stopped or asked is None else asked.pressure)
+
+    def _on_supply(self, message: Bool) -> None:
+        if self.started and self._open and not message.data and not self._run.done:
+            self._stop(_CUT)
+        self._open = message.data
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == f'{self.get_namespace()}/recruitment_controller'.lstrip('/'):
+                self._reason = status.message if status.level[0] == ERROR else ''
+
+    def _check_time(self) -> None:
+        self._sensing.check_time()
+        if self.started and time.monotonic() - self.heard > _SILENT and not self.lock_step:
+            self._stop(f'the rig was silent for {_SILENT:g} s')
+
+    def _stop(self, why: str) -> None:
+        # What somebody does before it has begun or after it is over is no business of it.
+        if self.started and not self.stopped and not self._run.done:
+            self.stopped = why
+
+    def stop(self) -> None:
+        """Ask for no pressure."""
+        self._ask_pressures(max(self._last, 0), [0.0] * len(self._setpoint))
+
+
+_CUT = 'the controller has cut the supply'
+
+
+def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
+            plant_model: Bundle | None = None, rig: bool = False, resume: bool = False,
+            namespace: str = interface.NAMESPACE, domain: int | None = None, rate: float = 200.0,
+            seed: int = 0, overrides: dict[str, Any] | None = None,
+            progress: Callable[[float, str], None] | None = None,
+            stop: Callable[[], bool] = lambda: False, log_level: str = 'warn') -> Path:
+    """
+    Drive an experiment and record it.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    out : path
+        New CSV: time, trial (the number of the segment), strain, pressures, force.
+    model : Bundle
+        What the controller believes: limits of the pressures, rest length.
+    plant_model : Bundle, optional
+        What the simulated rig is made of; ``model`` by default.
+    rig : bool
+        Use a bundle that runs already (a rig and its controller) instead of a simulated one.
+    resume : bool
+        Go on with an experiment that did not end: segments that are complete are kept.
+    namespace : str
+    domain : int, optional
+        ROS domain; that of the environment by default, where nobody hears a simulated rig.
+    rate : float, Hz
+        Samples of the simulated rig.
+    seed : int
+        Of its noise.
+    overrides : dict, optional
+        Parameters of the simulated rig's nodes, say ``{'faults.leak': 'mu1=2.0'}``.
+    progress : callable, optional
+        Gets the share that is done, and what is being done and how long it takes still.
+    stop : callable, optional
+        Asked a few times a second; true ends the experiment as Ctrl-C does: for a thread that gets
+        no signals.
+    log_level : str
+        Of the simulated rig's nodes.
+
+    Returns
+    -------
+    Path
+        Of the CSV.
+
+    Raises
+    ------
+    InputError
+        Where protocol and bundle do not fit, or nobody is there.
+    Stopped
+        When the experiment had to end: everything is vented, complete segments are kept.
+    KeyboardInterrupt
+        After Ctrl-C or ``stop``, alike.
+    """
+    fits(protocol, model)
+    store = SegmentStore(out, protocol, model.names, resume)
+    done = store.done
+    todo = [segment for segment in segments(protocol) if segment.number not in done]
+    if todo:
+        run = ProtocolRun(protocol, todo, store.keep)
+        with ExitStack() as ending:
+            # From before the first node: a KeyboardInterrupt in a callback would be lost.
+            signals = ending.enter_context(StopSignals())
+            context = begin(log_level, domain, alone=domain is None and not rig)
+            ending.callback(context.try_shutdown)
+            node = {'context': context, 'namespace': namespace}
+            if rig:
+                nodes: list[BundleNode] = []
+                measuring = Measuring(model, run, store.clock(), **node)
+            else:
+                scratch = ending.enter_context(tempfile.TemporaryDirectory(prefix='fam_bundle_'))
+                values = {**_SIMULATED, 'rate': rate, 'seed': seed, **_load(protocol),
+                          'model': _saved(model, scratch, 'model'),
+                          'plant_model': _saved(plant_model or model, scratch, 'plant'),
+                          **(overrides or {})}
+                nodes = make_nodes(context, namespace, overrides=values)
+                measuring = Measuring(model, run, store.clock(), **node, overrides={
+                    'lock_step': True, 'rate': rate})
+            # A listener first: in lock-step nothing is repeated that way.
+            spinner = ending.enter_context(closing(Spinner(context, [measuring, *nodes])))
+            _drive(spinner, measuring, run, lambda: signals.received or stop(), rig, protocol,
+                   progress)
+    store.finish()
+    return store.out
+
+
+def fits(protocol: Protocol, model: Bundle) -> None:
+    """Refuse a protocol that a bundle cannot be driven by; InputError says why."""
+    if protocol.motor_units != model.n:
+        raise InputError(f'{protocol.name}: is for {protocol.motor_units} motor units; '
+                         f'{model.name} has {model.n}')
+    for k, (value, limit) in enumerate(zip(protocol.highest, model.max_pressure), 1):
+        if value > limit * (1.0 + ROUNDING):
+            raise InputError(f'{protocol.name}: mu{k} goes up to {value / 1e3:.1f} kPa; '
+                             f'{model.name} allows {limit / 1e3:.1f} kPa (max_pressure)')
+
+
+def with_room(protocol: Protocol, model: Bundle) -> Bundle:
+    """Return a model that allows the pressures of a protocol: for a simulated rig only."""
+    if protocol.motor_units != model.n:
+        return model
+    units = [unit if value <= unit.max_pressure * (1.0 + ROUNDING)
+             else replace(unit, max_pressure=value)
+             for unit, value in zip(model.motor_units, protocol.highest)]
+    return Bundle(model.name, units, model.effects, model.error, model.notes)
+
+
+def _load(protocol: Protocol) -> dict[str, Any]:
+    """Return the load of a simulated rig: a dynamometer where one is needed, else a mass."""
+    if not protocol.imposes_strain:
+        return {'load.kind': 'mass_spring'}
+    first = next(each.course.start.strain for each in segments(protocol)
+                 if each.course.start.strain is not None)
+    return {'load.kind': 'dynamometer', 'load.strain': first}
+
+
+def _saved(model: Bundle, folder: str, name: str) -> str:
+    path = Path(folder) / f'{name}.yaml'
+    save_model(model, path)
+    return str(path)
+
+
+def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[[], bool],
+           rig: bool, protocol: Protocol, progress: Callable[[float, str], None] | None) -> None:
+    """Spin until the experiment is over; leave the bundle vented whatever happens."""
+    total = run.left
+
+    def until(condition: Callable[[], bool], seconds: float) -> bool:
+        deadline = time.monotonic() + seconds
+        while not condition() and time.monotonic() < deadline and not ended():
+            spinner.spin(0.02)
+        return condition()
+    if rig:
+        _meet(node, until, protocol)
+    node.started = True
+    begun = time.monotonic()
+    try:
+        if rig:
+            _enable(node, until)
+        while not (run.done or node.stopped or ended()):
+            spinner.spin(_SLICE)
+            if progress:
+                share = 1.0 - run.left / total
+                took = time.monotonic() - begun
+                # The rig's own time, or what a simulated one has taken so far.
+                left = run.left if rig or share <= 0.0 else took * (1.0 - share) / share
+                progress(share, f'{run.words}; {minutes(left)} left')
+        if node.stopped:
+            if node.cut_off:
+                until(lambda: bool(node.reason), _REASON)
+            raise Stopped(': '.join(part for part in (node.stopped, node.reason) if part))
+    finally:
+        if rig:
+            future = node.enable_client.call_async(SetBool.Request(data=False))
+            deadline = time.monotonic() + _ANSWER
+            while not future.done() and time.monotonic() < deadline:
+                spinner.spin(0.02)
+    if not run.done:
+        raise KeyboardInterrupt
+
+
+def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
+          protocol: Protocol) -> None:
+    """Wait until rig and controller are heard."""
+    pressures, strain = (node.resolve_topic_name(name) for name in (
+        interface.REFERENCE_PRESSURES, interface.REFERENCE_DYNAMOMETER))
+    missing: Sequence[tuple[str, Callable[[], bool]]] = (
+        ('no samples of a bundle', lambda: node.heard > 0.0),
+        (f'nobody listens to {pressures}: no recruitment controller',
+         lambda: node.count_subscribers(pressures) > 0 and node.enable_client.service_is_ready()),
+        (f'nobody listens to {strain}, and the protocol needs a dynamometer',
+         lambda: not protocol.imposes_strain or node.count_subscribers(strain) > 0))
+    for what, there in missing:
+        if not until(there, _PATIENCE):
+            raise InputError(f'{what} under {node.get_namespace()}; is the rig running, in this '
+                             'ROS domain?')
+    asked = GetParameters.Request(names=['reference_timeout'])
+    future = node.parameter_client.call_async(asked)
+    until(lambda: bool(future.done()), _ANSWER)
+    if future.done() and not future.result().values[0].double_value > 0.0:
+        raise InputError('reference_timeout of the recruitment controller is 0; expected more, '
+                         'say 1 s: were this process killed, the muscles would stay filled')
+
+
+def _enable(node: Measuring, until: Callable[[Callable[[], bool], float], bool]) -> None:
+    future = node.enable_client.call_async(SetBool.Request(data=True))
+    until(lambda: bool(future.done()), _ANSWER)
+    answer = future.result() if future.done() else None
+    if answer is None or not answer.success:
+        node.stopped = node.stopped or 'not enabled: ' + (
+            answer.message if answer else f'no answer within {_ANSWER:g} s')
+
+
+def minutes(seconds: float) -> str:
+    """
+    Return a time in words.
+
+    Examples
+    --------
+    >>> minutes(42.0), minutes(381.0), minutes(7260.0)
+    ('42 s', '6 min 21 s', '2 h 1 min')
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f'{whole} s'
+    if whole < 3600:
+        return f'{whole // 60} min {whole % 60} s'
+    return f'{whole // 3600} h {whole % 3600 // 60} min'

@@ -1,0 +1,174 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Another model for the recruitment controller while it runs: services apply_model, restore_model.
+
+What a diagnosis recommends is named by ``model/state`` of the model monitor, with the reason where
+it predicts the memory no better. It is read, checked and compiled in a thread at once, so that the
+change itself takes no longer than a tick; ``model/applied`` says which file is in use since then.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import json
+from threading import Thread
+from typing import Any
+
+import numpy as np
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from fam_bundle_ros.control import ControllerConfig, Measurement, RecruitmentController, Reference
+from fam_bundle_ros.control.rate import RateState
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.models import bundle_from
+
+#: s over which the pressures of the old model fade into those of the new one.
+_FADE = 0.3
+
+
+@dataclass
+class Prepared:
+    """A model that is ready to be used, or the reason why not; both empty while it is made."""
+
+    bundle: Bundle | None = None
+    refusal: str = ''
+
+
+class ModelSwap:
+    """
+    Holds the models that the controller may change to while it is active.
+
+    Parameters
+    ----------
+    node : BundleNode
+        With the parameter ``model``.
+    present : callable
+        Returns the bundle of now.
+    config : callable
+        Returns the controller's settings of now.
+    """
+
+    def __init__(self, node: Any, present: Callable[[], Bundle],
+                 config: Callable[[], ControllerConfig]):
+        self._node, self._present, self._config = node, present, config
+        self._prepared: dict[str, Prepared] = {}
+        #: Files that were in use before, the last one last.
+        self._before: list[str] = []
+        self._candidate = self._refusal = ''
+        #: Setpoints at the change (Pa), what they were above the new model's, and s to go.
+        self._last: list[float] = []
+        self._offset: list[float] | None = None
+        self._left = 0.0
+        self._rate: RateState | None = None
+        self._publisher = node.publisher(interface.MODEL_APPLIED, String, interface.LATCHED)
+        node.subscribe(interface.MODEL_STATE, String, self._on_state, interface.LATCHED)
+        node.create_service(Trigger, interface.APPLY_MODEL, self._on_apply)
+        node.create_service(Trigger, interface.RESTORE_MODEL, self._on_restore)
+
+    def bundle(self, model: str) -> Bundle | None:
+        """Return the bundle of a model file that is ready; None for any other."""
+        prepared = self._prepared.get(model)
+        return prepared.bundle if prepared else None
+
+    def faded(self, setpoints: list[float], dt: float) -> list[float]:
+        """Return setpoints (Pa) that go on from those before a change of the model."""
+        if self._left <= 0.0:
+            return setpoints
+        if self._offset is None:
+            self._offset = [old - new for old, new in zip(self._last, setpoints)]
+        share, self._left = self._left / _FADE, self._left - dt
+        limits = self._present().max_pressure.tolist()
+        return [min(max(value + share * offset, 0.0), limit)
+                for value, offset, limit in zip(setpoints, self._offset, limits)]
+
+    def go_on(self, controller: RecruitmentController) -> None:
+        """
+        Let a controller that was just enabled know how the strain moves already.
+
+        One that was off begins from the pressures as they are: nothing of before fades.
+        """
+        if self._node.command is None:
+            self._left, self._rate = 0.0, None
+        if self._rate is not None:
+            controller.memory.rate, self._rate = self._rate, None
+
+    # --- inside --------------------------------------------------------------------------------
+
+    def _on_state(self, message: String) -> None:
+        try:
+            candidate = json.loads(message.data).get('candidate') or {}
+            file, refusal = str(candidate.get('file', '')), str(candidate.get('refusal', ''))
+        except (ValueError, AttributeError) as error:
+            raise InputError(f'{message.data[:40]!r} is not what a model monitor says'
+                             ) from error
+        self._candidate, self._refusal = file, refusal
+        if file and file not in self._prepared:
+            self._prepared[file] = Prepared()
+            Thread(target=self._prepare, args=(file, self._config()), daemon=True).start()
+
+    def _prepare(self, file: str, config: ControllerConfig) -> None:
+        """Read a file and run it once, in a thread: what has to be compiled is compiled then."""
+        try:
+            bundle = bundle_from(file)
+            controller = RecruitmentController(bundle, config)
+            vented = Measurement(0.0, 0.1, 0.0, np.zeros(bundle.n))
+            controller.enable(vented)
+            for reference in (Reference('force', 1.0), Reference('strain', 0.1)):
+                controller.update(1e-3, vented, reference)
+        except InputError as error:
+            self._prepared[file] = Prepared(refusal=str(error))
+        except Exception as error:  # nobody looks at a thread
+            self._prepared[file] = Prepared(refusal=f'{file}: {type(error).__name__}: {error}')
+        else:
+            self._prepared[file] = Prepared(bundle)
+
+    def _on_apply(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        file = self._candidate
+        prepared = self._prepared.get(file, Prepared())
+        if not file:
+            why = 'there is no model to apply: call diagnose first'
+        elif file == self._node.p['model']:
+            why = f'{file} is in use already'
+        elif prepared.bundle is None:
+            why = prepared.refusal or f'{file} is being made ready: ask again in a second'
+        else:
+            why = self._refusal
+        if why:
+            return self._refuse(response, why)
+        before, bundle = self._node.p['model'], self._present()
+        response = self._change(file, response)
+        if response.success:
+            self._prepared[before] = Prepared(bundle)
+            self._before.append(before)
+        return response
+
+    def _on_restore(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self._before:
+            return self._refuse(response, 'no model was applied: there is none to go back to')
+        response = self._change(self._before[-1], response)
+        if response.success:
+            self._before.pop()
+        return response
+
+    def _change(self, file: str, response: Trigger.Response) -> Trigger.Response:
+        before = self._present().name
+        self._last, self._offset = list(self._node.setpoints), None
+        rate = self._node.controller.memory.rate
+        (result,) = self._node.set_parameters([Parameter('model', value=file)])
+        if not result.successful:
+            return self._refuse(response, result.reason)
+        self._left, self._rate = _FADE, rate
+        self._publisher.publish(String(data=file))
+        response.success = True
+        response.message = f'{self._present().name} in use since now, {before} before ({file})'
+        self._node.get_logger().info(response.message)
+        return response
+
+    def _refuse(self, response: Trigger.Response, why: str) -> Trigger.Response:
+        response.success, response.message = False, why
+        self._node.get_logger().warning(f'model not changed: {why}')
+        return response

@@ -1,0 +1,244 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How an experiment goes on from sample to sample: what is asked of the rig now. No ROS.
+
+For each segment: wait where there is a pause, move the dynamometer to the start, fill, wait until
+the pressures are there and have settled, then follow the course and note every sample.
+"""
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+import math
+
+from fam_bundle_ros.data.protocol import Protocol, Segment
+from fam_bundle_ros.data.segment_store import Row
+from fam_bundle_ros.data.segments import alike, Pressures
+
+#: s: pressures are taken as means over so long, and have so long to be there.
+_MEAN, _FILLING = 0.3, 20.0
+#: Share of the highest pressure of the protocol, and Pa, within which a pressure is there.
+_THERE_SHARE, _THERE = 0.01, 2e3
+#: Strain within which the dynamometer has arrived, and s that it has beyond the way it needs.
+_ARRIVED, _ARRIVING = 3e-3, 5.0
+#: Pa by which the controller's setpoints may differ from what is asked, and s for how long.
+_OBEYS, _OBEYING = 5e3, 1.0
+#: Samples in a row beyond the force limit: one alone may be a spike.
+_SPIKE = 3
+#: s without a sample after which a segment is not worth keeping.
+_GAP = 0.5
+
+
+class Stopped(Exception):
+    """The experiment cannot go on; the text says why. Everything is to be vented."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """
+    A sample of the rig, and what the controller has made of what was asked.
+
+    Attributes
+    ----------
+    time : float, s
+    force : float, N
+    strain : float
+    pressure, setpoint : tuple of float, Pa (gauge)
+        Setpoints are nan where none was heard.
+    """
+
+    time: float
+    force: float
+    strain: float
+    pressure: Pressures
+    setpoint: Pressures
+
+    @property
+    def whole(self) -> bool:
+        """Whether every reading is a number."""
+        return math.isfinite(self.force + self.strain + sum(self.pressure))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """
+    What is asked of the rig.
+
+    Attributes
+    ----------
+    strain : float or None
+        None: nothing is asked of a dynamometer.
+    rate : float, 1/s
+    pressure : tuple of float, Pa (gauge)
+    """
+
+    strain: float | None
+    rate: float
+    pressure: Pressures
+
+
+class ProtocolRun:
+    """
+    An experiment under way.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    todo : sequence of Segment
+        Those that are still to be run, in their order.
+    keep : callable
+        Gets each segment that is complete, and its rows.
+
+    Attributes
+    ----------
+    done : bool
+    words : str
+        What it is doing.
+    """
+
+    def __init__(self, protocol: Protocol, todo: Sequence[Segment],
+                 keep: Callable[[Segment, list[Row]], None]):
+        self._protocol, self._todo, self._keep = protocol, list(todo), keep
+        self._pressure = (0.0,) * protocol.motor_units
+        self._place: float | None = None
+        self._beyond = 0
+        self._disobeyed: float | None = None
+        self._passed = 0.0
+        self._begun = 0.0
+        self._script = self._run()
+        self._asked: Asked | None = None
+        self.done = False
+        self.words = 'waiting for the rig'
+
+    @property
+    def left(self) -> float:
+        """Time that is reckoned to be left, s of the rig."""
+        return max(sum(segment.duration for segment in self._todo) - self._passed, 0.0)
+
+    def step(self, seen: Seen) -> Asked:
+        """
+        Take a sample; return what is to be asked now.
+
+        Raises
+        ------
+        Stopped
+            For a force beyond its limit, and where rig or controller do not follow.
+        """
+        self._seen = seen
+        self._look(seen)
+        self._passed = seen.time - self._begun
+        asked = next(self._script, None)
+        if asked is None:
+            self.done, self.words = True, 'done'
+            asked = Asked(None, 0.0, (0.0,) * self._protocol.motor_units)
+        self._asked = asked
+        return asked
+
+    def _look(self, seen: Seen) -> None:
+        limit = self._protocol.limits.force
+        self._beyond = self._beyond + 1 if abs(seen.force) > limit else 0
+        if self._beyond >= _SPIKE:
+            raise Stopped(f'force is {seen.force:.4g} N, beyond the limit of {limit:g} N')
+        asked = self._asked
+        # A unit whose setpoint was never heard does not follow either.
+        if asked is None or all(abs(a - b) < _OBEYS for a, b in zip(asked.pressure,
+                                                                    seen.setpoint)):
+            self._disobeyed = None
+        elif self._disobeyed is None:
+            self._disobeyed = seen.time
+        elif seen.time - self._disobeyed > _OBEYING:
+            raise Stopped(f'the controller asks for {_kilopascals(seen.setpoint)}, not for '
+                          f'{_kilopascals(asked.pressure)}')
+
+    # --- the script: each yield is a sample -----------------------------------------------------
+
+    def _run(self) -> Generator[Asked, None, None]:
+        while self._todo:
+            segment = self._todo[0]
+            self._begun, where = self._seen.time, f'segment {segment.number}'
+            if segment.pause:
+                self.words = f'{where}: pause of {segment.pause:g} s'
+                self._pressure = (0.0,) * self._protocol.motor_units
+                yield from self._wait(segment.pause)
+            self.words = f'{where}: on the way'
+            yield from self._travel(segment.course.start.strain)
+            yield from self._fill(segment.course.start.pressure)
+            yield from self._wait(self._protocol.settle)
+            self.words = f'{where}: {segment.course.words}'
+            rows = yield from self._record(segment)
+            self._keep(segment, rows)
+            self._todo.pop(0)
+            self._begun, self._passed = self._seen.time, 0.0
+
+    def _hold(self) -> Asked:
+        return Asked(self._place, 0.0, self._pressure)
+
+    def _wait(self, seconds: float) -> Generator[Asked, None, None]:
+        begin = self._seen.time
+        while self._seen.time - begin < seconds:
+            yield self._hold()
+
+    def _travel(self, strain: float | None) -> Generator[Asked, None, None]:
+        """Move the dynamometer at its travelling rate; the pressures stay."""
+        if strain is None:
+            self._place = None
+            return
+        while not self._seen.whole:
+            yield self._hold()
+        # Where it is, not where it was sent: it may have been moved meanwhile.
+        origin, begin = self._seen.strain, self._seen.time
+        if abs(strain - origin) > _ARRIVED:
+            seconds = abs(strain - origin) / self._protocol.travel
+            rate = (strain - origin) / seconds
+            while (now := self._seen.time - begin) < seconds:
+                yield Asked(origin + rate * now, rate, self._pressure)
+        self._place = strain
+        arrived = self._seen.time
+        while not abs(self._seen.strain - strain) <= _ARRIVED:
+            if self._seen.time - arrived > _ARRIVING:
+                raise Stopped(f'strain is {self._seen.strain:.4g}, {strain:.4g} was asked for: '
+                              'the dynamometer does not follow')
+            yield self._hold()
+
+    def _fill(self, pressure: Pressures) -> Generator[Asked, None, None]:
+        """Ask for pressures and wait until they are there."""
+        fresh = not alike(pressure, self._pressure)
+        self._pressure, begin = pressure, self._seen.time
+        near = max(_THERE, _THERE_SHARE * max(self._protocol.highest))
+        last: list[Seen] = []
+        while True:
+            last = [*(each for each in last if self._seen.time - each.time < _MEAN),
+                    *([self._seen] if self._seen.whole else [])]
+            means = [sum(each.pressure[k] for each in last) / max(len(last), 1)
+                     for k in range(len(pressure))]
+            waited = self._seen.time - begin >= _MEAN or not fresh
+            if last and waited and all(abs(a - b) < near for a, b in zip(means, pressure)):
+                return
+            if self._seen.time - begin > _FILLING:
+                raise Stopped(f'pressure is {_kilopascals(tuple(means))}, '
+                              f'{_kilopascals(pressure)} was asked for {_FILLING:g} s ago')
+            yield self._hold()
+
+    def _record(self, segment: Segment) -> Generator[Asked, None, list[Row]]:
+        course, begin = segment.course, self._seen.time
+        rows: list[Row] = []
+        heard = begin
+        while (now := self._seen.time - begin) <= course.seconds:
+            seen = self._seen
+            if seen.whole:
+                rows.append(Row(seen.time, seen.strain, seen.pressure, seen.force))
+                heard = seen.time
+            elif seen.time - heard > _GAP:
+                raise Stopped(f'segment {segment.number}: no whole sample for '
+                              f'{seen.time - heard:.2f} s')
+            self._place, rate, self._pressure = course.at(now)
+            yield Asked(self._place, rate, self._pressure)
+            if self._seen.time - seen.time > _GAP:
+                raise Stopped(f'segment {segment.number}: nothing came for '
+                              f'{self._seen.time - seen.time:.2f} s')
+        self._place, _, self._pressure = course.at(course.seconds)
+        return rows
+
+
+def _kilopascals(pressure: Pressures) -> str:
+    return f'{", ".join(f"{value / 1e3:.1f}" for value in pressure)} kPa'

@@ -1,0 +1,100 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What comes on the topics ``reference/...`` of the recruitment controller: read and checked."""
+
+from collections.abc import Callable
+import math
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import JointState
+
+from fam_bundle_ros.control import Reference
+from fam_bundle_ros.control.direct import DirectPressures
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.diagnostics import Meter, Report
+from fam_bundle_ros.nodes.doubts import ReferenceTally
+from fam_bundle_ros.nodes.references import ReferenceRate
+
+#: 1/s: no muscle contracts that fast (all of its way in 0.03 s).
+_FASTEST = 10.0
+#: Force references that change by more than this share of the blocked force at once are steps.
+_STEP = 0.02
+
+
+class ReferenceIntake:
+    """
+    Listens to references of force, strain and pressures.
+
+    Parameters
+    ----------
+    node : BundleNode
+    bundle : Bundle
+        For its length, its largest pressures and its blocked force.
+    take : callable
+        Gets stamp (ns) and `Reference` of each message that makes sense.
+
+    Attributes
+    ----------
+    meter : Meter
+        Of those.
+    """
+
+    def __init__(self, node: BundleNode, bundle: Bundle, take: Callable[[int, Reference], None]):
+        self._take = take
+        self._units = bundle.n
+        self._length = float(bundle.motor_units[0].geometry.length)
+        self._pressures = DirectPressures(bundle)
+        self._rate = ReferenceRate(_STEP * float(bundle.blocked_force(bundle.max_pressure)))
+        self._tally = ReferenceTally()
+        self.meter = Meter()
+        for topic, kind, read in (
+                (interface.REFERENCE_FORCE, WrenchStamped, self._force),
+                (interface.REFERENCE_STRAIN, JointState, self._strain),
+                (interface.REFERENCE_PRESSURES, JointState, self._pressure)):
+            node.subscribe(topic, kind, self._tallied(read))
+
+    def report(self, report: Report) -> None:
+        """Add rate and age, what was refused, and changes of the mode."""
+        self.meter.report(report, 'reference')
+        self._tally.report(report)
+
+    def _tallied(self, read: Callable[[Any, int], Reference]) -> Callable[[Any], None]:
+        """Return a callback that counts what it takes and what it refuses."""
+        def callback(message: Any) -> None:
+            stamp = interface.stamp_ns(message.header.stamp)
+            try:
+                reference = read(message, stamp)
+            except InputError as error:
+                self._tally.refuse(str(error))
+                raise
+            self.meter.tick()
+            self._tally.take(reference.kind)
+            self._take(stamp, reference)
+        return callback
+
+    def _force(self, message: WrenchStamped, stamp: int) -> Reference:
+        value = _within(interface.read_force(message), 1e5)
+        return Reference('force', value, self._rate.update(stamp, value))
+
+    def _strain(self, message: JointState, stamp: int) -> Reference:
+        value, rate = interface.read_strain(message, self._length)
+        rate = 0.0 if math.isnan(rate) else rate
+        if not abs(rate) <= _FASTEST:
+            raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
+                             f'{_FASTEST:g}')
+        return Reference('strain', _within(value, 1.0), rate)
+
+    def _pressure(self, message: JointState, stamp: int) -> Reference:
+        reference = Reference('pressure', pressure=interface.read_pressures(message, self._units))
+        self._pressures.checked(reference)
+        return reference
+
+
+def _within(value: float, limit: float) -> float:
+    if not abs(value) <= limit:
+        raise InputError(f'reference is {value:g}; expected a size up to {limit:g}')
+    return value

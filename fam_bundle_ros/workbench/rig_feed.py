@@ -1,0 +1,239 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A running bundle as the page knows it: newest values, the last seconds, and orders to it.
+
+ROS stays out of this process: ``fam_bundle_ros.nodes.live_feed`` listens in one of its own and
+talks in lines of JSON, and a simulated bundle is a process too. Both end with this one.
+"""
+
+import asyncio
+from collections import deque
+import json
+import math
+import os
+import re
+import signal
+import sys
+from typing import Any
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import config_path
+
+__all__ = ['LiveRig', 'Record']
+
+#: s of samples that are kept, and over which the tracking error is taken.
+KEPT, MINUTE = 20.0, 60.0
+#: s that an order gets until it is answered, and a process to end.
+_PATIENCE, _FAREWELL = 8.0, 5.0
+#: Bytes of a line: a diagnosis has many.
+_LONGEST = 1 << 24
+#: The simulated bundle, which ends with its standard input: that of a workbench that was killed.
+_BRINGUP = """
+import os, signal, sys, threading
+threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.SIGINT)),
+                 daemon=True).start()
+from fam_bundle_ros.nodes.bundle_bringup import main
+sys.exit(main())
+"""
+
+
+class Record:
+    """
+    What the feed has said.
+
+    Attributes
+    ----------
+    graph, state, diagnosis : dict
+        Newest of each kind; empty before the first.
+    samples : deque of dict
+        Of the last `KEPT` seconds, oldest first.
+    """
+
+    def __init__(self) -> None:
+        self.graph: dict[str, Any] = {}
+        self.state: dict[str, Any] = {}
+        self.diagnosis: dict[str, Any] = {}
+        self.samples: deque[dict[str, Any]] = deque()
+        self._tracking: deque[tuple[float, float, int]] = deque()
+        self._model = ''
+
+    @property
+    def now(self) -> dict[str, Any]:
+        """Newest sample; empty before the first."""
+        return self.samples[-1] if self.samples else {}
+
+    @property
+    def tracking(self) -> float:
+        """Rms of reference minus measured over the last minute, or since the model changed."""
+        count = sum(entry[2] for entry in self._tracking)
+        return math.sqrt(sum(entry[1] for entry in self._tracking) / count) if count else math.nan
+
+    def take(self, record: dict[str, Any]) -> None:
+        """Take a record of the feed."""
+        kind = record.get('kind')
+        if kind == 'sample':
+            self._sample(record)
+        elif kind == 'state':
+            self.state = record
+            if record.get('file') != self._model:
+                # the error of the last minute begins anew with another model, this one too
+                self._model = str(record.get('file'))
+                self._tracking.clear()
+        elif kind == 'graph':
+            self.graph = record
+        elif kind == 'diagnosis':
+            self.diagnosis = record
+
+    def _sample(self, record: dict[str, Any]) -> None:
+        time = record['time']
+        if self.samples and time < self.samples[-1]['time']:
+            self.samples.clear()
+            self._tracking.clear()
+        if self.samples and record.get('reference_kind') != self.now.get('reference_kind'):
+            self._tracking.clear()
+        self.samples.append(record)
+        while time - self.samples[0]['time'] > KEPT:
+            self.samples.popleft()
+        self._tracking.append((time, record['squares'], record['count']))
+        while time - self._tracking[0][0] > MINUTE:
+            self._tracking.popleft()
+
+
+class LiveRig:
+    """
+    The processes behind the page "Live", one set for all its tabs.
+
+    Attributes
+    ----------
+    record : Record
+    namespace : str
+    failure : str
+        Why nothing can be heard; empty where nothing is wrong.
+    """
+
+    def __init__(self) -> None:
+        self.record = Record()
+        self.namespace = '/bundle'
+        self.failure = ''
+        self._feed: asyncio.subprocess.Process | None = None
+        self._simulation: asyncio.subprocess.Process | None = None
+        self._reader: asyncio.Task[None] | None = None
+        self._waiting: dict[str, asyncio.Future[dict[str, Any]]] = {}
+
+    @property
+    def listening(self) -> bool:
+        """Whether the feed runs."""
+        return self._feed is not None and self._feed.returncode is None
+
+    @property
+    def simulating(self) -> bool:
+        """Whether a bundle that was started here runs."""
+        return self._simulation is not None and self._simulation.returncode is None
+
+    async def listen(self, namespace: str) -> None:
+        """
+        Listen to the bundle of a namespace.
+
+        Raises
+        ------
+        InputError
+            For a name that is none.
+        """
+        if not re.fullmatch(r'(/[A-Za-z_]\w*){1,8}', namespace):
+            raise InputError(f"namespace '{namespace[:60]}': expected a ROS name such as /bundle")
+        if self.listening and namespace == self.namespace:
+            return
+        await self._end(self._feed)
+        self.namespace, self.record, self.failure = namespace, Record(), ''
+        feed = self._feed = await asyncio.create_subprocess_exec(
+            sys.executable, '-m', 'fam_bundle_ros.nodes.live_feed', '--ros-args', '-r',
+            f'__ns:={namespace}', env=_environment(), stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE, limit=_LONGEST,
+            start_new_session=True)
+        self._reader = asyncio.create_task(self._read(feed))
+
+    async def simulate(self) -> None:
+        """Start a simulated bundle under this namespace."""
+        if self.simulating:
+            return
+        files = [part for name in ('simulation.yaml', 'live.yaml')
+                 for part in ('--params-file', str(config_path(name)))]
+        self._simulation = await asyncio.create_subprocess_exec(
+            sys.executable, '-c', _BRINGUP, '--ros-args', *files, '-r',
+            f'__ns:={self.namespace}', env=_environment(), stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
+            start_new_session=True)
+
+    async def stop_simulation(self) -> None:
+        """End the simulated bundle that was started here."""
+        await self._end(self._simulation)
+
+    async def order(self, **order: Any) -> str:
+        """
+        Give an order, as `live_feed` takes it; return what was answered.
+
+        Raises
+        ------
+        InputError
+            With the reason, where it was refused or nobody answered.
+        """
+        name = str(order.get('call') or order.get('set'))
+        feed = self._feed
+        if feed is None or feed.stdin is None or not self.listening:
+            raise InputError('nothing listens to the bundle: open the page anew')
+        if name in self._waiting:
+            raise InputError(f'{name} was ordered already and has not answered yet')
+        answer = asyncio.get_running_loop().create_future()
+        self._waiting[name] = answer
+        try:
+            feed.stdin.write((json.dumps(order) + '\n').encode())
+            await feed.stdin.drain()
+            told = await asyncio.wait_for(answer, _PATIENCE)
+        except (TimeoutError, ConnectionError):
+            raise InputError(f'{name}: no answer from {self.namespace}') from None
+        finally:
+            self._waiting.pop(name, None)
+        if not told['success']:
+            raise InputError(told['message'] or f'{name} was refused')
+        return str(told['message'])
+
+    async def close(self) -> None:
+        """End both processes."""
+        if self._reader is not None:
+            self._reader.cancel()
+        await asyncio.gather(self._end(self._feed), self._end(self._simulation))
+
+    # --- inside --------------------------------------------------------------------------------
+
+    async def _read(self, feed: asyncio.subprocess.Process) -> None:
+        assert feed.stdout is not None
+        assert feed.stderr is not None
+        said = asyncio.create_task(feed.stderr.read())
+        while line := await feed.stdout.readline():
+            record = json.loads(line)
+            if record['kind'] == 'answer':
+                answer = self._waiting.get(record['name'])
+                if answer is not None and not answer.done():
+                    answer.set_result(record)
+            elif feed is self._feed:
+                self.record.take(record)
+        last = (await said).decode(errors='replace').strip().splitlines()[-1:] or ['it ended']
+        if feed is self._feed:
+            self.failure = f'the listener has stopped: {last[0]}'
+
+    @staticmethod
+    async def _end(process: asyncio.subprocess.Process | None) -> None:
+        if process is None or process.returncode is not None:
+            return
+        process.send_signal(signal.SIGINT)
+        try:
+            await asyncio.wait_for(process.wait(), _FAREWELL)
+        except TimeoutError:
+            process.kill()
+            await process.wait()
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, 'OMP_NUM_THREADS': '1',
+            'PYTHONPATH': os.pathsep.join(part for part in sys.path if part)}

@@ -1,0 +1,239 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The page "Live": a running bundle, what its model says, and how far that is off.
+
+Asks what is missing while the bundle runs, brings the better model into use, and takes it back.
+"""
+
+from collections.abc import Awaitable, Callable
+import math
+from typing import Any, TYPE_CHECKING
+
+from nicegui import app, ui
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.workbench import drawings, live, parts
+from fam_bundle_ros.workbench.rig_drawings import live_figure
+from fam_bundle_ros.workbench.rig_feed import LiveRig
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.page import Page
+
+__all__ = ['RigView']
+
+#: s between two looks at the bundle, and between two figures.
+_PERIOD, _DRAW = 0.5, 0.9
+#: What the simulated bundle gets at a click, as `hidden_effect` takes it, and its name.
+HIDDEN = ('coulomb_friction: {force: 4 N}', 'Coulomb friction of 4 N')
+_rig = LiveRig()
+app.on_shutdown(_rig.close)
+
+
+class RigView:
+    """Numbers, figure and buttons of a running bundle."""
+
+    def __init__(self, page: 'Page', rig: LiveRig = _rig):
+        self.page, self.rig = page, rig
+        self._shown: dict[str, Any] = {}
+        with parts.box('div', 'case live'):
+            with parts.box('div', 'answer').props('aria-live=polite'):
+                self.head = parts.text('h1', 'Listening ...').mark('live:head')
+                self.detail = parts.text('p', '', 'muted').mark('live:detail')
+            with parts.box('div', 'figs'):
+                self.plot = parts.plot(drawings.for_page(live_figure([], None), page.dark),
+                                       'force, residual, pressures and strain of the last seconds')
+            with parts.box('div', 'right'):
+                self._numbers()
+                self._buttons()
+                self.found = parts.box('div', 'side').props('aria-live=polite')
+                self._source()
+        self.timer = ui.timer(_PERIOD, self._look)
+        ui.timer(0.05, self._listen, once=True)
+
+    # --- what is there -------------------------------------------------------------------------
+
+    def _numbers(self) -> None:
+        with parts.box('section', 'meters'):
+            self.meters = {key: self._meter(key, said) for key, said in (
+                ('error', 'model error of the last minute'), ('tracking', 'tracking error'),
+                ('noise', 'noise'), ('recruitment', 'recruitment state'))}
+
+    @staticmethod
+    def _meter(key: str, said: str) -> Any:
+        with parts.box('div', f'meter {key}'):
+            value = parts.text('b', '-', 'num').mark(f'live:{key}')
+            value._props['data-mark'] = f'live:{key}'
+            parts.text('span', said, 'muted small')
+        return value
+
+    def _buttons(self) -> None:
+        with parts.box('div', 'row'):
+            self.buttons = {
+                'diagnose': parts.button('What is missing?', lambda: self._order(call='diagnose'),
+                                         'main-action small', 'live:diagnose'),
+                'apply': parts.button('Apply', lambda: self._order(call='apply_model'),
+                                      'main-action small', 'live:apply'),
+                'back': parts.button('Back', lambda: self._order(call='restore_model'), 'plain',
+                                     'live:back')}
+        self.busy = parts.text('span', '', 'muted small').mark('live:busy')
+        self.told = parts.text('p', '', 'small').mark('live:told').props('role=status')
+        self.told._props['data-mark'] = 'live:told'
+
+    def _source(self) -> None:
+        with parts.box('section', 'side'):
+            with parts.box('div', 'row'):
+                parts.typed('Namespace', self.rig.namespace, self._namespace,
+                            mark='live:namespace')
+            with parts.box('div', 'row'):
+                self.start = parts.button('Start a simulated bundle', self._simulate, 'plain',
+                                          'live:simulate')
+                self.stop = parts.button('Stop it', self._stop, 'plain', 'live:stop')
+                self.hide = parts.button(f'Hide {HIDDEN[1]} in it', lambda: self._hide(HIDDEN[0]),
+                                         'plain', 'live:hide')
+                self.show = parts.button('Take it out', lambda: self._hide(''), 'plain',
+                                         'live:show')
+
+    # --- what a user does ----------------------------------------------------------------------
+
+    async def _listen(self) -> None:
+        if not live.available():
+            self._tell('This Python has no ROS (rclpy): start the workbench where it has.')
+            return
+        await self._try(lambda: self.rig.listen(self.rig.namespace))
+
+    async def _namespace(self, name: str) -> None:
+        await self._try(lambda: self.rig.listen(name.strip()))
+
+    async def _simulate(self) -> None:
+        await self._try(self.rig.simulate)
+        self._tell('A simulated bundle starts ...')
+
+    async def _stop(self) -> None:
+        await self._try(self.rig.stop_simulation)
+
+    async def _hide(self, effect: str) -> None:
+        await self._order(set='hidden_effect', of='plant_simulator', value=effect)
+
+    async def _order(self, **order: Any) -> None:
+        await self._try(lambda: self.rig.order(**order))
+
+    async def _try(self, work: Callable[[], Awaitable[Any]]) -> None:
+        """Do something that may be refused; say what came of it."""
+        try:
+            answer = await work()
+        except InputError as error:
+            answer = str(error)
+        if not self.told.is_deleted:
+            self._tell(answer or '')
+            self._look()
+
+    def _tell(self, said: str) -> None:
+        self.told.set_text(said)
+
+    # --- what it shows -------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Show what is new."""
+        record = self.rig.record
+        heard = bool(record.samples)
+        self._words(heard)
+        state = record.state if heard else {}
+        values = {'error': newton(state.get('error_N')), 'tracking': self._tracking(),
+                  'noise': newton(state.get('noise_N')),
+                  'recruitment': f"RS{record.now['recruitment']}"
+                  if 'recruitment' in record.now else '-'}
+        for key, said in values.items():
+            self.meters[key].set_text(said)
+        at_work = state.get('diagnosing')
+        self.busy.set_text(f"{100 * at_work['share']:.0f} %, {at_work['words']} ..."
+                           if at_work else state.get('failure') or '')
+        candidate = state.get('candidate')
+        self._able('diagnose', heard and not at_work and bool(state))
+        self._able('apply', bool(candidate))
+        self._able('back', heard)
+        nodes = record.graph.get('nodes', ())
+        self.start.set_visibility(not heard and not self.rig.simulating)
+        self.stop.set_visibility(self.rig.simulating)
+        for button in (self.hide, self.show):
+            button.set_visibility('plant_simulator' in nodes)
+        if heard and abs(record.now['time'] - self._shown.get('time', math.inf)) >= _DRAW:
+            self._shown['time'] = record.now['time']
+            self.plot.update_figure(drawings.for_page(
+                live_figure(record.samples, state.get('noise_N')), self.page.dark))
+        if record.diagnosis is not self._shown.get('diagnosis') or (
+                candidate != self._shown.get('candidate')):
+            self._shown['diagnosis'], self._shown['candidate'] = record.diagnosis, candidate
+            self._show_found(record.diagnosis, candidate)
+
+    def _words(self, heard: bool) -> None:
+        record = self.rig.record
+        if self.rig.failure:
+            self.head.set_text('Nothing can be heard')
+            self.detail.set_text(self.rig.failure)
+        elif not heard:
+            starts = self.rig.simulating
+            self.head.set_text('The bundle is starting ...' if starts
+                               else f'No bundle speaks under {self.rig.namespace}')
+            self.detail.set_text(
+                '' if starts else 'Start one below, or in a terminal: ros2 run fam_bundle_ros '
+                'bundle_bringup; for a rig: ros2 launch fam_bundle_ros controller.launch.py')
+        elif not record.state:
+            self.head.set_text('The bundle runs without model_monitor')
+            self.detail.set_text('Nothing says whether its model holds: start model_monitor.')
+        else:
+            waiting = not record.state['looks']
+            holds = record.state['holds']
+            self.head.set_text('Watching the model ...' if waiting else 'The model holds'
+                               if holds else 'The model no longer holds')
+            self.detail.set_text(f"{record.state['model']}: {record.state['words']}")
+
+    def _tracking(self) -> str:
+        record = self.rig.record
+        value = record.tracking
+        if not math.isfinite(value):
+            return '-'
+        return f'{100 * value:.2f} %' if record.now.get('reference_kind') == 'strain' else (
+            newton(value))
+
+    def _able(self, name: str, able: bool) -> None:
+        button = self.buttons[name]
+        if button._props.get('disabled', False) == (not able):
+            return
+        button._props['disabled'] = not able
+        button.update()
+
+    def _show_found(self, diagnosis: dict[str, Any], candidate: dict[str, Any] | None) -> None:
+        self.found.clear()
+        if not diagnosis:
+            return
+        effects = [*diagnosis['effects'], *diagnosis['replaced'].values()]
+        with self.found, parts.box('section'):
+            title = ', '.join(parts.words(name) for name in effects)
+            parts.text('h2', f'Found: {title}' if title else parts.sentence(
+                diagnosis['verdict'])).mark('live:found')
+            parts.text('p', parts.sentence(diagnosis['summary']), 'small')
+            error = diagnosis['error_N']
+            parts.text('p', f"On the memory {newton(error['model'])} with the model as it was, "
+                       f"{newton(error['best'])} at best.", 'small num')
+            if candidate:
+                said = candidate['refusal'] or (
+                    f"Apply brings {newton(candidate['present_N'])} down to "
+                    f"{newton(candidate['error_N'])}.")
+                parts.text('p', said, 'small').mark('live:candidate')
+            parts.text('p', f"Next: {diagnosis['next_experiment']}", 'muted small')
+            parts.text('code', diagnosis['model_file'], 'command small')
+
+
+def newton(value: float | None) -> str:
+    """
+    Return a force as the page writes it.
+
+    Examples
+    --------
+    >>> newton(0.912), newton(12.34), newton(None)
+    ('0.91 N', '12.3 N', '-')
+    """
+    if value is None or not math.isfinite(value):
+        return '-'
+    return f'{value:.3g} N' if abs(value) >= 1.0 else f'{value:.2f} N'

@@ -1,0 +1,111 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The memory of a running rig: bounded, balanced, in stretches that have rates."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.memory import Memory
+from fam_bundle_ros.errors import InputError
+
+LIMIT = 4e5
+
+
+def swept(memory, begin, end, period=0.005, pressure=2e5):
+    """Feed a strain that goes to and fro every two seconds, 5 to 15 %."""
+    for k in range(round(begin / period), round(end / period)):
+        t = k * period
+        memory.add(t, 0.1 + 0.05 * math.sin(math.pi * t), (pressure,), 10.0 * t)
+
+
+def rested(memory, begin, end, period=0.005):
+    """Feed a rig at rest."""
+    for k in range(round(begin / period), round(end / period)):
+        memory.add(k * period, 0.1, (0.0,), 0.0)
+
+
+@pytest.fixture
+def memory():
+    """Return a memory of one muscle that holds 60 stretches of half a second."""
+    return Memory(('mu1',), (LIMIT,), seconds=3600.0, most=60)
+
+
+def test_rest_for_minutes_does_not_push_out_what_moved(memory):
+    """Half of the rows are still of 20 s of motion after five minutes at rest."""
+    swept(memory, 0.0, 20.0)
+    rested(memory, 20.0, 320.0)
+    data = memory.measurement()
+    assert len(memory) == 60
+    assert np.mean(data.time < 20.0) > 0.5
+
+
+def test_the_same_for_ever_is_kept_from_all_over_its_time(memory):
+    """Of five minutes of one motion no half minute is missing."""
+    swept(memory, 0.0, 300.0)
+    assert np.histogram(memory.measurement().time, bins=10, range=(0.0, 300.0))[0].min() > 0
+
+
+def test_every_pressure_and_direction_keeps_its_share(memory):
+    """A minute at one pressure leaves ten seconds at another alone, both ways."""
+    swept(memory, 0.0, 10.0, pressure=3.5e5)
+    swept(memory, 10.0, 70.0)
+    data = memory.measurement()
+    high = data.pressure[:, 0] > 3e5
+    assert high.mean() > 0.25
+    assert set(np.unique(data.direction[high])) >= {-1, 1}
+
+
+def test_nothing_older_than_the_limit_is_kept():
+    """The memory of 30 s holds no row that is older."""
+    memory = Memory(('mu1',), (LIMIT,), seconds=30.0)
+    swept(memory, 0.0, 100.0)
+    assert memory.oldest > 69.0
+
+
+def test_stretches_without_a_gap_are_one_trial_with_the_rate_of_the_strain(memory):
+    """Eight seconds are one trial; the rate is that of the sine, the rows are means."""
+    swept(memory, 0.0, 8.0)
+    data = memory.measurement()
+    assert len(data.trial_names) == 1
+    # the time of a measurement begins at its first row, the mean of the samples 0 to 0.015 s
+    rate = 0.05 * math.pi * np.cos(math.pi * (data.time + 0.0075))
+    assert np.abs(data.strain_rate - rate)[5:-5].max() < 0.02
+    assert np.diff(data.time) == pytest.approx(0.02)
+    assert data.force == pytest.approx(10.0 * (data.time + 0.0075))
+
+
+@pytest.mark.parametrize('between', ['silence', 'nan'])
+def test_a_gap_begins_a_trial(memory, between):
+    """Silence of half a second, or a reading that is none, is not bridged."""
+    swept(memory, 0.0, 4.0)
+    if between == 'nan':
+        memory.add(4.0, math.nan, (0.0,), 0.0)
+    swept(memory, 4.005 if between == 'nan' else 4.5, 8.0)
+    data = memory.measurement()
+    assert len(data.trial_names) == 2
+    assert np.diff(data.time)[np.diff(data.trial) == 0].max() == pytest.approx(0.02)
+
+
+def test_a_clock_that_was_set_back_clears_the_memory(memory):
+    """Two times of one clock cannot be told apart."""
+    swept(memory, 0.0, 8.0)
+    swept(memory, 0.0, 2.0)
+    assert memory.seconds <= 2.0
+
+
+def test_a_part_can_be_asked_for_and_forgotten(memory):
+    """Rows from a time on; what was before it can be forgotten for good."""
+    swept(memory, 0.0, 10.0)
+    assert np.ptp(memory.measurement(since=6.0).time) == pytest.approx(4.0, abs=0.6)
+    memory.forget(6.0)
+    assert memory.oldest == pytest.approx(6.0, abs=0.5)
+
+
+def test_too_little_fails(memory):
+    """An empty memory says how many rows there are; one that makes no sense is refused."""
+    with pytest.raises(InputError, match='memory: only 0 rows'):
+        memory.measurement()
+    with pytest.raises(InputError, match='two rows in a stretch'):
+        Memory(('mu1',), (LIMIT,), rate=2.0, stretch=0.5)

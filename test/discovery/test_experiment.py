@@ -1,0 +1,111 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The menu of next experiments: protocols within the data, and their motions."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.data.protocol import (
+    dumps_protocol,
+    duration,
+    Hold,
+    Pause,
+    PressureSteps,
+    Protocol,
+    read_protocol,
+    save_protocol,
+    Sweep,
+)
+from fam_bundle_ros.discovery.experiment import finer, menu, motion
+from fam_bundle_ros.model import Bundle, load_model
+from fam_bundle_ros.resources import config_path
+
+
+@pytest.fixture(scope='module')
+def bundle():
+    """Return the bundle of the paper."""
+    return load_model(config_path('models/spie2021.yaml'))
+
+
+@pytest.fixture
+def log():
+    """Return a function: cells of a sweep of both motor units over some strains."""
+    def make(low=0.02, high=0.2, top=300e3, offset=0.0):
+        way = np.concatenate([np.linspace(low, high, 50), np.linspace(high, low, 50)])
+        share = np.repeat([0.3, 1.0], 100)
+        pressure = np.column_stack([top * share, top * share / 2]) + offset
+        return SimpleNamespace(data=build('log', np.tile(way, 2), pressure,
+                                          np.tile(200.0 - 600.0 * way, 2), np.repeat([0, 1], 100),
+                                          np.arange(200) * 0.1))
+    return make
+
+
+def test_every_experiment_can_be_measured_and_keeps_to_the_data(bundle, log, tmp_path):
+    """Each is a file that is read again; strain and pressure stay where the data are."""
+    for protocol in [*menu(log(), bundle), finer(log(), bundle)]:
+        save_protocol(protocol, tmp_path / 'next.yaml')
+        assert dumps_protocol(read_protocol(tmp_path / 'next.yaml')) == dumps_protocol(protocol)
+        assert max(protocol.highest) <= 300e3
+        assert protocol.highest[1] <= 150e3
+        assert protocol.limits.force == pytest.approx(1.5 * 188.0)
+        low, high = protocol.limits.strain
+        assert low >= 0.02 - 1e-9
+        assert high <= 0.2 + (0.08 if 'past its free strain' in protocol.name else 0.0) + 1e-9
+
+
+def test_menu_has_what_tells_speed_memory_range_and_units_apart(bundle, log):
+    """Two other speeds, holds, an hour's pause, low pressures, each motor unit alone."""
+    tests = {protocol.name: protocol for protocol in menu(log(), bundle)}
+    plain = next(iter(tests.values()))
+    fast, slow = (tests[f'sweep the same isobars ten times {word}'] for word in (
+        'faster', 'slower'))
+    rates = [protocol.steps[0].rate for protocol in (fast, plain, slow)]
+    assert rates == pytest.approx([10 * rates[1], rates[1], 0.1 * rates[1]])
+    assert any(duration(protocol) > 3600.0 for protocol in tests.values())
+    alone = tests['sweep with mu2 alone under pressure']
+    assert alone.highest == (0.0, 150e3)
+    one = Bundle('one', bundle.motor_units[:1], bundle.effects)
+    data = log().data
+    single = SimpleNamespace(data=build('one', data.strain, data.pressure[:, :1], data.force,
+                                        data.trial, data.time))
+    assert not any('alone' in protocol.name for protocol in menu(single, one))
+
+
+def test_motion_is_what_the_protocol_does():
+    """Strain, pressure, rate and time of sweeps, a hold and a pause, each segment a trial."""
+    protocol = Protocol('p', 1, (
+        Sweep((0.0, 0.2), 0.1, ((50e3,), (90e3,))), Hold((0.1, 0.2), 60.0, ((70e3,),)),
+        Pause(1000.0), PressureSteps(((10e3,), (90e3,)), 0.5, 0.1)), settle=3.0)
+    done = motion(protocol)
+    begins = np.flatnonzero(done.start)
+    assert len(begins) == 4
+    assert done.time[0] == pytest.approx(1.0 + 3.0)
+    sweep = slice(begins[1], begins[2])
+    assert done.pressure[sweep, 0].tolist() == [90e3] * 50
+    assert (done.strain[sweep].min(), done.strain[sweep].max()) == (0.0, 0.2)
+    assert sorted(set(np.round(done.strain_rate[sweep], 9))) == [-0.1, 0.1]
+    assert np.ptp(done.time[sweep]) == pytest.approx(4.0)
+    moving = np.diff(done.strain[sweep]) / np.maximum(np.diff(done.time[sweep]), 1e-9)
+    assert set(np.round(moving[np.diff(done.strain[sweep]) != 0.0], 6)) == {0.1, -0.1}
+    hold = slice(begins[2], begins[3])
+    assert (done.strain_rate[hold] == 0.0).sum() == 120
+    assert np.ptp(done.time[hold]) == pytest.approx(120.2)
+    assert done.time[begins[3]] - done.time[begins[3] - 1] > 1000.0
+    steps = slice(begins[3], None)
+    assert sorted(set(done.pressure[steps, 0])) == [10e3, 90e3]
+
+
+def test_data_at_one_strain_or_without_pressure_still_have_a_next_experiment(bundle, log):
+    """A range of 0.05 and 20 kPa are then tried; a reading just over a limit is its noise."""
+    isometric, airless = log().data, log(top=0.0)
+    still = SimpleNamespace(data=build(
+        'still', np.full(200, 0.1), isometric.pressure + np.arange(200)[:, None],
+        isometric.force, isometric.trial, isometric.time))
+    sweep = menu(still, bundle)[0].steps[0]
+    assert sweep.strain == pytest.approx((0.1, 0.15))
+    assert max(menu(airless, bundle)[0].highest) == 20e3
+    over = menu(log(top=345e3), bundle)[0]
+    assert over.highest[0] == pytest.approx(344.7e3)

@@ -1,0 +1,131 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Another model while the controller runs: apply_model and restore_model."""
+
+import json
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import FluidPressure
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from fam_bundle_ros.model import Bundle, load_model, save_model
+from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.resources import config_path
+
+FRICTION = 'coulomb_friction: {force: 4 N}'
+
+
+@pytest.fixture
+def rig(graph, quiet):
+    """Return a bundle under a force that moves, on a dynamometer; friction is hidden in it."""
+    nodes = make_nodes(graph.context, overrides={
+        **quiet, 'sensors.force_noise': 0.5, 'lock_step': True, 'wait_for_reference': True,
+        'start_enabled': True, 'monitor': False, 'hidden_effect': FRICTION, 'repeat': True,
+        'trajectory': 'trajectories/live_force.yaml', 'load.repeat': True,
+        'load.profile': 'trajectories/live_strain.yaml'}, simulator={'script': graph.pacer})
+    graph.add(*nodes)
+    return nodes[-1]
+
+
+def offer(graph, node, file, refusal=''):
+    """Say on model/state that a file is the candidate, and wait until the controller has it."""
+    publisher = graph.probe.create_publisher(String, interface.MODEL_STATE, interface.LATCHED)
+    publisher.publish(String(data=json.dumps(
+        {'candidate': {'file': str(file), 'refusal': refusal}})))
+
+    def ready():
+        prepared = node._swap._prepared.get(str(file))
+        return (node._swap._candidate == str(file) and node._swap._refusal == refusal
+                and prepared and (prepared.bundle or prepared.refusal))
+    graph.until(ready, 'the candidate')
+    graph.probe.destroy_publisher(publisher)
+
+
+def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, rig, tmp_path):
+    """Setpoints go on where they were, the tracking error falls, and restore brings it back."""
+    model = load_model(config_path('models/spie2021.yaml'))
+    better = tmp_path / 'better.yaml'
+    save_model(model.with_effect('coulomb_friction', force=4.0).named('better'), better)
+    node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
+    graph.advance(rig, 0.2)
+    assert not graph.call(Trigger, 'restore_model').success
+    assert 'call diagnose first' in graph.call(Trigger, 'apply_model').message
+    offer(graph, node, better, 'worse')
+    answer = graph.call(Trigger, 'apply_model')
+    assert (answer.success, answer.message) == (False, 'worse')
+    offer(graph, node, better)
+    rows, applied = [], graph.listen('model/applied', String, interface.LATCHED)
+    wanted = graph.pacer.after
+
+    def look(rig, time, commands):
+        rows.append((time, *node.setpoints,
+                     node._reference.at(node._now()).value - rig.truth.force))
+        return wanted(rig, time, commands)
+    graph.pacer.after = look
+    changed = []
+    for service, name in (('apply_model', 'better'), ('restore_model', 'spie2021')):
+        graph.advance(rig, 7.3)
+        answer = graph.call(Trigger, service)
+        assert answer.success, answer.message
+        assert f'{name} in use since now' in answer.message
+        assert (node.bundle.name, applied[-1].data) == (name, node.p['model'])
+        changed.append(graph.pacer.time)
+    graph.advance(rig, 0.5)
+    time, *setpoints, error = np.array(rows).T
+    step = np.abs(np.diff(setpoints)).max(axis=0)
+    for at in changed:
+        # nineteen ticks of twenty change less
+        usual = np.quantile(step[(time[1:] > at - 6.0) & (time[1:] < at)], 0.95)
+        after = step[(time[1:] > at + 1e-9) & (time[1:] < at + 0.2)]
+        assert after[0] == pytest.approx(0.0, abs=1.0)
+        assert after.max() < 2.0 * usual
+    first, second = changed
+
+    def tracking(begin, end):
+        return float(np.sqrt(np.mean(error[(time > begin) & (time <= end)] ** 2)))
+    # one to and fro of the force each; what the change itself stirs up has gone by then
+    assert tracking(first + 1.3, second) < 0.6 * tracking(first - 6.0, first)
+    assert not graph.call(Trigger, 'restore_model').success
+
+
+def test_a_model_that_cannot_be_used_is_refused_and_the_old_one_stays(graph, rig, tmp_path):
+    """Another number of motor units, a file that is not there, the model of now."""
+    model = load_model(config_path('models/spie2021.yaml'))
+    one = tmp_path / 'one.yaml'
+    save_model(Bundle('one', model.motor_units[:1], model.effects), one)
+    node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
+    graph.advance(rig, 0.2)
+    for file, reason in ((one, 'motor units 1, here 2'), (tmp_path / 'no.yaml', 'no such file'),
+                         (node.p['model'], 'in use already')):
+        offer(graph, node, file)
+        answer = graph.call(Trigger, 'apply_model')
+        assert not answer.success
+        assert reason in answer.message
+    (result,) = graph.set('recruitment_controller', model='models/spie2021_damped.yaml')
+    assert 'only while the controller is off, or by apply_model' in result.reason
+    assert node.bundle.name == 'spie2021'
+
+
+def test_a_model_applied_while_it_is_off_is_used_from_the_pressures_as_they_are(graph, rig,
+                                                                             tmp_path):
+    """Setpoints of before, when it was on, do not come back when it is enabled."""
+    model = load_model(config_path('models/spie2021.yaml'))
+    better = tmp_path / 'better.yaml'
+    save_model(model.with_effect('coulomb_friction', force=4.0).named('better'), better)
+    node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
+    graph.advance(rig, 2.0)
+    assert max(node.setpoints) > 1e5
+    offer(graph, node, better)
+    assert graph.call(Trigger, 'apply_model').success
+    # before its next tick: what is to fade is that of a controller that was on
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=False)).success
+    graph.advance(rig, 2.0)
+    assert max(node.setpoints) == 0.0
+    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    seen = graph.listen('mu1/pressure_setpoint', FluidPressure)
+    graph.advance(rig, lambda: seen and node.command is not None, 'the first command')
+    assert seen[-1].fluid_pressure - 101325.0 < 5e4

@@ -1,0 +1,41 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The page "Live" in a real browser, over real ROS, with a simulated bundle."""
+
+import pytest
+
+pytest.importorskip('rclpy', reason='rclpy is not installed')
+
+from test.workbench.test_browser_story import settled
+
+
+def test_a_hidden_effect_is_noticed_named_and_brought_into_the_model(watched, pictures, domain_id):
+    """Friction comes into the rig; the page says so, names it, and both errors fall."""
+    tab = watched(device_scale_factor=1.5)
+    page = tab.open('live')
+
+    def sees(words):
+        page.wait_for_selector(f'text={words}', timeout=120_000)
+
+    def newton(key):
+        return float(page.inner_text(f'[data-mark="live:{key}"]').split()[0])
+
+    sees('No bundle speaks under /bundle')
+    tab.click('live:simulate')
+    sees('The model holds')
+    right = newton('error')
+    tab.click('live:hide')
+    sees('The model no longer holds')
+    # a full to and fro at every force is what a diagnosis wants
+    page.wait_for_timeout(5000)
+    tab.click('live:diagnose')
+    sees('Found: Coulomb friction')
+    sees('Apply brings')
+    wrong, tracked = newton('error'), newton('tracking')
+    settled(page, pictures, '5_live')
+    tab.click('live:apply')
+    sees('in use since now')
+    sees('The model holds')
+    page.wait_for_timeout(3000)
+    assert right < newton('error') < 0.6 * wrong
+    assert newton('tracking') < tracked
