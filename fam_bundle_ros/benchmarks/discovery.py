@@ -77,12 +77,12 @@ def tasks(cases: int, sets: Iterable[str] = SETS) -> list[Task]:
     return found
 
 
-def run(task: Task) -> dict[str, Any]:
+def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
     """Make a case, diagnose it, and return what was right and wrong as plain numbers."""
     case = make.make_case(task.kind, task.seed, task.hidden, task.form, task.noise, task.off,
                           task.outsider, task.size)
     begun = time.process_time()
-    result = diagnose(case.model, case.data)
+    result = diagnose(case.model, case.data, choices=choices)
     seconds = time.process_time() - begun
     visible = left_to_see(case)
     named = set(result.effects)

@@ -27,6 +27,7 @@ from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.options import family
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.rivals import empirical
+from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model
 
@@ -89,7 +90,7 @@ def splits(data: Measurement, draws: int = DRAWS) -> Iterator[tuple[str, np.ndar
         yield f'{count} {kind}, draw {seed}', np.isin(level, chosen)
 
 
-def score(split: Split) -> dict[str, Any]:
+def score(split: Split, choices: Choices | None = None) -> dict[str, Any]:
     """
     Diagnose what was not kept away and return errors on what was.
 
@@ -102,7 +103,7 @@ def score(split: Split) -> dict[str, Any]:
     """
     data, model = read_measurement(split.data), load_model(split.model)
     train, test = data.select(~split.test), data.select(split.test)
-    result = diagnose(model, train)
+    result = diagnose(model, train, choices=choices)
     rival = empirical(train.strain, train.pressure, train.force, np.ones(len(train)))
     errors = {'held_out_N': rms(test.force - predict(_written(result.recommended), test)),
               'physics_N': rms(test.force - predict(result.recommended.model, test)),

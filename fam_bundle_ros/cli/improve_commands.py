@@ -128,6 +128,10 @@ def ladder(
     table(('model', 'error (N)', 'refitted (N)', 'held out (N)'),
           [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'])
            for step in result.steps], numeric=(1, 2, 3))
+    console.print('on the same rows held out: ' + ', '.join(
+        f'{words} {result.rivals_N[name]:.3g} N' for name, words in (
+            ('mean', 'mean force'), ('plane', 'plane'),
+            ('empirical', 'six-parameter empirical form'))))
     console.print(escape(str(result.noise)), soft_wrap=True)
     if len(orders) > 1:
         table(('in this order', 'error after each step (N)'),

@@ -60,6 +60,8 @@ def diagnose_table(bundle: Any, path: Path, files: list[str], reading: Reading, 
         result = discovery.diagnose_specimens(bundle, specimens, progress=tick, choices=choices)
     show_muscle(bundle)
     console.print(f"[bold]missing in all:[/bold] {escape(', '.join(result.effects) or 'nothing')}")
+    for group in result.tied:
+        console.print(f"[bold]tied:[/bold] {escape(', '.join(group))}")
     table(('specimen', 'error (N)', 'recalibrated (N)', 'best (N)'),
           [(s.name, e['model'], e['recalibrated'], e['best'])
            for s, e in zip(result.specimens, result.error_N)], numeric=(1, 2, 3))

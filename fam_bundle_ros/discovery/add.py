@@ -259,7 +259,7 @@ class Ladder(Told):
     def figure(self) -> Any:
         """Return the plotly figure of the ladder (extra `tools`)."""
         from fam_bundle_ros.discovery import figures
-        return figures.ladder(self.steps, self.noise.value)
+        return figures.ladder(self.steps, self.noise.value, self.rivals_N['empirical'])
 
 
 def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:

@@ -104,7 +104,7 @@ def average_over(label: np.ndarray, count: np.ndarray, values: np.ndarray) -> np
                      for column in values.T], -1)
 
 
-def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) -> Cells:
+def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> Cells:
     """
     Return a measurement as cells.
 
@@ -114,14 +114,16 @@ def reduce(model: Bundle, measurement: Measurement, most: int = settings.CELLS) 
         Its residual shows the noise and rows that stand alone; those are in no cell, nor are
         rows of a log where the direction of motion is not known (see `unknown_direction`).
     measurement : Measurement
-    most : int
-        Most cells; where visits are more, an even choice of them is kept.
+    most : int, optional
+        Most cells, by default `settings.CELLS`; where visits are more, an even choice of them is
+        kept.
 
     Raises
     ------
     InputError
         Where data and model have other motor units.
     """
+    most = most or settings.CELLS
     data = thinned(matched(model, measurement), settings.ROWS)
     record = motion(data)
     residual = data.force - model.predict(record)

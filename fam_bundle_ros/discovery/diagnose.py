@@ -119,7 +119,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     beyond = beyond_cells(cells, final, error['best'] if final is not base else
                           error['recalibrated'])
     held = held.of_rows(beyond)
-    leftover = Leftover.of(fitter.covariance, joint)
+    before, leftover = (Leftover.of(fitter.covariance, fit) for fit in (search.null, joint))
     recommended = recommend(best, joint, held, fitter)
     residual = data.force - predict(best, data)
     shapes = describe(cells, final)
@@ -143,6 +143,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
                *notes_on(cells, comparison.noise, base, final, held)),
         rows_left_out=int((cells.label < 0).sum()), confounding=confounding(final),
         held_out=held, recommended=recommended, leftover=leftover,
+        leftover_before=before, likely=tuple(posterior.likely(joint.names)),
         ladder=_ladder(search, answer, error, base, held, beyond),
         seconds=time.perf_counter() - begun)
 

@@ -44,6 +44,12 @@ class Estimate:
         How many tolerances (widths of its prior) a parameter of the model has moved.
     si : float
         The value in SI units.
+    prior : tuple of float
+        Centre and 95 % ends of what was taken for likely before the data, in the unit.
+    moved : tuple of float
+        Value and 95 % ends in widths of the prior, from its centre, within the bounds.
+    reach : tuple of float
+        95 % ends of the prior itself in such widths.
     data_alone : tuple of float
         What the data say without the parameter's prior: value and both ends of the 95 % interval.
         It is what to compare specimens by: a prior draws all of them towards one value. Empty
@@ -58,6 +64,9 @@ class Estimate:
     tolerances: float | None
     si: float
     si_interval: tuple[float, float]
+    prior: tuple[float, float, float]
+    moved: tuple[float, float, float]
+    reach: tuple[float, float]
     data_alone: tuple[float, ...] = ()
 
     def __str__(self) -> str:
@@ -71,8 +80,8 @@ class Estimate:
         """Return value, unit, interval and flag."""
         chosen = asdict(self)
         chosen['interval'] = list(self.interval)
-        chosen['si_interval'] = list(self.si_interval)
-        chosen['data_alone'] = list(self.data_alone)
+        for name in ('si_interval', 'prior', 'moved', 'reach', 'data_alone'):
+            chosen[name] = list(chosen[name])
         return chosen
 
 
@@ -103,7 +112,12 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
     for j, (prior, u) in enumerate(zip(fit.priors, fit.u)):
         unit, size = unit_of(fit.model, prior.key)
         spread = max(own[j], (posterior.spread(prior.key, u) if posterior else None) or 0.0)
-        ends = (prior.theta(u - _95 * spread), prior.theta(u + _95 * spread))
+        low, high = prior.limits
+        moved = (float(u), max(float(u - _95 * spread), low), min(float(u + _95 * spread), high))
+        ends = (prior.theta(moved[1]), prior.theta(moved[2]))
+        reach = (max(-_95, low), min(_95, high))
+        before = (prior.theta(0.0) / size, prior.theta(reach[0]) / size,
+                  prior.theta(reach[1]) / size)
         flag = ''
         if own[j] > DEAD:
             flag = 'dead: the data do not move it'
@@ -117,7 +131,8 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
                 flag = f'traded off with {fit.priors[worst].key}'
         value = prior.theta(u)
         found.append(Estimate(prior.key, value / size, unit, (ends[0] / size, ends[1] / size),
-                              flag, float(u) if prior.own else None, value, ends,
+                              flag, float(u) if prior.own else None, value, ends, before,
+                              moved, reach,
                               tuple(v / size for v in _data_alone(prior, u, own[j]))))
     return found
 

@@ -32,7 +32,7 @@ __all__ = ['candidates', 'comparison', 'confounding', 'diagnosis', 'has_isobars'
 MOST_POINTS = 6000
 _MODEL = palette.effect('mesh')
 _NOISE = palette.NEUTRAL['faint'].light
-_DIVERGING = [[0.0, palette.DIRECTIONS[1].light], [0.5, palette.NEUTRAL['paper'].light],
+DIVERGING = [[0.0, palette.DIRECTIONS[1].light], [0.5, palette.NEUTRAL['paper'].light],
               [1.0, palette.DIRECTIONS[-1].light]]
 
 
@@ -75,7 +75,7 @@ def residual_maps(result: Comparison, model: Bundle | None = None) -> go.Figure:
     for column, part in enumerate(parts, start=1):
         drawing.add_trace(go.Heatmap(
             x=maps['strain'], y=maps['pressure'] / 1e3, z=maps[part], zmin=-largest, zmax=largest,
-            colorscale=_DIVERGING, hoverongaps=False, showscale=column == len(parts),
+            colorscale=DIVERGING, hoverongaps=False, showscale=column == len(parts),
             colorbar={'title': {'text': 'N', 'side': 'top'}, 'thickness': 12, 'outlinewidth': 0},
             hovertemplate='%{z:.2f} N at strain %{x:.3f}, %{y:.0f} kPa<extra></extra>'),
             row=1, col=column)
@@ -84,7 +84,7 @@ def residual_maps(result: Comparison, model: Bundle | None = None) -> go.Figure:
     drawing.update_xaxes(showgrid=False)
     drawing.update_yaxes(showgrid=False)
     drawing.update_yaxes(title_text=_pressure_title(result.measurement), row=1, col=1)
-    _small_titles(drawing)
+    small_titles(drawing)
     return drawing
 
 
@@ -104,7 +104,7 @@ def loops(result: Comparison, most: int = 4) -> go.Figure | None:
     plotting.style_axes(drawing, x='strain')
     for column, k in enumerate(shown, start=1):
         for direction, name in ((1, 'shortening'), (-1, 'lengthening')):
-            rows = _thin(np.flatnonzero((level == k) & (data.direction == direction)),
+            rows = thin(np.flatnonzero((level == k) & (data.direction == direction)),
                          MOST_POINTS // 8)
             drawing.add_trace(plotting.points(
                 data.strain[rows], result.residual[rows], name, palette.DIRECTIONS[direction],
@@ -113,20 +113,23 @@ def loops(result: Comparison, most: int = 4) -> go.Figure | None:
                 row=1, col=column)
         drawing.add_hline(0.0, row=1, col=column, line={'color': _NOISE, 'width': 1})
     drawing.update_yaxes(title_text='residual (N)', row=1, col=1)
-    _small_titles(drawing)
+    small_titles(drawing)
     drawing.update_layout(legend={'y': 1.1})
     return drawing
 
 
-def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None) -> go.Figure:
+def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None,
+           empirical: float | None = None) -> go.Figure:
     """
-    Draw the error after each step of a model against the noise floor.
+    Draw the error after each step of a model against the noise floor and the empirical form.
 
     Parameters
     ----------
     steps : sequence of mapping
         ``step`` (name), ``error_N`` and, where it was worked out, ``held_out_N``.
     noise : float, N, optional
+    empirical : float, N, optional
+        Held-out error of the six-parameter empirical form.
     """
     names = [str(step['step']) for step in steps]
     errors = [float(step['error_N']) for step in steps]
@@ -144,13 +147,15 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None) -> go
             textposition=_ladder_places(values, held if k == 0 else errors, k == 0),
             textfont={'size': 12, 'color': colour},
             customdata=names, hovertemplate='%{y:.3g} N<extra>%{customdata}</extra>'))
-    seen = [float(value) for value in [*errors, *held, noise] if value]
+    seen = [float(value) for value in [*errors, *held, noise, empirical] if value]
     low, high = 0.55 * min(seen), 1.9 * max(seen)
-    if noise:
-        drawing.add_hline(noise, line={'color': plotting.MUTED, 'dash': 'dash', 'width': 1.4})
-        plotting.label(drawing, 0.0, np.log10(noise), f'noise floor {noise:.3g} N',
-                       plotting.MUTED, xref='paper', xanchor='left', yanchor='top', yref='y',
-                       xshift=6)
+    for value, words, dash in ((noise, 'noise floor', 'dash'),
+                               (empirical, 'six-parameter form, held out,', 'dot')):
+        if value:
+            drawing.add_hline(value, line={'color': plotting.MUTED, 'dash': dash, 'width': 1.4})
+            plotting.label(drawing, 0.0, np.log10(value), f'{words} {value:.3g} N',
+                           plotting.MUTED, xref='paper', xanchor='left', yanchor='top', yref='y',
+                           xshift=6)
     # a log scale tells a fall from 150 to 8 N and one from 0.9 to 0.6 N alike
     decades = [m * 10.0 ** e for e in range(-4, 6) for m in (1, 2, 5)]
     ticks = [tick for tick in decades if low <= tick <= high]
@@ -192,7 +197,7 @@ def confounding(result: Diagnosis) -> go.Figure | None:
     drawing = plotting.figure(height=150 + 42 * len(names))
     shown = np.where(np.abs(shown) < 0.005, 0.0, shown)
     drawing.add_trace(go.Heatmap(
-        x=_short(names[:-1]), y=names[1:], z=shown, zmin=-1.0, zmax=1.0, colorscale=_DIVERGING,
+        x=_short(names[:-1]), y=names[1:], z=shown, zmin=-1.0, zmax=1.0, colorscale=DIVERGING,
         text=np.where(np.isfinite(shown), np.char.mod('%.2f', shown), ''), texttemplate='%{text}',
         hoverongaps=False, xgap=2, ygap=2, hovertemplate='%{y} and %{x}: %{z:.2f}<extra></extra>',
         colorbar={'title': {'text': 'correlation', 'side': 'right'}, 'thickness': 12,
@@ -230,7 +235,7 @@ def _isobars(drawing: go.Figure, result: Comparison) -> None:
     every = max(1, len(means) // 10 + (len(means) % 10 > 0)) if len(means) > 12 else 1
     span = max(float(np.ptp(means)), 1.0)
     for k, mean in enumerate(means):
-        rows = _thin(np.flatnonzero(level == k), MOST_POINTS // len(means))
+        rows = thin(np.flatnonzero(level == k), MOST_POINTS // len(means))
         colour = palette.isobar((mean - means[0]) / span)
         group = f'{round(mean / 1e3) + 0} kPa'
         x, y = _line(data, result.prediction, rows)
@@ -251,7 +256,7 @@ def _isobars(drawing: go.Figure, result: Comparison) -> None:
 
 def _record(drawing: go.Figure, result: Comparison) -> None:
     data = result.measurement
-    rows = _thin(np.arange(len(data)), MOST_POINTS)
+    rows = thin(np.arange(len(data)), MOST_POINTS)
     clock = np.array(data.clock, float)
     # trials that each begin at zero are laid end to end
     for first in np.flatnonzero(data.start)[1:]:
@@ -314,12 +319,13 @@ def _pressure_title(data: Measurement) -> str:
     return f'pressure of {data.motor_units[varying_unit(data)]} (kPa)'
 
 
-def _small_titles(drawing: go.Figure) -> None:
+def small_titles(drawing: go.Figure) -> None:
+    """Set the titles of panels small, as words beside them."""
     for annotation in drawing.layout.annotations:
         if annotation.yref == 'paper':
             annotation.font = {'size': 13, 'color': plotting.MUTED}
 
 
-def _thin(rows: np.ndarray, most: int) -> np.ndarray:
+def thin(rows: np.ndarray, most: int) -> np.ndarray:
     """Return every so-manieth row, at most ``most``."""
     return rows[::max(1, -(-len(rows) // max(most, 1)))]

@@ -9,7 +9,7 @@ Folds are whole trials, isobars and inner strain levels, whichever the data offe
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -21,6 +21,24 @@ from fam_bundle_ros.discovery.rivals import missed, RIVALS
 
 #: Steps of a fit that begins at that on all cells.
 _STEPS = 3
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """
+    Forces of cells that were left out, each predicted by fits that did not see its fold.
+
+    Attributes
+    ----------
+    measured, physics, discrepancy, empirical : ndarray, shape (k,), N
+        Mean measured force of the cell; effects alone, effects with the discrepancy's mean, and
+        the six-parameter empirical form.
+    """
+
+    measured: np.ndarray
+    physics: np.ndarray
+    discrepancy: np.ndarray
+    empirical: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -39,12 +57,15 @@ class HeldOut:
     kinds : dict of str to (float, float)
         ``physics`` and ``discrepancy`` on each kind of folds; empty where the data offer none
         (then the errors are those of the fit).
+    unseen : dict of str to Unseen
+        Cell by cell, on each kind of folds.
     """
 
     physics: float
     discrepancy: float
     rivals: dict[str, float]
     kinds: dict[str, tuple[float, float]]
+    unseen: dict[str, Unseen] = field(default_factory=dict, repr=False)
 
     @property
     def best(self) -> float:
@@ -63,10 +84,10 @@ class HeldOut:
 
     def of_rows(self, beyond: float) -> HeldOut:
         """Return the errors of rows, which are off from their cells by so much (N rms)."""
-        return HeldOut(float(np.hypot(self.physics, beyond)),
-                       float(np.hypot(self.discrepancy, beyond)),
-                       {name: float(np.hypot(value, beyond))
-                        for name, value in self.rivals.items()}, self.kinds)
+        return replace(self, physics=float(np.hypot(self.physics, beyond)),
+                       discrepancy=float(np.hypot(self.discrepancy, beyond)),
+                       rivals={name: float(np.hypot(value, beyond))
+                               for name, value in self.rivals.items()})
 
 
 def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
@@ -139,18 +160,24 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     names = ('physics', 'discrepancy', *RIVALS)
     squares: dict[str, np.ndarray] = {}
     counts: dict[str, float] = {}
+    seen: dict[str, list[np.ndarray]] = {}
+    shown = [names.index(name) for name in ('physics', 'discrepancy', 'empirical')]
     folds = list(_folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
     for kind, train, test in folds:
         weight = cells.count[test]
         errors = [_without(fitter, physics, train)[test], _with(fitter, joint, train)[test],
                   *(missed(rival, cells, train, test) for rival in RIVALS)]
+        force = cells.force[test]
+        seen.setdefault(kind, []).append(
+            np.stack([force, *(force - errors[place] for place in shown)]))
         squares[kind] = squares.get(kind, 0.0) + np.square(errors) @ weight
         counts[kind] = counts.get(kind, 0.0) + float(weight.sum())
     means = dict(zip(names, np.sqrt(sum(squares.values()) / sum(counts.values())).tolist()))
     return HeldOut(means.pop('physics'), means.pop('discrepancy'), means, {
         kind: (float(each[0]), float(each[1]))
         for kind, each in ((kind, np.sqrt(square / counts[kind]))
-                           for kind, square in squares.items()) if kind})
+                           for kind, square in squares.items()) if kind},
+        {kind: Unseen(*np.concatenate(parts, axis=1)) for kind, parts in seen.items() if kind})
 
 
 def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:

@@ -48,9 +48,13 @@ def makers(kind: str) -> tuple[str, ...]:
 
 
 def shapes_of(name: str) -> list[Effect]:
-    """Return the other shapes that a head stands for; none for the name of a single shape."""
+    """
+    Return the other shapes that a head stands for; none for the name of a single shape.
+
+    Only those that a muscle of one length can tell.
+    """
     return [kind() for other, kind in catalogue.available().items()
-            if other != name and head(other) == name]
+            if other != name and head(other) == name and not kind.needs_lengths]
 
 
 @dataclass(frozen=True)
@@ -73,13 +77,19 @@ class Options:
     effects: dict[str, Effect]
 
     @classmethod
-    def of(cls, model: Bundle, cells: Cells, choices: Choices) -> Options:
-        """Return the options that a catalogue offers: effects that these data could show."""
+    def of(cls, model: Bundle, cells: Cells, choices: Choices, lengths: int = 1) -> Options:
+        """
+        Return the options that a catalogue offers: effects that these data could show.
+
+        ``lengths`` is how many lengths the muscles of the whole analysis have.
+        """
         effects = {effect.name: effect for effect in model.effects}
         for name, kind in catalogue.available().items():
             if name in effects or not kind.candidate or kind.load is not None:
                 continue
             if kind.place is Place.PNEUMATICS or (kind.needs_time and cells.data.is_static):
+                continue
+            if kind.needs_lengths and lengths < 2:
                 continue
             effect = kind()
             if not _without_numbers(effect) and not _is_silent(model, effect, cells):

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,11 @@ class Change:
         """The change as a ranking shows it: the head of what is added, the shape that replaces."""
         return self.new if self.old and self.new else head(self.name)
 
+    def __str__(self) -> str:
+        if self.old and self.new:
+            return f'{self.new} for {self.old}'
+        return self.new or f'no {self.old}'
+
     def undone(self, names: Names) -> Names:
         """Return a set without this change."""
         names = without(names, self.new) if self.new else names
@@ -53,6 +59,32 @@ def changes(options: Options, names: Names) -> list[Change]:
     return [*(Change('', name) for name in options.added(names)),
             *(Change(old, new) for old, new in options.replaced(names).items()),
             *(Change(name, '') for name in options.removed(names))]
+
+
+@dataclass(frozen=True)
+class LikelySet:
+    """
+    A set of effects and its probability over all sets that were fitted.
+
+    Attributes
+    ----------
+    changes : tuple of Change
+        Against the model as given; empty for that model itself, recalibrated.
+    probability : float
+    chosen : bool
+        Whether it is the one that is told.
+    """
+
+    changes: tuple[Change, ...]
+    probability: float
+    chosen: bool
+
+    def __str__(self) -> str:
+        return ', '.join(map(str, self.changes)) or 'nothing missing'
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry as JSON has it."""
+        return {'set': str(self), 'probability': self.probability, 'chosen': self.chosen}
 
 
 @dataclass(frozen=True)
@@ -86,6 +118,12 @@ class Posterior:
     @cached_property
     def _changes(self) -> list[list[Change]]:
         return [changes(self.options, fit.names) for fit in self.fits]
+
+    def likely(self, chosen: Names, most: int = 8) -> list[LikelySet]:
+        """Return the most probable sets, and the chosen one wherever it stands."""
+        found = [LikelySet(tuple(set_), float(weight), fit.names == chosen)
+                 for fit, set_, weight in zip(self.fits, self._changes, self.weights)]
+        return found[:most] + [each for each in found[most:] if each.chosen]
 
     def labels(self) -> list[str]:
         """Return the names of all changes that were tried."""

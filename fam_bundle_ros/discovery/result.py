@@ -19,6 +19,7 @@ from fam_bundle_ros.discovery.estimates import Estimate
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.locate import Region
+from fam_bundle_ros.discovery.posterior import LikelySet
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
@@ -181,8 +182,10 @@ class Diagnosis(Told):
     held_out : HeldOut
         Errors on folds left out.
     recommended : Recommended
-    leftover : Leftover
-        The discrepancy beside the best model, as a map.
+    leftover, leftover_before : Leftover
+        The discrepancy beside the best model, and beside the model as it came, as maps.
+    likely : tuple of LikelySet
+        The most probable sets of effects, and the chosen one.
     ladder : list of dict
         The steps from the model as it was to the best one: ``step``, ``error_N``, ``held_out_N``.
     """
@@ -213,6 +216,8 @@ class Diagnosis(Told):
     held_out: HeldOut
     recommended: Recommended
     leftover: Leftover = field(repr=False)
+    leftover_before: Leftover = field(repr=False)
+    likely: tuple[LikelySet, ...]
     ladder: list[dict[str, Any]] = field(default_factory=list)
     seconds: float = 0.0
     next_protocol: Protocol | None = None
@@ -272,6 +277,7 @@ class Diagnosis(Told):
             'replaced': dict(self.replaced), 'removed': list(self.removed),
             'recommended': self.recommended.to_dict(),
             'ranking': [entry.to_dict() for entry in self.ranking],
+            'sets': [each.to_dict() for each in self.likely],
             'tied': [list(group) for group in self.tied],
             'located': [region.to_dict() for region in self.located],
             'next_experiment': self.next_experiment,

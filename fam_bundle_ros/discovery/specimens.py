@@ -17,7 +17,7 @@ import csv
 from dataclasses import dataclass, field
 from pathlib import Path
 import re
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +28,10 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.estimates import DEAD, estimates, unit_of, with_intervals
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.options import Names, Options
+from fam_bundle_ros.discovery.estimates import estimates, with_intervals
+from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.material import Constant, constants, sharings
+from fam_bundle_ros.discovery.options import Names, Options, with_name, without
 from fam_bundle_ros.discovery.posterior import Change, changes, Posterior
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.search import Progress, Search
@@ -45,8 +46,6 @@ DIMENSIONS = {'length': 'm', 'radius': 'm', 'diameter': 'm', 'braid_angle': 'deg
              'wall_thickness': 'm'}
 #: Sets of each specimen that are weighed on all of them.
 _SETS = 6
-#: Chance that a constant of the material is said to differ between specimens.
-_ALARM = 0.01
 _HEADER = re.compile(r'^\s*(?P<name>[^\[\]]+?)\s*(\[(?P<unit>[^\]]*)\])?\s*$')
 
 
@@ -151,45 +150,6 @@ def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], ro
     return Specimen(Path(file).stem, path.parent / file, dimensions, facts, remarks, units)
 
 
-class Constant(NamedTuple):
-    """
-    A parameter of the effects over the specimens.
-
-    Attributes
-    ----------
-    key, unit : str
-    values, sd : list of float
-        Of each specimen, in the unit.
-    shared : float
-        Probability that it is one number, before a fact of the table is asked.
-    value : float
-        The one number that fits all best, in the unit.
-    goes_with : str
-        Fact of the table in whose power it goes; empty for none.
-    power : float
-    """
-
-    key: str
-    unit: str
-    values: list[float]
-    sd: list[float]
-    shared: float
-    value: float
-    goes_with: str
-    power: float
-
-    def __str__(self) -> str:
-        unit = f' {self.unit}' if self.unit else ''
-        if self.shared > 0.5:
-            return (f'{self.key} is {self.value:.4g}{unit} in all '
-                    f'(probability {self.shared:.2f}): a constant of the material')
-        text = ', '.join(f'{value:.4g}' for value in self.values)
-        if self.goes_with:
-            return (f'{self.key} goes with {self.goes_with} (power {self.power:.2g}: {text}{unit})'
-                    ': no constant of the material')
-        return f'{self.key} differs ({text}{unit}) and goes with nothing in the table'
-
-
 @dataclass(frozen=True, repr=False)
 class Together(Told):
     """
@@ -200,6 +160,8 @@ class Together(Told):
     specimens : tuple of Specimen
     changes : tuple of Change
         Against the model as given; empty when no effect is missing.
+    tied : tuple of tuple of str
+        A shape that was chosen, and those that do as well in its place.
     probability : dict of str to float
         Of each effect, over all sets that were weighed.
     constants : tuple of Constant
@@ -211,6 +173,7 @@ class Together(Told):
 
     specimens: tuple[Specimen, ...]
     changes: tuple[Change, ...]
+    tied: tuple[tuple[str, ...], ...]
     probability: dict[str, float]
     constants: tuple[Constant, ...]
     models: tuple[Bundle, ...]
@@ -226,6 +189,7 @@ class Together(Told):
         lines += [f"{s.name}: {e['model']:.3g} N as it is, {e['recalibrated']:.3g} N "
                   f"recalibrated, {e['best']:.3g} N at best"
                   for s, e in zip(self.specimens, self.error_N)]
+        lines += [f"tied: {', '.join(group)}" for group in self.tied]
         return '\n'.join([*lines, *map(str, self.constants)])
 
     def to_dict(self) -> dict[str, Any]:
@@ -234,6 +198,7 @@ class Together(Told):
                 'shapes': [c.new for c in self.changes if not c.old],
                 'replaced': {c.old: c.new for c in self.changes if c.old and c.new},
                 'removed': [c.old for c in self.changes if not c.new],
+                'tied': [list(group) for group in self.tied],
                 'probability': self.probability,
                 'specimens': [{'name': s.name, 'facts': dict(s.facts), 'error_N': e}
                               for s, e in zip(self.specimens, self.error_N)],
@@ -246,8 +211,7 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
     Find out which effects a model is missing in all of several specimens.
 
     The log posterior of a set is that of its prior, plus the log evidence of every specimen, plus
-    for each constant of its effects log((1 + B)/2): B is the Bayes factor of one number for all
-    against one for each, by the normal approximation of each posterior.
+    what is gained where constants of its effects are one number in all (see `material`).
 
     Parameters
     ----------
@@ -266,6 +230,8 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
     if len(specimens) < 2:
         raise InputError(f'{len(specimens)} specimens; expected two or more')
     choices = choices or Choices()
+    lengths = len({specimen.model(model).motor_units[0].geometry.length
+                   for specimen in specimens})
     searches, before = [], []
     for k, specimen in enumerate(specimens):
         if progress:
@@ -275,7 +241,7 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
         before.append(comparison)
         cells = reduce(own, comparison.measurement)
         fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-        searches.append(Search(Options.of(own, cells, choices), fitter).run())
+        searches.append(Search(Options.of(own, cells, choices, lengths), fitter).run())
     weighed = _Weighed(searches)
     names, answer = weighed.named()
     fits = [search.fitter.without_discrepancy(search.fit(names)) for search in searches]
@@ -287,8 +253,9 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
         word: rms(each.measurement.force - predict(fit.model, each.measurement))
         for word, fit in (('recalibrated', null), ('best', best))}}
         for each, null, best in zip(before, nulls, fits)]
-    return Together(tuple(specimens), tuple(answer), weighed.probability(),
-                    tuple(_constants(fits, specimens)), models, errors)
+    facts = [specimen.facts for specimen in specimens]
+    return Together(tuple(specimens), tuple(answer), weighed.ties(names, answer, choices.odds),
+                    weighed.probability(), tuple(constants(fits, facts)), models, errors)
 
 
 class _Weighed:
@@ -308,8 +275,7 @@ class _Weighed:
     def _log_posterior(self, names: Names) -> float:
         fits = [search.fit(names) for search in self.searches]
         return (fits[0].log_prior + sum(fit.evidence for fit in fits)
-                + sum(np.log(0.5 + 0.5 * np.exp(min(_one_number(fits, key)[0], 700.0)))
-                      for key in _keys(fits)))
+                + sum(each.log_factor for each in sharings(fits)))
 
     def probability(self) -> dict[str, float]:
         """Return the probability of each change, by its label."""
@@ -341,89 +307,12 @@ class _Weighed:
                 return names, sorted(loss, key=lambda change: -loss[change])
             names = least.undone(names)
 
-
-def _keys(fits: list[Fit]) -> list[str]:
-    """Return the parameters that might be constants of the material: those of force effects."""
-    return [prior.key for prior in fits[0].priors if not prior.key.startswith('geometry.')
-            and fits[0].model.effect(prior.key.partition('.')[0]).place.value != 'sensor']
-
-
-def _coordinates(fits: list[Fit], key: str) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Return values, their sd, and mean and sd of the prior; logarithms of log-normal ones."""
-    values, sd, priors = [], [], []
-    for fit in fits:
-        place = [prior.key for prior in fit.priors].index(key)
-        prior = fit.priors[place]
-        centre = np.log(prior.value) if prior.kind == 'log' else prior.value
-        values.append(centre + prior.width * fit.u[place])
-        sd.append(prior.width * np.sqrt(fit.covariance[place, place]))
-        priors.append((centre, prior.width))
-    return np.array(values), np.array(sd), priors[0][0], max(width for _, width in priors)
-
-
-def _one_number(fits: list[Fit], key: str) -> tuple[float, float]:
-    """
-    Return the log Bayes factor of one number against one for each, and that number.
-
-    With posteriors N(x_i, s_i^2) under the prior N(m, w^2) the likelihoods are normal again.
-    """
-    x, s, m, w = _coordinates(fits, key)
-    # posterior over prior: the likelihood of each specimen, as mean and precision
-    precision = np.maximum(1.0 / s ** 2 - 1.0 / w ** 2, 1e-9 / w ** 2)
-    mean = m + (x - m) / s ** 2 / precision
-    total = precision.sum() + 1.0 / w ** 2
-    best = (precision @ mean + m / w ** 2) / total
-
-    def log_evidence(p: np.ndarray, y: np.ndarray) -> float:
-        # of likelihoods exp(-p (y - theta)^2 / 2) under the prior, without what both share
-        whole = p.sum() + 1.0 / w ** 2
-        centre = (p @ y + m / w ** 2) / whole
-        square = p @ y ** 2 + m ** 2 / w ** 2 - whole * centre ** 2
-        return float(-0.5 * square - 0.5 * np.log(whole * w ** 2))
-
-    each = sum(log_evidence(precision[[i]], mean[[i]]) for i in range(len(x)))
-    return log_evidence(precision, mean) - each, float(best)
-
-
-def _constants(fits: list[Fit], specimens: Sequence[Specimen]) -> list[Constant]:
-    """Return how each parameter of the effects goes over the specimens."""
-    found = []
-    for key in _keys(fits):
-        factor, one = _one_number(fits, key)
-        x, s, _, w = _coordinates(fits, key)
-        if np.all(s > DEAD * w):
-            continue
-        unit, size = unit_of(fits[0].model, key)
-        is_log = next(p for p in fits[0].priors if p.key == key).kind == 'log'
-        shared = 1.0 / (1.0 + np.exp(-np.clip(factor, -700.0, 700.0)))
-        goes_with, power = ('', 0.0) if shared > 0.5 else _goes_with(x, s, specimens, is_log)
-        values = np.exp(x) if is_log else x
-        found.append(Constant(
-            key, unit, (values / size).tolist(), (s * (values if is_log else 1.0) / size).tolist(),
-            float(shared), float(np.exp(one) if is_log else one) / size, goes_with, power))
-    return found
-
-
-def _goes_with(x: np.ndarray, s: np.ndarray, specimens: Sequence[Specimen], is_log: bool
-               ) -> tuple[str, float]:
-    """
-    Return the fact in whose power a parameter goes, and the power; empty for none.
-
-    A straight line of logarithms, weighted; it has to take the scatter down to what the errors
-    of the fits make (chi-square), and three specimens are the least that can show that.
-    """
-    from scipy import stats
-    best: tuple[float, str, float] | None = None
-    facts = set.intersection(*(set(specimen.facts) for specimen in specimens))
-    for fact in sorted(facts):
-        t = np.array([specimen.facts[fact] for specimen in specimens])
-        positive = is_log or bool(np.all(x > 0.0))
-        if len(x) < 3 or np.any(t <= 0.0) or len(np.unique(t)) < 2 or not positive:
-            continue
-        y, spread = (x, s) if is_log else (np.log(x), s / x)
-        line = np.stack([np.ones(len(t)), np.log(t)], -1) / spread[:, None]
-        found, _, _, _ = np.linalg.lstsq(line, y / spread, rcond=None)
-        left = float(np.sum((y / spread - line @ found) ** 2))
-        if stats.chi2.sf(left, len(t) - 2) > _ALARM and (best is None or left < best[0]):
-            best = (left, fact, float(found[1]))
-    return best[1:] if best is not None else ('', 0.0)
+    def ties(self, names: Names, answer: Sequence[Change], odds: float
+             ) -> tuple[tuple[str, ...], ...]:
+        """Return each shape of an answer with those that do as well in its place."""
+        least = self.value[names] - np.log(odds)
+        groups = [(change.new, *(other for other in sorted(self._common - set(names))
+                                 if self.value.get(with_name(without(names, change.new), other),
+                                                   -np.inf) > least))
+                  for change in answer if change.new]
+        return tuple(group for group in groups if len(group) > 1)

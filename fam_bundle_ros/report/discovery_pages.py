@@ -6,7 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fam_bundle_ros.discovery import Comparison, Diagnosis, figures, Ladder
+import numpy as np
+
+from fam_bundle_ros.data.folds import KINDS
+from fam_bundle_ros.discovery import answer_figures, Comparison, Diagnosis, figures, Ladder
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report.map_page import effects_table, units_table
@@ -87,6 +90,9 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
                              'effects that were fitted together with the model’s own '
                              'parameters, and the error of the best set that holds it.'
                              + ('' if answered else ' As if one of them had to be the answer.')))
+    sets = answer_figures.sets(result)
+    if sets is not None:
+        shown.append(Picture('sets', 'Sets of effects', sets, _sets_words(result)))
     if result.ranking:
         shown.append(Table(
             ('effect', 'family', 'probability' if answered else 'among these', 'error (N)',
@@ -104,15 +110,26 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
             [Table(('shape', 'coefficient', 'unit', 'explains (%)', 'size (N)'),
                    [(t.words, t.coefficient, t.unit, 100.0 * t.explained, t.size_N)
                     for t in result.shapes_left])]))
+    sections += _unseen_section(result)
     if len(result.ladder) > 1:
-        sections.append(Section('Ladder', '', [ladder_picture(result.ladder,
-                                                              result.noise.value)]))
+        sections.append(Section('Ladder', '', [ladder_picture(
+            result.ladder, result.noise.value, result.held_out.rivals['empirical'])]))
+    sections += _discrepancy_section(result)
     parameters: list[Any] = []
     if result.parameters:
         parameters.append(Table(
             ('parameter', 'value', 'unit', '95 % from', 'to', 'tolerances moved', 'note'),
             [(e.key, e.value, e.unit, *e.interval, e.tolerances, e.flag)
              for e in result.parameters]))
+    moved = answer_figures.priors(result)
+    if moved is not None:
+        parameters.append(Picture(
+            'priors', 'Each parameter before and after the data', moved,
+            'Bars hold 95 %. The prior of the model’s own dimensions is their tolerance, that '
+            'of an effect comes from the catalogue; constants that cannot be negative are on a '
+            'logarithmic scale. What is beyond six widths is drawn at six. A bar as wide as '
+            'before was not moved by these data; one outside the grey contradicts what was '
+            'believed.'))
     matrix = figures.confounding(result)
     if matrix is not None:
         parameters.append(Picture(
@@ -128,7 +145,7 @@ def ladder_page(result: Ladder, orders: Mapping[str, Sequence[float]],
     """Return the page of ``fam_bundle ladder``: the error after each model."""
     first, last = result.steps[0], result.steps[-1]
     items: list[Any] = [
-        ladder_picture(result.steps, result.noise.value),
+        ladder_picture(result.steps, result.noise.value, result.rivals_N['empirical']),
         Table(('model', 'error (N)', 'refitted (N)', 'held out (N)', 'effects'),
               [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'],
                 ', '.join(step['effects'])) for step in result.steps],
@@ -149,10 +166,62 @@ def ladder_page(result: Ladder, orders: Mapping[str, Sequence[float]],
         'N.', [], sections, provenance(files))
 
 
-def ladder_picture(steps: Sequence[Mapping[str, Any]], noise: float | None) -> Picture:
+def ladder_picture(steps: Sequence[Mapping[str, Any]], noise: float | None,
+                   empirical: float | None = None) -> Picture:
     """Return the ladder with its caption."""
-    return Picture('ladder', 'Error after each step', figures.ladder(steps, noise),
+    return Picture('ladder', 'Error after each step', figures.ladder(steps, noise, empirical),
                    f'{HELD_OUT} The axis is logarithmic.')
+
+
+def _sets_words(result: Diagnosis) -> str:
+    chosen = next(each for each in result.likely if each.chosen)
+    words = ('Probability of each set of changes to the model, over all sets that were fitted. '
+             f'Coloured: the set that is told ({chosen}); the others by how they differ from it.')
+    if result.verdict == 'unexplained':
+        return f'{words} As if one of them had to be the answer: the verdict is that none is.'
+    if chosen.probability < max(each.probability for each in result.likely):
+        words += ' It predicts rows not seen better than the likelier ones.'
+    return words
+
+
+def _unseen_section(result: Diagnosis) -> list[Section]:
+    """Return the errors on rows not seen, of what is recommended and of its rivals."""
+    drawing = answer_figures.unseen(result)
+    if drawing is None:
+        return []
+    found, rivals = result.recommended, result.held_out.rivals
+    kind = 'effects with the discrepancy' if found.leftover else 'effects alone'
+    return [Section(
+        'On rows not seen', 'Whole blocks are left out in turn. The recommended model '
+        f'({kind}) is off by {found.held_out_N:.3g} N rms there.', [
+            Picture('unseen', 'Predicted and measured where the fit was not told', drawing,
+                    'Each point is the mean of neighbouring rows in a block that the fit did not '
+                    'see. On the line, prediction and measurement are the same. Below: measured '
+                    'minus predicted.'),
+            Table(('model', 'error on rows not seen (N)'), [
+                ('effects alone', found.held_out_physics_N),
+                ('effects with the discrepancy', found.held_out_discrepancy_N),
+                ('six-parameter empirical form (after Sarosi 2015)', rivals['empirical']),
+                ('plane in strain and pressure', rivals['plane']),
+                ('mean force', rivals['mean'])]),
+            Table(('left out', 'effects alone (N)', 'with the discrepancy (N)'),
+                  [(KINDS[name], *errors) for name, errors in result.held_out.kinds.items()],
+                  'Means of neighbouring rows, without the noise of single ones.')])]
+
+
+def _discrepancy_section(result: Diagnosis) -> list[Section]:
+    drawing = answer_figures.discrepancy(result)
+    if drawing is None:
+        return []
+    before, after = (max(float(np.abs(part).max()) for part in (each.even, each.odd))
+                     for each in (result.leftover_before, result.leftover))
+    return [Section('What no effect explains', '', [
+        Picture('discrepancy', 'Discrepancy before and after', drawing,
+                'Mean of the smooth misfit that every fit has beside its effects: beside the '
+                f'model as it came at most {before:.3g} N, beside the best one {after:.3g} N. '
+                'Even: the same both ways of motion; odd: while shortening, with the other sign '
+                'while lengthening. All panels have one scale. Where nothing was measured it '
+                'goes back to zero.')])]
 
 
 def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:

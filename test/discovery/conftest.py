@@ -29,7 +29,13 @@ def paper_muscle():
 
 
 @pytest.fixture
-def sweeps(paper_muscle):
+def sweeps(make_sweeps):
+    """Return `make_sweeps`."""
+    return make_sweeps
+
+
+@pytest.fixture(scope='session')
+def make_sweeps(paper_muscle):
     """Return a function that makes isobar sweeps of a model, with noise of 0.6 N by default."""
     def make(model=None, noise=0.6, seed=0, cycles=2, speed=0.024, extra=None):
         rng = np.random.default_rng(seed)

@@ -13,7 +13,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce, unknown_direction
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
 from fam_bundle_ros.discovery.evidence import Fitter
-from fam_bundle_ros.discovery.options import head, Options
+from fam_bundle_ros.discovery.options import head, Options, shapes_of
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.discovery.settings import AMPLITUDES, Choices
 from fam_bundle_ros.model import Bundle, catalogue, MotorUnit
@@ -288,3 +288,13 @@ def test_shapes_of_one_effect_share_its_prior(problem, paper_muscle):
     odds = sum(np.exp(options.log_prior(('mesh', name))) for name in shapes)
     assert odds == pytest.approx(0.25)
     assert options.log_prior(options.own) == 0.0
+
+
+def test_an_end_effect_that_goes_with_length_needs_two_lengths(problem, paper_muscle):
+    """Muscles of one length cannot tell it from end caps: there it is not offered."""
+    cells, _, _ = problem
+    law = 'end_effect_of_length'
+    assert law not in Options.of(paper_muscle, cells, Choices()).effects
+    assert law not in {shape.name for shape in shapes_of('end_caps')}
+    several = Options.of(paper_muscle, cells, Choices(), lengths=2)
+    assert tuple(sorted((law, 'bladder_elasticity', 'mesh'))) in several.further(several.own)

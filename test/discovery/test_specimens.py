@@ -2,13 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several specimens: what is missing in all, what is a constant of the material, what is not."""
 
+from dataclasses import replace
 import json
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from fam_bundle_ros.cli.app import app
-from fam_bundle_ros.discovery import diagnose_specimens, read_specimens, Specimen, write_csv
+from fam_bundle_ros.discovery import (
+    Choices,
+    diagnose_specimens,
+    read_specimens,
+    Specimen,
+    write_csv,
+)
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model, save_model
 
@@ -73,6 +81,28 @@ def test_a_friction_in_proportion_to_length_is_no_constant(specimens, paper_musc
     assert found.values == pytest.approx([24.0 * length for length in LENGTHS], rel=0.1)
     # the rubber is the same in all: no fit may pass its error on to it
     assert constant(result, 'bladder_elasticity.c10').shared > 0.9
+
+
+@pytest.mark.parametrize(('lengths', 'tied'), [(LENGTHS, False), (LENGTHS[::2], True)])
+def test_an_end_effect_of_clamps_and_a_share_of_the_length_is_named(specimens, paper_muscle,
+                                                                    lengths, tied):
+    """Three lengths part the two, which each alone cannot; on two end caps stay a tie."""
+    made = specimens(lambda muscle, length: muscle.with_effect(
+        'end_effect_of_length', dead_length=12e-3, share=0.08), lengths)
+    few = [replace(each, data=each.data.select(np.arange(len(each.data)) % 4 == 0))
+           for each in made]
+    result = diagnose_specimens(paper_muscle, few, choices=Choices(most=1))
+    assert result.effects == ('end_caps',)
+    shapes = {change.new for change in result.changes}
+    assert 'end_effect_of_length' in shapes | {name for group in result.tied for name in group}
+    assert tied == any({'end_caps', 'end_effect_of_length'} <= set(group)
+                       for group in result.tied)
+    if not tied:
+        dead = constant(result, 'end_effect_of_length.dead_length')
+        share = constant(result, 'end_effect_of_length.share')
+        assert min(dead.shared, share.shared) > 0.75
+        assert dead.value == pytest.approx(12.0, abs=0.8)
+        assert share.value == pytest.approx(0.08, abs=0.01)
 
 
 def test_a_table_gives_each_recording_its_dimensions_in_any_unit(tmp_path):

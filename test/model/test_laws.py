@@ -226,3 +226,22 @@ def test_gauges_and_muscle_agree_after_correction():
                                               motion.time - motion.time[0])
     shown = Motion(strain, pressure, motion.strain_rate, motion.time, motion.start)
     assert_allclose(bundle.predict(shown), force, rtol=1e-9)
+
+
+def test_the_end_effect_of_length_is_a_dead_length_on_one_length_and_none_on_two():
+    """On 127 mm both give the same strain; at 80 mm the dead length of it gives another."""
+    both = catalogue.get('end_effect_of_length')(dead_length=12e-3, share=0.08)
+    factor = 1.08 * 0.127 / 0.115
+    caps = catalogue.get('end_caps')(dead_length=0.127 * (1.0 - 1.0 / factor))
+    here, there = bundle_with(both), bundle_with(caps)
+    strain, pressure = np.linspace(0.0, 0.25, 9), np.full((9, 2), 2e5)
+    assert_allclose(here.force(strain, pressure), there.force(strain, pressure), rtol=1e-12)
+    short = {'geometry.length': 0.08}
+    apart = (here.with_parameters(short).force(0.15, pressure[0])
+             - there.with_parameters(short).force(0.15, pressure[0]))
+    assert abs(apart) > 0.3
+    # the longer, the nearer to the factor alone
+    long = {'geometry.length': 10.0}
+    alone = bundle_with(catalogue.get('tondu_factor')(factor=0.08))
+    assert_allclose(here.with_parameters(long).force(strain, pressure),
+                    alone.with_parameters(long).force(strain, pressure), rtol=0.02, atol=0.2)

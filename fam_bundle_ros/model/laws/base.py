@@ -155,6 +155,8 @@ class Law:
         True when it describes how a muscle resists compression.
     candidate : bool
         False for what no diagnosis may add to a model.
+    needs_lengths : bool
+        True when muscles of one length cannot tell its parameters apart.
     leaves : tuple of str
         Kinds of shape that the law leaves in an error when a model lacks it.
     remedy : str
@@ -186,6 +188,7 @@ class Law:
     per_unit: bool = False
     pushes_back: bool = False
     candidate: bool = True
+    needs_lengths: bool = False
     leaves: tuple[str, ...] = ()
     remedy: str = ''
     look: tuple[str, str] = ('', 'solid')

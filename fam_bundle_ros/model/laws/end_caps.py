@@ -35,3 +35,21 @@ def tondu_factor(strain, pressure, factor, low_pressure, pressure_scale):
     """E -> (1 + k + j exp(-P/p0)) e: tapered ends, more so at low pressure."""
     fading = np.exp(-np.maximum(pressure, 0.0) / pressure_scale)
     return strain * (factor + low_pressure * fading)
+
+
+@law('geometry', **_FAMILY, variant_of='end_caps', needs_lengths=True, look=('olive', 'dashdot'),
+     off={'dead_length': 0.0, 'share': 0.0},
+     summary='end effect that goes with length: clamped ends and a share of the whole length',
+     source='strain factor of Tondu and Lopez 2000, IEEE CSM 20(2), for the tapered ends; dead '
+            'length at the fittings derived',
+     dead_length=Parameter(8.0, 'mm', 0.0, 100.0, 'length that takes no part, of any muscle'),
+     share=Parameter(0.05, '1', 0.0, 0.5, 'relative extra strain, of any length'))
+def end_effect_of_length(strain, length, dead_length, share):
+    """
+    E -> (1 + k) e L0/(L0 - Le): a factor of the strain that falls towards 1 + k with the length.
+
+    On muscles of one length only the factor is known, which a dead length alone (`end_caps`) or a
+    factor alone (`tondu_factor`) gives too: it takes two lengths to part Le from k.
+    """
+    active = np.maximum(length - dead_length, 0.2 * length)
+    return strain * ((1.0 + share) * length / active - 1.0)

@@ -1,0 +1,208 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Pictures of how far a diagnosis is to be believed (plotly, extra `tools`).
+
+Forces on rows that no fit saw, the discrepancy before and after, the likeliest sets of effects,
+and every parameter before and after the data.
+"""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.data.folds import KINDS
+from fam_bundle_ros.discovery.figures import DIVERGING, MOST_POINTS, small_titles, thin
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.discovery.leftover import Leftover
+    from fam_bundle_ros.discovery.posterior import LikelySet
+    from fam_bundle_ros.discovery.result import Diagnosis
+
+__all__ = ['discrepancy', 'priors', 'sets', 'unseen']
+
+_MODEL = palette.effect('mesh')
+_FAINT = palette.NEUTRAL['faint'].light
+#: Beyond so many widths of its prior a parameter is drawn at the edge.
+_FARTHEST = 6.0
+
+
+def unseen(result: Diagnosis) -> go.Figure | None:
+    """
+    Draw predicted against measured forces of cells left out, and their difference below.
+
+    The recommended model beside the empirical form, on all kinds of folds; None where the data
+    offer no folds.
+    """
+    kinds = result.held_out.unseen
+    if not kinds:
+        return None
+    drawing = make_subplots(2, 1, shared_xaxes=True, row_heights=[0.6, 0.4],
+                            vertical_spacing=0.05)
+    plotting.dress(drawing, 560)
+    plotting.style_axes(drawing)
+    every = np.concatenate([each.measured for each in kinds.values()])
+    ends = [float(every.min()), float(every.max())]
+    for row, y in ((1, ends), (2, [0.0, 0.0])):
+        drawing.add_trace(go.Scatter(
+            x=ends, y=y, mode='lines', line={'color': _FAINT, 'width': 1.2}, showlegend=False,
+            hoverinfo='skip'), row=row, col=1)
+    ours = 'physics' if result.recommended.leftover is None else 'discrepancy'
+    for source, name, colour, symbol in (
+            ('empirical', 'six-parameter form', plotting.MUTED, 'x-thin-open'),
+            (ours, 'recommended model', _MODEL, 'circle')):
+        for kind, each in kinds.items():
+            rows = thin(np.arange(len(each.measured)), MOST_POINTS // 6)
+            measured, predicted = each.measured[rows], getattr(each, source)[rows]
+            for row, values in ((1, predicted), (2, measured - predicted)):
+                drawing.add_trace(plotting.points(
+                    np.round(measured, 3), np.round(values, 3), name, colour, 4.5, symbol,
+                    legendgroup=name, showlegend=row == 1 and kind == next(iter(kinds)),
+                    hovertemplate=f'%{{y:.1f}} N at %{{x:.1f}} N, {KINDS[kind]} left out'),
+                    row=row, col=1)
+    drawing.update_yaxes(automargin=True)
+    drawing.update_yaxes(title_text='predicted (N)', row=1, col=1)
+    drawing.update_yaxes(title_text='residual (N)', row=2, col=1)
+    drawing.update_xaxes(title_text='measured (N)', row=2, col=1)
+    return drawing
+
+
+def discrepancy(result: Diagnosis) -> go.Figure | None:
+    """
+    Draw the discrepancy beside the model as it came and beside the best one, on one scale.
+
+    A row for each motor unit, and for the odd part where there is one; None where there is none
+    before and after.
+    """
+    before, after = result.leftover_before, result.leftover
+    rows = [(part, unit) for unit in range(len(after.pressure)) for part in ('even', 'odd')
+            if any(np.any(getattr(each, part)) for each in (before, after))]
+    if not rows or not any(np.any(before.even[unit]) or np.any(before.odd[unit])
+                           or np.any(after.even[unit]) for _, unit in rows):
+        return None
+    same = after is before or bool(np.array_equal(before.even, after.even)
+                                   and np.array_equal(before.odd, after.odd))
+    columns = [before] if same else [before, after]
+    names = result.best.motor_units
+    # beside one another on a narrow page: short
+    titles = [', '.join(filter(None, (names[unit].name if len(names) > 1 else '',
+                                      part if ('odd', 0) in rows else '', when)))
+              for part, unit in rows for when in ('before', 'after')[:len(columns)]]
+    drawing = make_subplots(len(rows), len(columns), shared_xaxes=True, shared_yaxes=True,
+                            horizontal_spacing=0.04, vertical_spacing=0.24 / len(rows),
+                            subplot_titles=titles)
+    plotting.dress(drawing, 130 + 210 * len(rows), showlegend=False)
+    plotting.style_axes(drawing)
+    largest = max(float(np.abs(getattr(each, part)[unit]).max())
+                  for each in columns for part, unit in rows)
+    for row, (part, unit) in enumerate(rows, start=1):
+        for column, each in enumerate(columns, start=1):
+            drawing.add_trace(_map(each, part, unit, largest, row == 1 and column == len(columns)),
+                              row=row, col=column)
+        drawing.update_yaxes(title_text='pressure (kPa)', row=row, col=1)
+    for column in range(1, len(columns) + 1):
+        drawing.update_xaxes(title_text='strain', row=len(rows), col=column)
+    drawing.update_xaxes(showgrid=False, nticks=4, tickangle=0)
+    drawing.update_yaxes(showgrid=False, automargin=True)
+    small_titles(drawing)
+    return drawing
+
+
+def _map(leftover: Leftover, part: str, unit: int, largest: float, scale: bool) -> go.Heatmap:
+    return go.Heatmap(
+        x=np.round(leftover.strain, 5), y=np.round(leftover.pressure[unit] / 1e3, 3),
+        z=np.round(getattr(leftover, part)[unit].T, 3), zmin=-largest, zmax=largest,
+        colorscale=DIVERGING, showscale=scale, customdata=np.round(leftover.sd[unit].T, 3),
+        colorbar={'title': {'text': 'N', 'side': 'top'}, 'thickness': 12, 'outlinewidth': 0},
+        hovertemplate='%{z:.2f} N at strain %{x:.3f}, %{y:.0f} kPa; even part ± %{customdata:.2f}'
+                      ' N<extra></extra>')
+
+
+def sets(result: Diagnosis, most: int = 8) -> go.Figure | None:
+    """Draw the probability of the likeliest sets of effects; None for a single one."""
+    shown = [each for k, each in enumerate(result.likely) if k < most or each.chosen]
+    shown = [each for each in shown if each.probability >= 5e-4 or each.chosen][::-1]
+    if len(shown) < 2:
+        return None
+    chosen = next(each for each in shown if each.chosen)
+    labels = ['<br>'.join(wrap(_beside(each, chosen), 30, break_long_words=False))
+              for each in shown]
+    pitch = 16 + 18 * max(label.count('<br>') + 1 for label in labels)
+    drawing = plotting.figure('probability', '', height=110 + pitch * len(shown),
+                              showlegend=False)
+    drawing.add_trace(go.Bar(
+        x=[each.probability for each in shown], y=list(range(len(shown))), orientation='h',
+        width=min(0.62, 22 / pitch), cliponaxis=False, textposition='outside',
+        marker={'color': [_MODEL.light if each.chosen else _FAINT for each in shown]},
+        text=[f'{each.probability:.2f}' if each.probability >= 0.005 else
+              f'{each.probability:.1g}' for each in shown], textfont={'size': 12},
+        hovertext=[str(each) for each in shown], hoverinfo='text'))
+    drawing.update_xaxes(range=[0.0, 1.2], tickvals=[0.0, 0.5, 1.0])
+    # by number, not by name: labels may be alike
+    drawing.update_yaxes(showgrid=False, ticks='', showline=False, automargin=True,
+                         ticklabelstandoff=6, tickvals=list(range(len(shown))), ticktext=labels)
+    return drawing
+
+
+def _beside(other: LikelySet, chosen: LikelySet) -> str:
+    """Return what a set has more, less and in another shape than the chosen one."""
+    if other.chosen:
+        return 'the set that is told' if chosen.changes else 'nothing missing'
+    if not chosen.changes or not other.changes:
+        return str(other)
+    mine, theirs = ({change.label: change for change in each.changes}
+                    for each in (chosen, other))
+    shapes = [f'{theirs[label]} instead of {mine[label]}' for label in mine
+              if label in theirs and theirs[label] != mine[label]]
+    gone = [str(mine[label]) for label in mine if label not in theirs]
+    new = [str(theirs[label]) for label in theirs if label not in mine]
+    if len(gone) == len(new) == 1:
+        shapes.append(f'{new.pop()} instead of {gone.pop()}')
+    return ', '.join([*shapes, *(f'without {each}' for each in gone),
+                      *(f'with {each}' for each in new)])
+
+
+def priors(result: Diagnosis) -> go.Figure | None:
+    """
+    Draw every parameter before and after the data, in widths of its prior; None without any.
+
+    Bars are 95 %; what is beyond the axis is drawn at its edge.
+    """
+    told = result.parameters[::-1]
+    if not told:
+        return None
+    after = np.clip([each.moved for each in told], -_FARTHEST, _FARTHEST)
+    drawing = plotting.figure('widths of the prior', '',
+                              height=120 + 40 * len(told))
+    rows = list(range(len(told)))
+    drawing.add_trace(_bars(rows, [each.reach for each in told], 'before the data', _FAINT, 11.0,
+                            0.45))
+    drawing.add_trace(_bars(rows, after[:, 1:], 'after', _MODEL.light, 4.0, 1.0))
+    drawing.add_trace(plotting.points(
+        after[:, 0], rows, 'value', _MODEL, 8.0, showlegend=False,
+        hovertext=[f'{each.key} {each.value:.4g} {each.unit} ({each.interval[0]:.4g} to '
+                   f'{each.interval[1]:.4g}); before {each.prior[0]:.4g} ({each.prior[1]:.4g} to '
+                   f'{each.prior[2]:.4g})' for each in told], hoverinfo='text'))
+    far = max(2.3, 1.08 * float(np.abs(after).max()))
+    drawing.update_xaxes(range=[-far, far])
+    drawing.update_yaxes(showgrid=False, ticks='', showline=False, automargin=True,
+                         ticklabelstandoff=6, tickvals=rows,
+                         range=[-0.7, len(rows) - 0.3],
+                         ticktext=[each.key.replace('.', '.<br>') if len(each.key) > 24
+                                   else each.key for each in told])
+    return drawing
+
+
+def _bars(rows: list[int], ends: np.ndarray | list[tuple[float, float]], name: str, colour: str,
+          width: float, opacity: float) -> go.Scatter:
+    """Return one trace of horizontal bars, with gaps between them."""
+    x = [value for low, high in ends for value in (float(low), float(high), None)]
+    y = [value for row in rows for value in (row, row, None)]
+    return go.Scatter(x=x, y=y, mode='lines', name=name, opacity=opacity, hoverinfo='skip',
+                      line={'color': colour, 'width': width}, connectgaps=False)

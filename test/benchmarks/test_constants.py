@@ -1,0 +1,48 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The study of the search's constants: each is changed alone, and a run goes on where it was."""
+
+import json
+
+from fam_bundle_ros.discovery import settings
+
+from . import constants as study
+
+
+def test_each_constant_is_changed_alone_and_put_back():
+    """Choices go by argument, the others by the module; counts stay whole."""
+    before = {name: value for name, value in vars(settings).items() if name.isupper()}
+    with study.with_constant('LEAST_LOSS', 2.0):
+        assert settings.LEAST_LOSS == 6.0
+        assert settings.BEAM == before['BEAM']
+    with study.with_constant('BEAM', 0.5):
+        assert settings.BEAM == 2
+    with study.with_constant('Choices.odds', 0.5) as choices:
+        assert choices.odds == 10.0
+    assert all(vars(settings)[name] is value for name, value in before.items())
+    assert {'Choices.unexplained', 'AMPLITUDES', 'MOST_OF_IT'} <= set(study.constants())
+
+
+def test_a_run_goes_on_where_it_was_ended(tmp_path):
+    """Only missing rows are scored; the table has the cases that are complete."""
+    path, scored = tmp_path / 'rows.jsonl', []
+
+    def score(choices):
+        scored.append(settings.LEAST_LOSS)
+        good = settings.LEAST_LOSS < 6.0
+        return {'right': good, 'wrong': not good, 'verdict': '', 'effects': ['a'] * good}
+
+    study.run([study.Case('one', score)], path)
+    every = len(study.variants())
+    assert len(scored) == every == 2 * len(study.constants()) + 1
+    lines = path.read_text().splitlines()
+    path.write_text('\n'.join([*lines[:-3], '']))
+    study.run([study.Case('one', score)], path)
+    assert len(scored) == every + 3
+    with open(path, 'a') as file:
+        file.write(json.dumps({'case': 'half done', 'constant': 'as it is', 'factor': 1.0}) + '\n')
+    page = study.page(study.read_rows(path), 'command')
+    rows = [line for line in page.splitlines() if line.startswith('| `')]
+    assert rows[0].startswith('| `LEAST_LOSS`')  # the most sensitive first
+    assert '| double | 0 of 1 | 1 |' in rows[1]
+    assert 'half done' not in page
