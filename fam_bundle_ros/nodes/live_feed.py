@@ -92,6 +92,9 @@ class LiveFeed(BundleNode):
             'force', interface.read_force(message)))
         self.subscribe(interface.REFERENCE_STRAIN, JointState, lambda message: self._refer(
             'strain', interface.read_strain(message, 1.0)[0]))
+        # while somebody asks for pressures there is nothing to track
+        self.subscribe(interface.REFERENCE_PRESSURES, JointState, lambda message: self._refer(
+            'pressure', math.nan))
         for topic, key in ((interface.MODEL_FORCE, 'model'), (interface.MODEL_RESIDUAL,
                                                               'residual')):
             self.subscribe(topic, WrenchStamped, self._keep(key))

@@ -54,7 +54,7 @@ class MeasureView:
                                     hint='/home/me/my_protocol.yaml')
             self.path.set_visibility(False)
             self.model = parts.typed('Model of the controller', '', self._type_model,
-                                     mark='live:model')
+                                     mark='live:model', hint='the one that model_monitor has')
             self.takes = parts.text('p', '', 'muted small').mark('live:takes')
             self.buttons = parts.box('div', 'row')
             self.said = parts.text('p', '', 'small').mark('live:measured').props('role=status')
@@ -192,9 +192,9 @@ class MeasureView:
         if self._next != self._refilled:
             self._fill_choice()
         run = self.rig.measurement
-        heard = bool(self.rig.record.samples)
+        heard = bool(self.rig.record.samples) and not self.rig.failure
         state = {'running': run.running, 'asking': self._asked is not None, 'file': run.file,
-                 'kept': run.kept, 'able': heard and not self.rig.failure and self._protocol is not None}
+                 'kept': run.kept, 'able': heard and self._protocol is not None}
         if state != self._shown:
             self._shown = state
             self.buttons.clear()
