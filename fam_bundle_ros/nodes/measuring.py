@@ -358,7 +358,7 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
     # A generator that gives way does so at the first pressures that it hears.
     met = time.monotonic()
     if any(node.publisher_count(topic) for topic in _OTHERS) and not until(
-            lambda: time.monotonic() - max(node.other[1], met) > _QUIET, _PATIENCE / 2):
+            lambda: time.monotonic() - max(node.other[1], met) > _QUIET, 4 * _QUIET):
         raise InputError(f'somebody else sends {node.resolve_topic_name(node.other[0])}; end it, '
                          'or set give_way of reference_generator to true')
     asked = GetParameters.Request(names=['reference_timeout'])
