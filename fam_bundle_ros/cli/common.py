@@ -26,7 +26,7 @@ from fam_bundle_ros.resources import data_path, model_path
 #: A pipe or a file has no width: wide enough that no row of a table is folded for it.
 _PIPE_WIDTH = 160
 #: s between two lines of progress where it goes into a file.
-_SAY = 10.0
+SAY = 10.0
 #: The bundle that the paper measured; where it stands in for a model, that is said.
 PAPER = 'spie2021'
 #: Results go here; progress and notes to `notes`, so that a pipe gets the results only.
@@ -280,7 +280,7 @@ def progress_bar(words: str) -> Iterator[Callable[..., None]]:
 
         def tick(share: float, what: str = '') -> None:
             nonlocal said
-            if not notes.is_terminal and time.monotonic() - said > _SAY:
+            if not notes.is_terminal and time.monotonic() - said > SAY:
                 said = time.monotonic()
                 notes.print(f'{words}: {100.0 * share:.0f} %{f", {what}" if what else ""}',
                             soft_wrap=True)

@@ -100,8 +100,7 @@ def measure(
 
 def _announce(plan: Any, done: frozenset[int], rig: bool) -> dict[str, Any]:
     """Say what will be done and how long it takes; return it."""
-    from fam_bundle_ros.data.protocol import segments
-    from fam_bundle_ros.nodes.measuring import minutes
+    from fam_bundle_ros.data.protocol import minutes, segments
     planned = segments(plan)
     todo = [segment for segment in planned if segment.number not in done]
     left = sum(segment.duration for segment in todo)

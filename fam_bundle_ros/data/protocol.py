@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from fam_bundle_ros.atomic import write_whole
-from fam_bundle_ros.data.schedule import duration, Limits, Protocol, Segment, segments
+from fam_bundle_ros.data.schedule import duration, Limits, minutes, Protocol, Segment, segments
 from fam_bundle_ros.data.segments import (
     alike,
     Hold,
@@ -35,9 +35,9 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import protocol_path
 from fam_bundle_ros.units import express, parse
 
-__all__ = ['dumps_protocol', 'duration', 'Hold', 'Limits', 'Pause', 'PressureSteps',
-           'PressureSweep', 'Protocol', 'read_protocol', 'save_protocol', 'Segment', 'segments',
-           'Sweep']
+__all__ = ['dumps_protocol', 'duration', 'Hold', 'Limits', 'minutes', 'Pause',
+           'PressureSteps', 'PressureSweep', 'Protocol', 'read_protocol', 'save_protocol',
+           'Segment', 'segments', 'Sweep']
 
 FORMAT = 'fam-bundle-protocol/1'
 #: Units of the quantities in a file, and in which they are written.

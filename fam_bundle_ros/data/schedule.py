@@ -203,3 +203,20 @@ def segments(protocol: Protocol) -> tuple[Segment, ...]:
 def duration(protocol: Protocol) -> float:
     """Return how long an experiment takes, s; `FILL` is reckoned for pressures to be there."""
     return sum(segment.duration for segment in segments(protocol))
+
+
+def minutes(seconds: float) -> str:
+    """
+    Return a time in words.
+
+    Examples
+    --------
+    >>> minutes(42.0), minutes(381.0), minutes(7260.0)
+    ('42 s', '6 min 21 s', '2 h 1 min')
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f'{whole} s'
+    if whole < 3600:
+        return f'{whole // 60} min {whole % 60} s'
+    return f'{whole // 3600} h {whole % 3600 // 60} min'

@@ -21,6 +21,7 @@ from typing import Any
 
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.protocol import save_protocol
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -41,7 +42,8 @@ class Done:
     error : str
         Why there is none; empty where there is one.
     text : str
-        The JSON of `Diagnosis`, with ``file`` and ``model_file``.
+        The JSON of `Diagnosis`, with ``file``, ``model_file`` and ``protocol_file`` (the next
+        experiment; empty where it is no force test).
     file, model_file : str
         The same as a file, and the model that it recommends.
     """
@@ -143,7 +145,7 @@ class Worker:
 def run(model: Bundle, data: Measurement, file: str, model_file: str,
         choices: Choices | None, tell: Any) -> None:
     """
-    Diagnose, and write answer and recommended model, the model first.
+    Diagnose, and write recommended model, next experiment and answer, the answer last.
 
     Raises
     ------
@@ -158,7 +160,12 @@ def run(model: Bundle, data: Measurement, file: str, model_file: str,
     except OSError as error:
         raise InputError(f'{Path(file).parent}: cannot be made ({error.strerror})') from error
     found.recommended.save(model_file)
-    told = {**json.loads(found.to_json()), 'file': file, 'model_file': model_file}
+    protocol = ''
+    if found.next_protocol is not None:
+        protocol = str(Path(file).with_suffix('.protocol.yaml'))
+        save_protocol(found.next_protocol, protocol)
+    told = {**json.loads(found.to_json()), 'file': file, 'model_file': model_file,
+            'protocol_file': protocol}
     write_whole(file, json.dumps(told, indent=1))
 
 

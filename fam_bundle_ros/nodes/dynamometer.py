@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dynamometer of the simulated rig, moved by messages on ``reference/dynamometer``."""
 
+import math
 import time
 
 from sensor_msgs.msg import JointState
@@ -12,6 +13,9 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.references import MovingReference
 from fam_bundle_ros.plant import Dynamometer, Rig
+
+#: s without a message after which a profile moves the dynamometer again.
+_SILENT = 1.0
 
 
 class ImposedStrain:
@@ -30,6 +34,7 @@ class ImposedStrain:
         self._node, self._rig = node, rig
         self._reference = MovingReference()
         self._now = 0.0
+        self._taken, self._away = -math.inf, False
         node.subscribe(interface.REFERENCE_DYNAMOMETER, JointState, self._take)
 
     def _take(self, message: JointState) -> None:
@@ -41,10 +46,26 @@ class ImposedStrain:
         Dynamometer(strain)
         rate = rate if abs(rate) <= self._node.p['load.speed'] else 0.0
         self._reference.take(Reference('strain', strain, rate), self._time())
+        self._taken, self._away = self._time(), True
 
     def forget(self) -> None:
         """Stay where it is."""
         self._reference = MovingReference()
+        self._taken = -math.inf
+
+    @property
+    def obeyed(self) -> bool:
+        """Whether messages come, so that no profile moves the dynamometer."""
+        return self._time() - self._taken < _SILENT
+
+    def follow(self, target: float, period: float) -> None:
+        """Let the dynamometer follow a profile; back to it no faster than ``load.speed``."""
+        rate = abs(target - self._rig.truth.strain) / period
+        if self._away:
+            self.forget()
+            self._away = rate > self._node.p['load.speed']
+            rate = min(rate, self._node.p['load.speed'])
+        self._rig.impose_strain(target, rate)
 
     def before(self, period: float) -> None:
         """Let the dynamometer go to where it is wanted after a step of the rig."""

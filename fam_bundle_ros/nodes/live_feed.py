@@ -35,8 +35,8 @@ from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import String, UInt8
-from std_srvs.srv import Trigger
+from std_msgs.msg import Bool, String, UInt8
+from std_srvs.srv import SetBool, Trigger
 
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
@@ -46,7 +46,7 @@ from fam_bundle_ros.nodes.process import run
 _PERIOD, _POLL, _LOOK = 0.1, 0.05, 1.0
 #: s that a service gets to answer.
 _PATIENCE = 5.0
-#: Services that an order may call.
+#: Services that an order may call, besides `enable`.
 CALLS = (interface.DIAGNOSE, interface.APPLY_MODEL, interface.RESTORE_MODEL)
 _PRESSURE = re.compile(r'mu(\d+)/pressure')
 
@@ -92,11 +92,16 @@ class LiveFeed(BundleNode):
             'force', interface.read_force(message)))
         self.subscribe(interface.REFERENCE_STRAIN, JointState, lambda message: self._refer(
             'strain', interface.read_strain(message, 1.0)[0]))
+        # while somebody asks for pressures there is nothing to track
+        self.subscribe(interface.REFERENCE_PRESSURES, JointState, lambda message: self._refer(
+            'pressure', math.nan))
         for topic, key in ((interface.MODEL_FORCE, 'model'), (interface.MODEL_RESIDUAL,
                                                               'residual')):
             self.subscribe(topic, WrenchStamped, self._keep(key))
         self.subscribe(interface.RECRUITMENT_STATE, UInt8, lambda message: self._newest.update(
             recruitment=message.data), interface.LATCHED)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, lambda message: self._newest.update(
+            supply=message.data), interface.RELIABLE)
         for topic, kind in ((interface.MODEL_STATE, 'state'),
                             (interface.MODEL_DIAGNOSIS, 'diagnosis')):
             self.subscribe(topic, String, self._pass_on(kind), interface.LATCHED)
@@ -198,10 +203,13 @@ class LiveFeed(BundleNode):
             client = self.create_client(SetParameters, f"{order['of']}/set_parameters")
             request = SetParameters.Request(parameters=[
                 Parameter(name, value=order['value']).to_parameter_msg()])
+        elif name == interface.ENABLE:
+            client, request = self.create_client(SetBool, name), SetBool.Request(data=True)
         elif name in CALLS:
             client, request = self.create_client(Trigger, name), Trigger.Request()
         else:
-            self._answer(name, False, f"'{name}' is no order; expected one of {', '.join(CALLS)}")
+            self._answer(name, False, f"'{name}' is no order; expected one of "
+                         f"{', '.join((interface.ENABLE, *CALLS))}")
             return
         self._patient[name] = Patient(client, request, time.monotonic() + _PATIENCE)
 
@@ -210,7 +218,7 @@ class LiveFeed(BundleNode):
         if entry is None:
             return
         self.destroy_client(entry.client)
-        if isinstance(result, Trigger.Response):
+        if isinstance(result, (Trigger.Response, SetBool.Response)):
             self._answer(name, result.success, result.message)
         else:
             (one,) = result.results

@@ -25,7 +25,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from fam_bundle_ros.control.direct import ROUNDING
-from fam_bundle_ros.data.protocol import Protocol, segments
+from fam_bundle_ros.data.protocol import minutes, Protocol, segments
 from fam_bundle_ros.data.segment_store import SegmentStore
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, save_model
@@ -41,6 +41,8 @@ __all__ = ['measure', 'Stopped']
 
 #: s that a rig and its controller get to be heard, a service to answer, a reason to come.
 _PATIENCE, _ANSWER, _REASON = 10.0, 5.0, 2.5
+#: s without another reference after which nobody else sends one.
+_QUIET = 0.5
 #: s without a sample after which the rig is silent.
 _SILENT = 2.0
 #: s between two looks at how far it is.
@@ -83,6 +85,8 @@ class Measuring(BundleNode):
         self._reason = ''
         self.stopped = ''
         self.heard = 0.0
+        #: Which other reference was heard last, and at what steady time, s.
+        self.other = '', -math.inf
         #: Until then the rig is only asked to stay as it is.
         self.started = False
         self._ask_pressures = self.sender(interface.REFERENCE_PRESSURES, JointState,
@@ -99,6 +103,7 @@ class Measuring(BundleNode):
         for topic, kind in ((interface.REFERENCE_FORCE, WrenchStamped),
                             (interface.REFERENCE_STRAIN, JointState)):
             def other(message: Any, topic: str = topic) -> None:
+                self.other = topic, time.monotonic()
                 self._stop(f'somebody else sends {topic}')
             self.subscribe(topic, kind, other)
         self.enable_client = self.create_client(SetBool, interface.ENABLE)
@@ -169,6 +174,8 @@ class Measuring(BundleNode):
 
 
 _CUT = 'the controller has cut the supply'
+#: References that nobody may send meanwhile.
+_OTHERS = interface.REFERENCE_FORCE, interface.REFERENCE_STRAIN
 
 
 def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
@@ -346,6 +353,12 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
         if not until(there, _PATIENCE):
             raise InputError(f'{what} under {node.get_namespace()}; is the rig running, in this '
                              'ROS domain?')
+    # A generator that gives way does so at the first pressures that it hears.
+    met = time.monotonic()
+    if any(node.publisher_count(topic) for topic in _OTHERS) and not until(
+            lambda: time.monotonic() - max(node.other[1], met) > _QUIET, 4 * _QUIET):
+        raise InputError(f'somebody else sends {node.resolve_topic_name(node.other[0])}; end it, '
+                         'or set give_way of reference_generator to true')
     asked = GetParameters.Request(names=['reference_timeout'])
     future = node.parameter_client.call_async(asked)
     until(lambda: bool(future.done()), _ANSWER)
@@ -361,20 +374,3 @@ def _enable(node: Measuring, until: Callable[[Callable[[], bool], float], bool])
     if answer is None or not answer.success:
         node.stopped = node.stopped or 'not enabled: ' + (
             answer.message if answer else f'no answer within {_ANSWER:g} s')
-
-
-def minutes(seconds: float) -> str:
-    """
-    Return a time in words.
-
-    Examples
-    --------
-    >>> minutes(42.0), minutes(381.0), minutes(7260.0)
-    ('42 s', '6 min 21 s', '2 h 1 min')
-    """
-    whole = round(seconds)
-    if whole < 60:
-        return f'{whole} s'
-    if whole < 3600:
-        return f'{whole // 60} min {whole % 60} s'
-    return f'{whole // 3600} h {whole % 3600 // 60} min'

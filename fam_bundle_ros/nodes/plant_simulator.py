@@ -291,11 +291,11 @@ class PlantSimulator(BundleNode):
         if self._script:
             self._script.before(self.rig, run_time, period)
         self._imposed.before(period)
-        if self._profile:
+        if self._profile and not self._imposed.obeyed:
             when = run_time + period
             target = self._profile.value(when % self._profile.duration
                                          if self.p['load.repeat'] else when)
-            self.rig.impose_strain(target, abs(target - self.rig.truth.strain) / period)
+            self._imposed.follow(target, period)
         stopped = self.rig.e_stopped
         if self.p['obey_supply_enable']:
             self.rig.open_supply(self._leave.given)

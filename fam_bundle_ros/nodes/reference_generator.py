@@ -6,7 +6,8 @@ Node reference_generator: samples a trajectory into ``reference/force`` or ``ref
 The trajectory comes from a file (parameter) or from the topic ``reference/trajectory`` (joint
 ``force``, ``strain`` or ``contraction``; cubic where the points have velocities, else straight
 lines; a start stamp of 0 means now). A file's trajectory starts once the rig sends samples and
-somebody takes the reference. The end is held.
+somebody takes the reference. The end is held. With ``give_way`` it is silent while somebody sends
+``reference/pressures``, and goes on a second later where it would be by then.
 """
 
 from typing import Any
@@ -32,7 +33,11 @@ SPECS = (
     Spec('prepare', 0.0, 'time for which the first value is held before the start, s', 0.0, 60.0),
     Spec('rate', 200.0, 'most references per second; never more than the rig sends samples',
          1.0, 2000.0),
+    Spec('give_way', False, 'send nothing while somebody sends reference/pressures, as '
+         '`fam_bundle measure` does', dynamic=True),
 )
+#: ns without pressures after which it goes on.
+_GIVEN_WAY = 1_000_000_000
 #: ns: a stamp that goes back by less is another sensor's or late; else the clock was set.
 _CLOCK_SET = 1_000_000_000
 
@@ -63,6 +68,8 @@ class ReferenceGenerator(BundleNode):
         self._stamp = 0
         self._heard: dict[str, int] = {}
         self._sent = 0
+        #: Stamp at which pressures were sent by somebody, ns.
+        self._pressures: int | None = None
         self._meter = Meter()
         self._sample_meter = Meter()
         self._outputs = {
@@ -78,6 +85,7 @@ class ReferenceGenerator(BundleNode):
                        lambda m: self._on_sample(interface.STRAIN, m))
         self.subscribe(interface.FORCE, WrenchStamped,
                        lambda m: self._on_sample(interface.FORCE, m))
+        self.subscribe(interface.REFERENCE_PRESSURES, JointState, self._on_pressures)
         p.on_change(self, lambda values: None, lambda changes: None)
         self._diagnostics = Diagnostics(self, self._report)
 
@@ -92,6 +100,15 @@ class ReferenceGenerator(BundleNode):
     def finished(self) -> bool:
         """Whether the trajectory is over."""
         return self._profile is not None and self.run_time >= self._profile.duration
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether it is silent because somebody sends pressures."""
+        return bool(self.p['give_way']) and self._pressures is not None and (
+            0 <= self._stamp - self._pressures < _GIVEN_WAY)
+
+    def _on_pressures(self, message: JointState) -> None:
+        self._pressures = self._stamp
 
     def _on_sample(self, channel: str, message: JointState | WrenchStamped) -> None:
         stamp = interface.stamp_ns(message.header.stamp)
@@ -111,7 +128,7 @@ class ReferenceGenerator(BundleNode):
 
     def _send(self, stamp: int) -> None:
         profile = self._profile
-        if profile is None:
+        if profile is None or self.gives_way:
             return
         publisher, write = self._outputs[profile.kind]
         if self.start is None:
@@ -143,6 +160,7 @@ class ReferenceGenerator(BundleNode):
         report.value('trajectory', self._profile.name)
         report.value('run time, s', self.run_time)
         report.value('duration, s', self._profile.duration)
+        report.value('gives way', self.gives_way)
         if self.start is None:
             report.add(WARN, 'WAITING for the loop')
 

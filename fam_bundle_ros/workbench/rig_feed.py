@@ -19,6 +19,7 @@ from typing import Any
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.workbench.measure_run import MeasureRun, Order
 
 __all__ = ['LiveRig', 'Record']
 
@@ -110,12 +111,17 @@ class LiveRig:
     namespace : str
     failure : str
         Why nothing can be heard; empty where nothing is wrong.
+    measurement : MeasureRun
+    measure_failure : str
+        Why a measurement did not begin, or what is not as before after it; else empty.
     """
 
     def __init__(self) -> None:
         self.record = Record()
         self.namespace = '/bundle'
         self.failure = ''
+        self.measurement, self.measure_failure = MeasureRun(), ''
+        self._measuring: asyncio.Task[None] | None = None
         self._feed: asyncio.subprocess.Process | None = None
         self._simulation: asyncio.subprocess.Process | None = None
         self._reader: asyncio.Task[None] | None = None
@@ -130,6 +136,11 @@ class LiveRig:
     def simulating(self) -> bool:
         """Whether a bundle that was started here runs."""
         return self._simulation is not None and self._simulation.returncode is None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the bundle that is heard is a simulated one, for sure."""
+        return not self.failure and 'plant_simulator' in self.record.graph.get('nodes', ())
 
     async def listen(self, namespace: str) -> None:
         """
@@ -198,13 +209,40 @@ class LiveRig:
             raise InputError(told['message'] or f'{name} was refused')
         return str(told['message'])
 
+    def measure(self, order: Order) -> None:
+        """
+        Begin to measure; `measurement` says how it goes on, whoever looks.
+
+        Raises
+        ------
+        InputError
+            Where a measurement is under way already.
+        """
+        if self._measuring is not None and not self._measuring.done():
+            raise InputError('a measurement is under way already: stop it first')
+        self.measure_failure = ''
+        self._measuring = asyncio.create_task(self._measure(order))
+
     async def close(self) -> None:
-        """End both processes."""
+        """End all processes; the measurement first, which vents."""
+        await self.measurement.stop()
+        if self._measuring is not None:
+            self._measuring.cancel()
         if self._reader is not None:
             self._reader.cancel()
         await asyncio.gather(self._end(self._feed), self._end(self._simulation))
 
     # --- inside --------------------------------------------------------------------------------
+
+    async def _measure(self, order: Order) -> None:
+        """Measure; a simulated bundle that was at work is switched on again afterwards."""
+        again = self.simulated and bool(self.record.now.get('supply'))
+        try:
+            await self.measurement.run(order)
+            if again and self.namespace == order.namespace:
+                await self.order(call='enable')
+        except InputError as error:
+            self.measure_failure = str(error)
 
     async def _read(self, feed: asyncio.subprocess.Process) -> None:
         assert feed.stdout is not None

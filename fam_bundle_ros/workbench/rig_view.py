@@ -14,6 +14,7 @@ from nicegui import app, ui
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench import drawings, live, parts
+from fam_bundle_ros.workbench.measure_view import MeasureView
 from fam_bundle_ros.workbench.rig_drawings import live_figure
 from fam_bundle_ros.workbench.rig_feed import LiveRig
 
@@ -47,6 +48,7 @@ class RigView:
                 self._numbers()
                 self._buttons()
                 self.found = parts.box('div', 'side').props('aria-live=polite')
+                self.measure = MeasureView(page, rig)
                 self._source()
         self.timer = ui.timer(_PERIOD, self._look)
         ui.timer(0.05, self._listen, once=True)
@@ -148,6 +150,7 @@ class RigView:
         at_work = state.get('diagnosing')
         self.busy.set_text(f"{100 * at_work['share']:.0f} %, {at_work['words']} ..."
                            if at_work else state.get('failure') or '')
+        self.measure.look()
         candidate = state.get('candidate')
         self._able('diagnose', heard and not at_work and bool(state))
         self._able('apply', bool(candidate))

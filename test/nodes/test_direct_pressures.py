@@ -8,6 +8,7 @@ from sensor_msgs.msg import JointState
 
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
+from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 
 
@@ -94,3 +95,22 @@ def test_dynamometer_of_the_simulator_goes_where_it_is_told(graph, bundle):
     assert rig.rig.truth.strain == pytest.approx(
         0.1 + 0.05 * ((begun[-1] - begun[0]) * 1e-9 + 5e-3), abs=5e-5)
     assert {round(truth.strain_rate, 3) for truth in moved} == {0.05}
+
+
+def test_a_profile_stands_back_while_messages_move_the_dynamometer(graph, bare):
+    """It is back a second after the last message, no faster than the dynamometer goes."""
+    node = graph.add(PlantSimulator(context=graph.context, overrides={
+        **bare, 'lock_step': True, 'load.strain': 0.04, 'load.repeat': True, 'load.speed': 0.2,
+        'load.profile': 'trajectories/live_strain.yaml'}))
+    for k in range(200):
+        node._imposed._take(interface.reference_strain_message(k, 0.02, 0.0))
+        node._step([-1.0, -1.0])
+    assert node.rig.truth.strain == pytest.approx(0.02)
+    strain = []
+    for _ in range(800):
+        node._step([-1.0, -1.0])
+        strain.append(node.rig.truth.strain)
+    assert strain[:190] == pytest.approx([0.02] * 190)
+    assert max(abs(b - a) for a, b in zip(strain, strain[1:])) <= 0.2 * 5e-3 * 1.001
+    # the profile is as if nothing had been: at 5 s of its 2 s it is in its middle
+    assert strain[-1] == pytest.approx(0.15, abs=1e-3)

@@ -8,6 +8,7 @@ from fam_bundle_ros.nodes.live_feed import finite, LiveFeed
 from fam_bundle_ros.nodes.model_monitor import ModelMonitor
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.profile import Points
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 
 
@@ -17,7 +18,8 @@ def test_topics_become_records_and_orders_are_answered(graph, quiet, tmp_path):
     feed = graph.add(LiveFeed(told.append, context=graph.context), ModelMonitor(
         context=graph.context, overrides={'diagnosis_folder': str(tmp_path)}), PlantSimulator(
             context=graph.context, overrides=quiet), ReferenceGenerator(
-                context=graph.context, profile=Points('p', 'force', (0.0,), (5.0,))))[0]
+                context=graph.context, profile=Points('p', 'force', (0.0,), (5.0,))),
+                RecruitmentNode(context=graph.context))[0]
 
     def of(kind):
         return [record for record in told if record['kind'] == kind]
@@ -44,6 +46,7 @@ def test_topics_become_records_and_orders_are_answered(graph, quiet, tmp_path):
     assert (refused['name'], refused['success']) == ('hidden_effect', False)
     assert 'has mesh already' in refused['message']
     assert 'no order' in answer(call='vent')['message']
+    assert 'the pressure loop of mu1 is silent' in answer(call='enable')['message']
     # a dynamometer at rest, vented: neither strain nor pressure has changed
     assert not answer(call='diagnose')['success']
 

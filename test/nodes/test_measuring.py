@@ -6,8 +6,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
+from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from rclpy.context import Context
@@ -203,6 +205,21 @@ def test_a_running_rig_is_enabled_measured_and_left_vented(rig, domain_id, tmp_p
         with pytest.raises(InputError, match='reference_timeout .* is 0; expected more'):
             measure(SHORT, tmp_path / 'log.csv', paper_bundle, rig=True, domain=domain_id)
         patience(2.0)
+        sender = probe.create_publisher(WrenchStamped, interface.REFERENCE_FORCE, 10)
+        over = threading.Event()
+
+        def send():
+            while not over.wait(0.02):
+                sender.publish(interface.reference_force_writer()(0, 5.0, 0.0))
+        other = threading.Thread(target=send)
+        other.start()
+        try:
+            with pytest.raises(InputError, match='else sends /bundle/reference/force; end it, or'):
+                measure(SHORT, tmp_path / 'log.csv', paper_bundle, rig=True, domain=domain_id)
+        finally:
+            over.set()
+            other.join()
+        probe.destroy_publisher(sender)
         with pytest.raises(Stopped, match='cut the supply: FORCE force is'):
             measure(SHORT, tmp_path / 'log.csv', paper_bundle, rig=True, domain=domain_id,
                     progress=look)

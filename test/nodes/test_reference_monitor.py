@@ -65,6 +65,26 @@ def test_trajectory_starts_when_somebody_takes_it(graph, quiet):
     assert seen[0].wrench.force.x < 5.5
 
 
+def test_generator_gives_way_to_pressures_where_it_shall(graph):
+    """Silent while pressures come and a second more, then on where it would be; else never."""
+    sent = {}
+    for shall in (True, False):
+        node = graph.add(ReferenceGenerator(
+            context=graph.context, profile=Points('p', 'force', (0.0, 10.0), (0.0, 10.0)),
+            overrides={'give_way': shall, 'lock_step': True}))
+        out = sent[shall] = {}
+        publisher, write = node._outputs['force']
+        node._outputs['force'] = publisher, lambda stamp, value, rate, out=out, write=write: (
+            out.update({stamp // 10_000_000: value}), write(stamp, value, rate))[1]
+        for k in range(100, 700):
+            if 200 <= k < 300:
+                node._on_pressures(interface.reference_pressures_writer(2)(0, [0.0, 0.0]))
+            node._on_sample('force', interface.force_message(k * 10_000_000, 0.0))
+    assert sorted(sent[False]) == list(range(100, 700))
+    assert sorted(set(sent[False]) - set(sent[True])) == list(range(200, 398))
+    assert sent[True][699] == sent[False][699] == pytest.approx(5.99)
+
+
 def test_sensors_with_stamps_apart_give_one_reference_per_sample(graph):
     """Force 2 ms after strain: no reference goes back in time; a clock that was set does."""
     node = graph.add(ReferenceGenerator(context=graph.context,

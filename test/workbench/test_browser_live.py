@@ -31,6 +31,7 @@ def test_a_hidden_effect_is_noticed_named_and_brought_into_the_model(watched, pi
     tab.click('live:diagnose')
     sees('Found: Coulomb friction')
     sees('Apply brings')
+    page.wait_for_selector('text=the next experiment of the diagnosis', state='attached')
     wrong, tracked = newton('error'), newton('tracking')
     settled(page, pictures, '5_live')
     tab.click('live:apply')

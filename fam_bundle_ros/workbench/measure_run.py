@@ -1,0 +1,216 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+An experiment that is driven on the bundle of the page "Live": a process of `fam_bundle measure`.
+
+ROS stays out of this process. That one ends, and vents, with its standard input: that of a
+workbench that was killed.
+"""
+
+import asyncio
+from collections import deque
+from dataclasses import dataclass
+from datetime import datetime
+import os
+from pathlib import Path
+import re
+import signal
+import sys
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.resources import config_path
+
+__all__ = ['FOLDER', 'MeasureRun', 'Order', 'model_file']
+
+#: Where the recordings go, below the working directory.
+FOLDER = 'fam_bundle_measurements'
+#: s that it gets to vent and to switch the controller off.
+_FAREWELL = 12.0
+#: Lines of its error output that are kept.
+_LINES = 12
+_PROGRESS = re.compile(r'measure: (\d+) %(?:, (.*))?')
+_STOPPED = 'stopped and vented: '
+#: The command as it is; only how often it says how far it is differs.
+_COMMAND = """
+import os, signal, sys, threading
+threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.SIGINT)),
+                 daemon=True).start()
+from fam_bundle_ros.cli import common, main
+common.SAY = 0.4
+sys.exit(main())
+"""
+
+
+@dataclass(frozen=True)
+class Order:
+    """
+    What is to be measured.
+
+    Attributes
+    ----------
+    protocol, model : str
+        Files, or names of what ships; the model is that of the controller.
+    namespace : str
+    out : str
+        New CSV.
+    resume : bool
+        Go on with what is there of it.
+    """
+
+    protocol: str
+    model: str
+    namespace: str
+    out: str
+    resume: bool = False
+
+    @classmethod
+    def new(cls, protocol: str, model: str, namespace: str) -> 'Order':
+        """Return an order whose CSV is named by the time."""
+        out = Path(FOLDER).absolute() / f'{datetime.now():%Y%m%d_%H%M%S_%f}.csv'
+        return cls(protocol, model, namespace, str(out))
+
+    @property
+    def arguments(self) -> list[str]:
+        """What follows ``fam_bundle`` on a command line."""
+        return ['measure', '--rig', '--yes', '--model', self.model, '--namespace', self.namespace,
+                '--out', self.out, *(['--resume'] if self.resume else []), '--', self.protocol]
+
+
+class MeasureRun:
+    """
+    The measurement of a bundle, one at a time.
+
+    Attributes
+    ----------
+    order : Order or None
+        The last that was given.
+    share : float
+        How far it is, 0 to 1.
+    words : str
+        What it is doing, and how long it takes still.
+    file : str
+        The CSV of the last one, once it is complete; else empty.
+    failure : str
+        Why the last one ended before it was complete; else empty.
+    """
+
+    def __init__(self) -> None:
+        self.order: Order | None = None
+        self.share, self.words = 0.0, ''
+        self.file = self.failure = ''
+        self._process: asyncio.subprocess.Process | None = None
+        self._running = self._stopped = False
+
+    @property
+    def running(self) -> bool:
+        """Whether one is under way."""
+        return self._running
+
+    @property
+    def kept(self) -> bool:
+        """Whether segments of one that ended early are there, to go on with."""
+        return not self._running and self.order is not None and bool(
+            self.failure) and Path(f'{self.order.out}.parts').is_dir()
+
+    async def run(self, order: Order) -> None:
+        """
+        Measure; return when it is over: `file` or `failure` says how.
+
+        Raises
+        ------
+        InputError
+            Where one is under way already, or the recording has no place.
+        """
+        if self._running:
+            raise InputError('a measurement is under way already: stop it first')
+        try:
+            Path(order.out).parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f'{Path(order.out).parent}: cannot be made ({error.strerror})'
+                             ) from None
+        self._running, self._stopped = True, False
+        self.order, self.share, self.words = order, 0.0, 'starting'
+        self.file = self.failure = ''
+        try:
+            status, last = await self._talk(order)
+            if status == 0:
+                self.share, self.file = 1.0, order.out
+            else:
+                self.failure = 'it was stopped' if self._stopped else reason(last)
+        finally:
+            self._running = False
+
+    async def _talk(self, order: Order) -> tuple[int, list[str]]:
+        # FORCE_COLOR would make a bar of the lines
+        environment = {key: value for key, value in os.environ.items() if key != 'FORCE_COLOR'}
+        environment.update(OMP_NUM_THREADS='1',
+                           PYTHONPATH=os.pathsep.join(part for part in sys.path if part))
+        # a session of its own: Ctrl-C in a terminal is for the workbench, which ends it
+        process = self._process = await asyncio.create_subprocess_exec(
+            sys.executable, '-c', _COMMAND, *order.arguments, env=environment,
+            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE, start_new_session=True)
+        assert process.stderr is not None
+        if self._stopped:
+            process.send_signal(signal.SIGINT)
+        last: deque[str] = deque(maxlen=_LINES)
+        while line := await process.stderr.readline():
+            said = line.decode(errors='replace').strip()
+            found = _PROGRESS.fullmatch(said)
+            if found:
+                self.share, self.words = int(found[1]) / 100.0, found[2] or ''
+            elif said:
+                last.append(said)
+        return await process.wait(), list(last)
+
+    async def stop(self) -> None:
+        """End it as Ctrl-C does: everything is vented, complete segments are kept."""
+        if not self._running:
+            return
+        self._stopped, self.words = True, 'stopping and venting ...'
+        process = self._process
+        if process is None or process.returncode is not None:
+            return
+        process.send_signal(signal.SIGINT)
+        try:
+            await asyncio.wait_for(process.wait(), _FAREWELL)
+        except TimeoutError:
+            # the controller vents when its references no longer come
+            process.kill()
+            await process.wait()
+
+
+def reason(lines: list[str]) -> str:
+    """
+    Return why the command ended, from its last lines.
+
+    Examples
+    --------
+    >>> reason(['stopped and vented: force is 450 N', '2 of 3 segments are kept in x', 'more'])
+    'stopped and vented: force is 450 N'
+    >>> reason(['fam_bundle: no samples of a bundle under /bundle']), reason([])
+    ('no samples of a bundle under /bundle', 'it ended without a word')
+    """
+    for line in lines:
+        if line.startswith(_STOPPED):
+            return line
+    return lines[-1].removeprefix('fam_bundle: ') if lines else 'it ended without a word'
+
+
+def model_file(told: str) -> str:
+    """
+    Return the file of a model as nodes name it: a path, or one that ships.
+
+    Raises
+    ------
+    InputError
+        Where there is no such file on this machine.
+    """
+    path = Path(told).expanduser()
+    if path.is_file():
+        return str(path.absolute())
+    stem = Path(told).name.removesuffix('.yaml')
+    if path.is_absolute() or not stem or Path(told).parent not in (Path('.'), Path('models')):
+        raise InputError(f"model '{told}': no such file here; expected the model file of the "
+                         'controller')
+    return str(config_path(f'models/{stem}.yaml'))

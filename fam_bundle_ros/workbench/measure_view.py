@@ -1,0 +1,234 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The part "Measure" of the page "Live": an experiment is chosen, driven, stopped and opened."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from fam_bundle_ros.data.protocol import duration, minutes, Protocol, read_protocol, segments
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import load_model
+from fam_bundle_ros.resources import config_names
+from fam_bundle_ros.workbench import parts
+from fam_bundle_ros.workbench.intake import incoming_from_path
+from fam_bundle_ros.workbench.measure_run import model_file, Order
+from fam_bundle_ros.workbench.muscle import MuscleForm
+from fam_bundle_ros.workbench.rig_feed import LiveRig
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.page import Page
+
+__all__ = ['MeasureView']
+
+#: Choices besides the protocols that ship.
+_FILE, _NEXT = 'file:', 'next:'
+#: What ships and is chosen first.
+_FIRST = 'first_look'
+
+
+class MeasureView:
+    """
+    Choice, button, progress and outcome of a measurement.
+
+    Parameters
+    ----------
+    page : Page
+    rig : LiveRig
+    """
+
+    def __init__(self, page: 'Page', rig: LiveRig):
+        self.page, self.rig = page, rig
+        self._chosen, self._typed, self._model = _FIRST, '', ''
+        self._protocol: Protocol | None = None
+        #: What there is a question about.
+        self._asked: Order | None = None
+        self._shown: dict[str, Any] = {}
+        self._refilled = ''
+        with parts.box('section', 'side'):
+            parts.text('h2', 'Measure')
+            self.choice = parts.box('div')
+            self.path = parts.typed('Protocol file', '', self._type, mark='live:protocol-file',
+                                    hint='/home/me/my_protocol.yaml')
+            self.path.set_visibility(False)
+            self.model = parts.typed('Model of the controller', '', self._type_model,
+                                     mark='live:model', hint='the one that model_monitor has')
+            self.takes = parts.text('p', '', 'muted small').mark('live:takes')
+            self.buttons = parts.box('div', 'row')
+            self.said = parts.text('p', '', 'small').mark('live:measured').props('role=status')
+            self.said._props['data-mark'] = 'live:measured'
+        self._fill_choice()
+        self._reckon()
+
+    # --- what is chosen ------------------------------------------------------------------------
+
+    def _fill_choice(self) -> None:
+        self._refilled = self._next
+        names = [name.removesuffix('.yaml') for name in config_names('protocols')]
+        options = [*((name, name) for name in names), (_FILE, 'a file ...')]
+        if self._next:
+            options.append((_NEXT, 'the next experiment of the diagnosis'))
+        elif self._chosen == _NEXT:
+            self._chosen = _FIRST
+        self.choice.clear()
+        with self.choice:
+            parts.choose('Protocol', options, self._chosen, self._choose, 'live:protocol')
+
+    @property
+    def _next(self) -> str:
+        """File of the experiment that the last diagnosis proposes; empty for none."""
+        return str(self.rig.record.diagnosis.get('protocol_file') or '')
+
+    @property
+    def _name(self) -> str:
+        """File or name of the protocol that is chosen."""
+        return {_FILE: self._typed, _NEXT: self._next}.get(self._chosen, self._chosen)
+
+    def _choose(self, key: str) -> None:
+        self._chosen = key
+        self.path.set_visibility(key == _FILE)
+        self._reckon()
+
+    def _type(self, path: str) -> None:
+        self._typed = path.strip()
+        self._reckon()
+
+    def _type_model(self, name: str) -> None:
+        self._model, self._asked = name.strip(), None
+        self.look()
+
+    def _reckon(self) -> None:
+        """Say how long the experiment takes, or why it cannot be read."""
+        self._asked, self._protocol, problem = None, None, ''
+        if self._chosen == _FILE and not self._typed:
+            problem = 'The path of a protocol file, on the machine of the workbench.'
+        else:
+            try:
+                if Path(self._name).suffix not in ('', '.yaml', '.yml'):
+                    raise InputError(f'{self._name}: expected a protocol file (.yaml)')
+                self._protocol = read_protocol(self._name)
+            except InputError as error:
+                problem = str(error)
+        plan = self._protocol
+        self.takes.set_text(problem if plan is None else (
+            f'{plan.name}: {len(segments(plan))} segments, {minutes(duration(plan))}, up to '
+            f'{max(plan.highest) / 1e3:.0f} kPa'
+            + (', strain by the dynamometer' if plan.imposes_strain else '')))
+        self.look()
+
+    # --- what a user does ----------------------------------------------------------------------
+
+    def _measure(self) -> None:
+        self._want(lambda: Order.new(self._file(), self._told_model(), self.rig.namespace))
+
+    def _go_on(self) -> None:
+        before = self.rig.measurement.order
+        if before is not None:
+            self._want(lambda: replace(before, resume=True))
+
+    def _want(self, order: Callable[[], Order]) -> None:
+        """Begin; on a rig that is real only after a question."""
+        self.rig.measure_failure = ''
+        try:
+            made = order()
+            if self.rig.simulated:
+                self.rig.measure(made)
+            else:
+                self._asked = made
+        except InputError as error:
+            self.rig.measure_failure = str(error)
+        self.look()
+
+    def _confirm(self) -> None:
+        """Begin what the question was about."""
+        asked, self._asked = self._asked, None
+        if asked is not None:
+            try:
+                self.rig.measure(asked)
+            except InputError as error:
+                self.rig.measure_failure = str(error)
+        self.look()
+
+    def _cancel(self) -> None:
+        self._asked = None
+        self.look()
+
+    async def _stop(self) -> None:
+        await self.rig.measurement.stop()
+
+    def _file(self) -> str:
+        path = Path(self._name)
+        return str(path.absolute()) if path.is_file() else self._name
+
+    def _told_model(self) -> str:
+        told = self._model or str(self.rig.record.state.get('file') or '')
+        if not told:
+            raise InputError('which model has the controller? No model_monitor says it: type its '
+                             'file above')
+        return model_file(told)
+
+    async def _open(self) -> None:
+        """Open the recording beside the model of the controller, to compare and diagnose."""
+        run = self.rig.measurement
+        order = run.order
+        if order is None or not run.file:
+            return
+        file = run.file
+
+        def read() -> None:
+            incoming = incoming_from_path(Path(file))
+            incoming.muscle = MuscleForm.of(load_model(order.model))
+            self.page.session.take(incoming)
+
+        self.page.view = 'find'
+        await self.page.guarded(lambda: asyncio.to_thread(read))
+
+    # --- what it shows -------------------------------------------------------------------------
+
+    def look(self) -> None:
+        """Show what is new."""
+        if self._next != self._refilled:
+            self._fill_choice()
+        run = self.rig.measurement
+        heard = bool(self.rig.record.samples) and not self.rig.failure
+        state = {'running': run.running, 'asking': self._asked is not None, 'file': run.file,
+                 'kept': run.kept, 'able': heard and self._protocol is not None}
+        if state != self._shown:
+            self._shown = state
+            self.buttons.clear()
+            with self.buttons:
+                self._draw(state)
+        self.said.set_text(self._words())
+
+    def _draw(self, state: dict[str, Any]) -> None:
+        run = self.rig.measurement
+        if state['running']:
+            parts.button('Stop', self._stop, 'main-action small', 'live:measure-stop')
+        elif state['asking']:
+            parts.text('p', 'Now the muscles of a real rig are filled, and moved. Is everybody '
+                       'away from them and the stop button at hand?', 'small')
+            # first, so that a second click on what stood here starts nothing
+            parts.button('Cancel', self._cancel, 'plain', 'live:measure-cancel')
+            parts.button('Everybody is away: measure', self._confirm, 'main-action small',
+                         'live:measure-confirm')
+        else:
+            measure = parts.button('Measure', self._measure, 'main-action small', 'live:measure')
+            measure._props['disabled'] = not state['able']
+            if state['kept']:
+                parts.button('Go on with it', self._go_on, 'plain', 'live:measure-on')
+            if run.file:
+                parts.button('Open it', self._open, 'plain', 'live:measure-open')
+
+    def _words(self) -> str:
+        run = self.rig.measurement
+        if run.running:
+            return f'{100 * run.share:.0f} %: {run.words}'
+        if self.rig.measure_failure:
+            return self.rig.measure_failure
+        if run.failure:
+            return f'No recording: {run.failure}'
+        if run.file:
+            return f'Measured: {run.file}'
+        return ''
