@@ -49,6 +49,7 @@ setup(
     # rclpy and the messages come from ROS (package.xml) or from requirements.txt.
     install_requires=['numpy>=1.26', 'scipy>=1.11', 'PyYAML>=6', 'pint>=0.19', 'control>=0.10'],
     extras_require={
+        'cluster': ['distributed'],
         'fast': ['numba'],
         'files': ['openpyxl', 'npTDMS', 'h5py', 'pyarrow'],
         'serial': ['pyserial>=3.5'],

@@ -16,12 +16,16 @@ import subprocess
 import sys
 import tempfile
 
+import numpy as np
+
 from fam_bundle_ros.cli import main as fam_bundle
+from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit, save_model
 
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parent / 'config' / 'data' / 'examples'
 
-#: Command (its page goes to PAGE, or into FOLDER) -> figures: key, file name, width in pixels.
+#: Command (its page goes to PAGE, or into FOLDER; LAB is that of `lab`) -> figures: key, file
+#: name, width in pixels.
 PICTURES = (
     (('map', 'spie2021', '--out', 'PAGE'),
      (('space', 'force_strain_space', 980),)),
@@ -33,8 +37,14 @@ PICTURES = (
     (('benchmark-control', '--trajectories', 'ramp', '--plants', 'nominal', '--controllers',
       'neglect/orderly,reversal_aware/orderly', '--no-ros', '--out', 'PAGE'),
      (('policies', 'policies', 900),)),
+    (('measure', 'spie2021', '--out', 'LAB/isobars.csv'), ()),
+    (('compare', 'LAB/isobars.csv', '--model', 'spie2021', '--out', 'PAGE'),
+     (('comparison', 'measured_isobars', 980),)),
     (('demo', '--out', 'FOLDER'),
      (('force-run', 'run', 980),)),
+    (('campaign', 'LAB', '--model', 'LAB/model.yaml', '--specimens', 'LAB/specimens.csv', '--out',
+      'FOLDER'),
+     (('lacking', 'campaign_lacking', 900), ('trends', 'campaign_trends', 900))),
 )
 
 
@@ -46,13 +56,16 @@ def main() -> int:
     images = HERE / 'images'
     images.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
-        places = {'PAGE': Path(scratch, 'page.html'), 'FOLDER': Path(scratch, 'report')}
-        for command, figures in PICTURES:
-            status = fam_bundle([str(places.get(word, word)) for word in command])
+        lab(Path(scratch, 'lab'))
+        for place, (command, figures) in enumerate(PICTURES):
+            places = {'PAGE': Path(scratch, 'page.html'), 'LAB': Path(scratch, 'lab'),
+                      'FOLDER': Path(scratch, f'report_{place}')}
+            status = fam_bundle([re.sub('^(PAGE|LAB|FOLDER)', lambda found, places=places: str(
+                places[found[1]]), word) for word in command])
             if status:
                 return status
             page = places['FOLDER'] / 'index.html' if 'FOLDER' in command else places['PAGE']
-            text = page.read_text(encoding='utf-8')
+            text = page.read_text(encoding='utf-8') if figures else ''
             for key, name, width in figures:
                 for theme in ('light', 'dark'):
                     alone = Path(scratch, f'{name}.html')
@@ -61,6 +74,33 @@ def main() -> int:
                     draw(chromium, alone, theme, width, height(text, key), target, scratch)
                     print(target.relative_to(HERE.parent))
     return 0
+
+
+def lab(folder: Path, count: int = 24) -> None:
+    """Write maps of muscles of five lengths: rubber hardens with age, supplier B has long ends."""
+    rng = np.random.default_rng(4)
+    strain, pressure = (each.ravel() for each in np.meshgrid(np.linspace(0.0, 0.22, 8),
+                                                             np.linspace(4e4, 4e5, 6)))
+    folder.mkdir()
+    lines = ['file,muscle,length [mm],diameter [mm],age [days],supplier']
+    for number in range(count):
+        length, diameter = rng.choice([100, 140, 190, 240, 300]), rng.choice([10.0, 12.7, 16.0])
+        age, supplier = int(10.0 ** rng.uniform(1.0, 2.8)), 'AB'[number % 2]
+        geometry = Geometry(diameter / 2e3, length / 1e3, np.radians(30.0), 1.2e-3)
+        ideal = Bundle('lab', [MotorUnit('mu1', 1, geometry)], [catalogue.get('mesh')()])
+        truth = ideal if number % 3 == 0 else ideal.with_effect(
+            'bladder_elasticity', c10=4e4 * (age / 100.0) ** 0.3, c01=2e4)
+        truth = truth.with_effect('end_caps', dead_length=10e-3) if supplier == 'B' else truth
+        force = truth.force(strain, pressure[:, None])
+        force = force + rng.normal(0.0, 0.002 * np.abs(force).max(), len(force))
+        rows = [f'{e:.5f},{p / 1e3:.3f},{f:.4f}' for e, p, f in zip(strain, pressure, force)]
+        (folder / f'muscle_{number:02d}.csv').write_text(
+            '\n'.join(['strain,pressure [kPa],force [N]', *rows]))
+        lines.append(f'muscle_{number:02d}.csv,m{number:02d},{length},{diameter},{age},{supplier}')
+    (folder / 'specimens.csv').write_text('\n'.join(lines))
+    nominal = Geometry(6.35e-3, 0.2, np.radians(30.0), 1.2e-3)
+    save_model(Bundle('lab', [MotorUnit('mu1', 1, nominal)], [catalogue.get('mesh')()]),
+               folder / 'model.yaml')
 
 
 def only(page: str, key: str) -> str:

@@ -38,7 +38,7 @@ from fam_bundle_ros.benchmarks.plants import (
     PLANTS,
     UNITS,
 )
-from fam_bundle_ros.benchmarks.pool import as_done
+from fam_bundle_ros.campaign.pool import as_done
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.simulation import Log
@@ -157,7 +157,8 @@ def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str
 
 
 def run_benchmark(cases: Sequence[Case], workers: int | None = None,
-                  progress: Callable[[int, int, str], None] | None = None) -> ControlBenchmark:
+                  progress: Callable[[int, int, str], None] | None = None,
+                  scheduler: str | None = None) -> ControlBenchmark:
     """
     Run cases on all cores; rows come in their order, whatever ended first.
 
@@ -169,6 +170,8 @@ def run_benchmark(cases: Sequence[Case], workers: int | None = None,
         Processes; all cores by default.
     progress : callable, optional
         Called with cases done, cases in all, and what was done last.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers run them.
     """
     begin = time.perf_counter()
     for case in cases:
@@ -181,7 +184,7 @@ def run_benchmark(cases: Sequence[Case], workers: int | None = None,
     found: dict[Case, list[dict[str, Any]]] = {}
     logs: dict[tuple[str, str, str], Log] = {}
     order = sorted(groups.values(), key=lambda group: -len(group) * _slow(group[0].plant))
-    for place, result in as_done(_run_group, order, workers):
+    for place, result in as_done(_run_group, order, workers, scheduler):
         for case, (rows, kept) in zip(order[place], result):
             found[case] = rows
             logs.update(kept)

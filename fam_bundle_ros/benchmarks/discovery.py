@@ -19,7 +19,7 @@ import numpy as np
 
 from fam_bundle_ros.benchmarks import discovery_cases as make
 from fam_bundle_ros.benchmarks.discovery_truth import OUTSIDERS
-from fam_bundle_ros.benchmarks.pool import each, Progress
+from fam_bundle_ros.campaign.pool import each, Progress
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.diagnose import diagnose
@@ -231,15 +231,15 @@ def confusion(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
 
 
 def benchmark(cases: int = 150, sets: Iterable[str] = SETS, processes: int | None = None,
-              progress: Progress = None) -> dict[str, Any]:
+              progress: Progress = None, scheduler: str | None = None) -> dict[str, Any]:
     """
-    Run the benchmark.
+    Run the benchmark; see `campaign.pool.each` for the last three.
 
     Returns
     -------
     dict
         ``rows`` (one per case), ``table``, ``calibration``, ``confusion``.
     """
-    rows = each(run, tasks(cases, sets), processes, progress)
+    rows = each(run, tasks(cases, sets), processes, progress, scheduler)
     return {'rows': rows, 'table': table(rows), 'calibration': calibration(rows),
             'confusion': confusion(rows)}

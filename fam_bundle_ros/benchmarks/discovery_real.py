@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.benchmarks.pool import each, Progress
+from fam_bundle_ros.campaign.pool import each, Progress
 from fam_bundle_ros.data.folds import Folds
 from fam_bundle_ros.data.grouping import pressure_levels, rms, varying_unit
 from fam_bundle_ros.data.measurement import Measurement
@@ -115,7 +115,7 @@ def score(split: Split) -> dict[str, Any]:
 
 
 def benchmark(folder: Path, processes: int | None = None, draws: int = DRAWS,
-              progress: Progress = None) -> dict[str, Any]:
+              progress: Progress = None, scheduler: str | None = None) -> dict[str, Any]:
     """
     Score every split of every measurement of a folder.
 
@@ -127,6 +127,8 @@ def benchmark(folder: Path, processes: int | None = None, draws: int = DRAWS,
     draws : int
     progress : callable, optional
         Called with how many splits are done, and of how many.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers score them.
 
     Returns
     -------
@@ -135,7 +137,7 @@ def benchmark(folder: Path, processes: int | None = None, draws: int = DRAWS,
     """
     todo = [Split(data, model, away, rows) for data, model in measured(folder)
             for away, rows in splits(read_measurement(data), draws)]
-    rows = each(score, todo, processes, progress)
+    rows = each(score, todo, processes, progress, scheduler)
     rows.sort(key=lambda row: -row['ratio'])
     return {'rows': rows, 'summary': asdict(summary(rows))}
 

@@ -22,14 +22,14 @@ def control_benchmark(scale: float) -> list[Figure]:
     """Return the wall time of `benchmark-control` on two cores."""
     cases = control.cases_of()
     cases = cases[:max(round(scale * len(cases)), 1)]
-    begin, cpu = time.perf_counter(), _children()
+    begin, cpu = time.perf_counter(), children()
     found = control.run_benchmark(cases, workers=2)
     spent = time.perf_counter() - begin
     return [Figure(f'{len(found.rows)} runs', spent, 's on two cores', reach=REACH_CONTROL,
-                   note=f'{_children() - cpu:.0f} s of CPU time')]
+                   note=f'{children() - cpu:.0f} s of CPU time')]
 
 
-def _children() -> float:
+def children() -> float:
     """Return the CPU time of all processes that this one has started, s."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime

@@ -22,7 +22,8 @@ __all__ = ['main']
 _INTERRUPTED = 130
 #: Import name -> what to install for it.
 _EXTRAS = {'typer': 'tools', 'rich': 'tools', 'plotly': 'tools', 'pandas': 'tools',
-           'rosbags': 'tools', 'nicegui': 'web', 'pysindy': 'against', 'sklearn': 'against'}
+           'rosbags': 'tools', 'pyarrow': 'files', 'distributed': 'cluster', 'nicegui': 'web',
+           'pysindy': 'against', 'sklearn': 'against'}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

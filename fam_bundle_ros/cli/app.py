@@ -9,6 +9,7 @@ import typer
 import fam_bundle_ros
 from fam_bundle_ros.cli import (
     bench_commands,
+    campaign_commands,
     data_commands,
     fault_commands,
     improve_commands,
@@ -21,8 +22,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={'help_option_names': ['-h', '--help']})
 
-for _module in (rig_commands, model_commands, data_commands, improve_commands, bench_commands,
-                fault_commands):
+for _module in (rig_commands, model_commands, data_commands, improve_commands, campaign_commands,
+                bench_commands, fault_commands):
     _module.register(app)
 
 

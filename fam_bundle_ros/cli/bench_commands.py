@@ -14,7 +14,9 @@ from fam_bundle_ros.cli.common import (
     open_model,
     progress_bar,
     save_json,
+    SchedulerOption,
     table,
+    WorkersOption,
     wrote,
 )
 from fam_bundle_ros.errors import InputError
@@ -42,8 +44,8 @@ def benchmark_control(
                                        '(hours).')] = False,
     seeds: Annotated[str, typer.Option(help="Seeds of the sensors' noise, with commas between."
                                        )] = '1',
-    workers: Annotated[int | None, typer.Option(help='Processes; all cores by default.',
-                                                min=1)] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
     ros: Annotated[bool, typer.Option(help='Also run one row over ROS in lock-step.')] = True,
     out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
                                              'page (HTML).')] = None,
@@ -71,7 +73,8 @@ def benchmark_control(
         [int(n) for n in pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
     with progress_bar('benchmark-control') as tick:
         result = control.run_benchmark(
-            cases, workers, progress=lambda done, every, what: tick(done / every, what))
+            cases, workers, scheduler=scheduler,
+            progress=lambda done, every, what: tick(done / every, what))
     table(PLANT_HEAD, [plant_cells(line) for line in result.summary['plants']],
           title='reversal_aware beside equal_pressure, the worst plant first',
           numeric=tuple(range(1, len(PLANT_HEAD))))
@@ -98,8 +101,8 @@ def benchmark_control(
 def benchmark_discovery(
     cases: Annotated[int, typer.Option(help='Cases per kind of data and set.', min=1)] = 150,
     sets: Annotated[str, typer.Option(help='Sets of cases with commas between, or all.')] = 'all',
-    workers: Annotated[int | None, typer.Option(help='Processes; all cores by default.',
-                                                min=1)] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
     against: Annotated[bool, typer.Option('--against', help='LASSO and pysindy STLSQ on the same '
                                           'cases (extras).')] = False,
     real: Annotated[Path | None, typer.Option(
@@ -115,13 +118,14 @@ def benchmark_discovery(
     rows. The JSON has `rows` and `summary`.
     """
     if real is not None:
-        _benchmark_real(real, workers, json_file)
+        _benchmark_real(real, workers, scheduler, json_file)
         return
     from fam_bundle_ros.benchmarks import discovery
     chosen = pick(sets, discovery.SETS, '--sets')
     with progress_bar('benchmark-discovery') as tick:
-        result = discovery.benchmark(cases, chosen, workers,
-                                     lambda done, every: tick(done / every, f'{done} of {every}'))
+        result = discovery.benchmark(
+            cases, chosen, workers, scheduler=scheduler,
+            progress=lambda done, every: tick(done / every, f'{done} of {every}'))
     table(('measure', 'cases', 'value', 'target', ''),
           [(row['measure'], row['cases'], f'{row["value"]:.3f}',
             f'{"≥" if row["at_least"] else "≤"} {row["target"]:.3g}',
@@ -143,11 +147,13 @@ def benchmark_discovery(
     save_json(json_file, result)
 
 
-def _benchmark_real(folder: Path, workers: int | None, json_file: Path | None) -> None:
+def _benchmark_real(folder: Path, workers: int | None, scheduler: str | None,
+                    json_file: Path | None) -> None:
     from fam_bundle_ros.benchmarks import discovery_real
     with progress_bar('benchmark-discovery') as tick:
         result = discovery_real.benchmark(
-            folder, workers, progress=lambda done, every: tick(done / every, f'{done} of {every}'))
+            folder, workers, scheduler=scheduler,
+            progress=lambda done, every: tick(done / every, f'{done} of {every}'))
     table(('measurement', 'kept away', 'verdict', 'effects', 'error (N)', 'effects alone (N)',
            'empirical (N)', 'ratio'),
           [(row['data'], row['away'], row['verdict'].replace('_', ' '), ', '.join(row['effects']),

@@ -37,6 +37,16 @@ JsonFile = Annotated[Path | None, typer.Option('--json', metavar='FILE', help='A
                                                'result as JSON.')]
 AllowPython = Annotated[bool, typer.Option('--allow-python', help='Run Python files of effects '
                                            'that a model names. Only for models you trust.')]
+WorkersOption = Annotated[int | None, typer.Option('--workers', min=1, help='Processes; all cores '
+                                                   'by default.')]
+SchedulerOption = Annotated[str | None, typer.Option(
+    '--scheduler', metavar='ADDRESS', help='Run on the Dask cluster of this scheduler, '
+    'tcp://HOST:8786, instead of on this machine (extra cluster).')]
+Unexplained = Annotated[float, typer.Option(
+    '--unexplained', metavar='SHARE', min=1e-4, max=1.0, help='How much structure beyond every '
+    "law is normal, as a share of the force's standard deviation.")]
+Odds = Annotated[float, typer.Option('--odds', min=1.0, help='Sets of effects at most so many '
+                                     'times less probable than the best are ties.')]
 ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help='Model file, or '
                                           'a name that ships.')]
 
@@ -138,6 +148,7 @@ def read_data(data: str, reading: Reading, model: Any = None) -> Any:
         save_recipe,
         taken_words,
     )
+    from fam_bundle_ros.discovery.reading import length_of, recipe_for
     recipe = Recipe() if reading.recipe is None else load_recipe(reading.recipe)
     columns = {}
     for entry in reading.columns:
@@ -151,16 +162,13 @@ def read_data(data: str, reading: Reading, model: Any = None) -> Any:
                                        ('max_pressure', reading.max_pressure, 'Pa')) if text}
     recipe = recipe.merged(columns=columns, gauge=reading.gauge, max_strain=reading.max_strain,
                            sheet=reading.sheet, drop_bad=reading.drop_bad, **told)
-    lengths = {float(unit.geometry.length) for unit in model.motor_units} if model else set()
-    length = lengths.pop() if len(lengths) == 1 else None
-    if recipe.rest_length is None:
-        recipe = recipe.merged(rest_length=length)
-    elif length is not None and abs(recipe.rest_length / length - 1.0) > 0.02:
+    length = length_of(model) if model else None
+    if length is not None and recipe.rest_length is not None and abs(
+            recipe.rest_length / length - 1.0) > 0.02:
         notes.print(f'note: --rest-length is {1e3 * recipe.rest_length:.4g} mm, the length of '
                     f'{model.name} {1e3 * length:.4g} mm')
-    if model is not None and recipe.max_pressure is None:
-        recipe = recipe.merged(max_pressure=max(float(unit.max_pressure)
-                                                for unit in model.motor_units))
+    if model is not None:
+        recipe = recipe_for(model, recipe)
     measured = read_measurement(data_path(data), recipe=recipe)
     words = taken_words(measured)
     for line in [*([words] if words else []), *([measured.dropped_words] if measured.dropped

@@ -16,6 +16,7 @@ from fam_bundle_ros.cli.common import (
     ModelOption,
     muscle_of,
     notes,
+    Odds,
     open_model,
     progress_bar,
     read_data,
@@ -24,6 +25,7 @@ from fam_bundle_ros.cli.common import (
     save_json,
     show_muscle,
     table,
+    Unexplained,
     wrote,
 )
 from fam_bundle_ros.cli.specimens import diagnose_table
@@ -109,11 +111,8 @@ def diagnose(
     protocol_out: Annotated[Path | None, typer.Option('--protocol-out', metavar='FILE',
                                                       help='Also write the next experiment as a '
                                                       'protocol (.yaml) for `measure`.')] = None,
-    unexplained: Annotated[float, typer.Option(metavar='SHARE', min=1e-4, max=1.0, help='How much '
-                                               'structure beyond every law is normal, as a share '
-                                               "of the force's standard deviation.")] = 0.01,
-    odds: Annotated[float, typer.Option(min=1.0, help='Sets of effects at most so many times '
-                                        'less probable than the best are ties.')] = 20.0,
+    unexplained: Unexplained = 0.01,
+    odds: Odds = 20.0,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
     *,

@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 from fam_bundle_ros.cli.bench_commands import PANEL, pick
-from fam_bundle_ros.cli.common import JsonFile, progress_bar, save_json, table, wrote
+from fam_bundle_ros.cli.common import (
+    JsonFile,
+    progress_bar,
+    save_json,
+    SchedulerOption,
+    table,
+    WorkersOption,
+    wrote,
+)
 from fam_bundle_ros.errors import InputError
 
 
@@ -26,8 +34,8 @@ def benchmark_faults(
     ros: Annotated[bool, typer.Option('--ros', help='Also kill, stop and restart each node, one '
                                       'process each (some minutes).')] = False,
     seed: Annotated[int, typer.Option(help="Of the sensors' noise.", min=0)] = 1,
-    workers: Annotated[int | None, typer.Option(help='Processes; all cores by default.',
-                                                min=1)] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
     listed: Annotated[bool, typer.Option('--list', help='Name the faults and leave.')] = False,
     out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
                                              'page (Markdown).')] = None,
@@ -57,7 +65,7 @@ def benchmark_faults(
         raise InputError('--faults none and --work 0: nothing to run')
     with progress_bar('benchmark-faults') as tick:
         rows = run_cases(cases, workers,
-                         lambda done, every, what: tick(done / every, what))
+                         lambda done, every, what: tick(done / every, what), scheduler)
     result = result_of(cases, rows)
     table(tables.FAULT_HEAD, [tables.fault_cells(line) for line in result['faults']],
           title=f'{len(rows)} runs, the worst fault first', numeric=range(1, 13))

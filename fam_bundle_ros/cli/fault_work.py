@@ -3,13 +3,13 @@
 """Runs the cases of the safety benchmark: those in lock-step side by side, the others alone."""
 
 from collections.abc import Callable, Sequence
-import os
 from typing import Any
+from uuid import uuid4
 
 from fam_bundle_ros.benchmarks import fault_verdicts as verdicts
 from fam_bundle_ros.benchmarks import faults
 from fam_bundle_ros.benchmarks.faults import Case
-from fam_bundle_ros.benchmarks.pool import as_done
+from fam_bundle_ros.campaign.pool import as_done
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.resources import config_path
 
@@ -22,16 +22,16 @@ def run_case(case: Case) -> dict[str, Any]:
     model, rig = load_model(config_path(_MODEL)), faults.rig_of(case)
     record = run_with_faults(
         model, faults.trajectory_of(case, model), rig,
-        # Workers share a domain.
+        # Workers share a domain; those of a cluster may be threads of one process.
         {**faults.told(case), 'publish_clock': False}, enable_at=case.enable_at,
         lock_step=case.lock_step,
-        rate=faults.RATE, seed=case.seed, namespace=f'/faults_{os.getpid()}')
+        rate=faults.RATE, seed=case.seed, namespace=f'/faults_{uuid4().hex}')
     return verdicts.judge(case, record, verdicts.Limits.of(model, rig))
 
 
 def run_cases(cases: Sequence[Case], workers: int | None = None,
-              progress: Callable[[int, int, str], None] = lambda done, every, what: None
-              ) -> list[dict[str, Any]]:
+              progress: Callable[[int, int, str], None] = lambda done, every, what: None,
+              scheduler: str | None = None) -> list[dict[str, Any]]:
     """
     Return the row of each case, in their order.
 
@@ -42,6 +42,8 @@ def run_cases(cases: Sequence[Case], workers: int | None = None,
         Processes for the cases in lock-step; all cores by default, this process alone with 1.
     progress : callable
         Gets how many cases are done, how many there are, and the last one.
+    scheduler : str, optional
+        Address of a Dask scheduler for the cases in lock-step; its workers need ROS.
     """
     rows: dict[Case, dict[str, Any]] = {}
 
@@ -50,7 +52,7 @@ def run_cases(cases: Sequence[Case], workers: int | None = None,
         progress(len(rows), len(cases), str(case))
 
     quick = [case for case in cases if case.lock_step]
-    for place, row in as_done(run_case, quick, workers):
+    for place, row in as_done(run_case, quick, workers, scheduler):
         done(quick[place], row)
     # In wall time nothing else may run: a machine that is held up is late too.
     for case in cases:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fam_bundle_ros.discovery.evidence import Fit
 from fam_bundle_ros.discovery.posterior import Posterior
+from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.units import si_factor
 
@@ -43,6 +44,10 @@ class Estimate:
         How many tolerances (widths of its prior) a parameter of the model has moved.
     si : float
         The value in SI units.
+    data_alone : tuple of float
+        What the data say without the parameter's prior: value and both ends of the 95 % interval.
+        It is what to compare specimens by: a prior draws all of them towards one value. Empty
+        where the data do not move it.
     """
 
     key: str
@@ -53,6 +58,7 @@ class Estimate:
     tolerances: float | None
     si: float
     si_interval: tuple[float, float]
+    data_alone: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -66,6 +72,7 @@ class Estimate:
         chosen = asdict(self)
         chosen['interval'] = list(self.interval)
         chosen['si_interval'] = list(self.si_interval)
+        chosen['data_alone'] = list(self.data_alone)
         return chosen
 
 
@@ -110,8 +117,23 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
                 flag = f'traded off with {fit.priors[worst].key}'
         value = prior.theta(u)
         found.append(Estimate(prior.key, value / size, unit, (ends[0] / size, ends[1] / size),
-                              flag, float(u) if prior.own else None, value, ends))
+                              flag, float(u) if prior.own else None, value, ends,
+                              tuple(v / size for v in _data_alone(prior, u, own[j]))))
     return found
+
+
+def _data_alone(prior: Prior, u: float, spread: float) -> tuple[float, ...]:
+    """
+    Return value and 95 % interval of a parameter without its prior, SI.
+
+    The prior is N(0, 1) in u; a posterior N(u, s^2) is then that of a likelihood
+    N(u / (1 - s^2), s^2 / (1 - s^2)).
+    """
+    if spread > DEAD:
+        return ()
+    left = 1.0 - spread ** 2
+    centre, reach = u / left, _95 * spread / np.sqrt(left)
+    return prior.theta(centre), prior.theta(centre - reach), prior.theta(centre + reach)
 
 
 def confounding(fit: Fit) -> tuple[list[str], np.ndarray]:

@@ -41,7 +41,7 @@ from fam_bundle_ros.told import Told
 from fam_bundle_ros.units import si_factor
 
 #: Dimensions of the braid that a table may give, in any unit of this kind.
-_GEOMETRY = {'length': 'm', 'radius': 'm', 'diameter': 'm', 'braid_angle': 'deg',
+DIMENSIONS = {'length': 'm', 'radius': 'm', 'diameter': 'm', 'braid_angle': 'deg',
              'wall_thickness': 'm'}
 #: Sets of each specimen that are weighed on all of them.
 _SETS = 6
@@ -63,12 +63,18 @@ class Specimen:
         ``length``, ``radius``, ``braid_angle``, ``wall_thickness`` where they are known, SI.
     facts : dict of str to float
         These and every other number of the table, by its header: age, supplier's code, ...
+    remarks : dict of str to str
+        What is no number, by its header: the supplier, a name of the muscle, ...
+    units : dict of str to str
+        Of the cells whose header has one.
     """
 
     name: str
     data: Any
     dimensions: Mapping[str, float] = field(default_factory=dict)
     facts: Mapping[str, float] = field(default_factory=dict)
+    remarks: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def model(self, nominal: Bundle) -> Bundle:
         """Return a model with the dimensions of this specimen."""
@@ -117,29 +123,32 @@ def read_specimens(path: str | Path) -> list[Specimen]:
 
 def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], row: list[str]
               ) -> Specimen:
-    dimensions, facts, file = {}, {}, ''
+    dimensions, facts, remarks, units, file = {}, {}, {}, {}, ''
     for (name, unit), cell in zip(headers, row):
         where = f"{path}, row {number}, column '{name}'"
         if name == 'file':
             file = cell.strip()
         elif cell.strip() and name:
+            if unit:
+                units[name] = unit
             try:
                 value = float(cell)
             except ValueError:
-                if name in _GEOMETRY:
+                if name in DIMENSIONS:
                     raise InputError(f"{where}: '{cell}'; expected a number") from None
-                continue  # a remark
+                remarks[name] = cell.strip()
+                continue
             facts[name] = value
-            if name in _GEOMETRY:
+            if name in DIMENSIONS:
                 if not unit:
                     raise InputError(f"{where} has no unit; expected for example "
                                      f"'{name} [{'deg' if name == 'braid_angle' else 'mm'}]'")
-                value *= si_factor(unit, _GEOMETRY[name])
+                value *= si_factor(unit, DIMENSIONS[name])
                 name, value = ('radius', value / 2) if name == 'diameter' else (name, value)
                 dimensions[name] = value
     if not file:
         raise InputError(f'{path}, row {number}: no file; expected the name of a recording')
-    return Specimen(Path(file).stem, path.parent / file, dimensions, facts)
+    return Specimen(Path(file).stem, path.parent / file, dimensions, facts, remarks, units)
 
 
 class Constant(NamedTuple):

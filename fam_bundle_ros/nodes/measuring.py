@@ -20,7 +20,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.srv import GetParameters
-from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
@@ -34,7 +33,7 @@ from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.diagnostics import ERROR
-from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
 from fam_bundle_ros.nodes.protocol_run import Asked, ProtocolRun, Seen, Stopped
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 
@@ -203,7 +202,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
         Go on with an experiment that did not end: segments that are complete are kept.
     namespace : str
     domain : int, optional
-        ROS domain; that of the environment by default.
+        ROS domain; that of the environment by default, where nobody hears a simulated rig.
     rate : float, Hz
         Samples of the simulated rig.
     seed : int
@@ -241,8 +240,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
         with ExitStack() as ending:
             # From before the first node: a KeyboardInterrupt in a callback would be lost.
             signals = ending.enter_context(StopSignals())
-            context = Context()
-            context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
+            context = begin(log_level, domain, alone=domain is None and not rig)
             ending.callback(context.try_shutdown)
             node = {'context': context, 'namespace': namespace}
             if rig:

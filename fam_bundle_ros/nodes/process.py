@@ -38,6 +38,26 @@ PATIENCE = 2.0
 NodeFactory = Callable[[Context], Sequence[BundleNode]]
 
 
+def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Context:
+    """
+    Return a context for nodes of this process.
+
+    Those that are ``alone`` hear each other and nobody else: a simulated run must not move a rig
+    that is there under the same names.
+    """
+    context, name = Context(), 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+    before = os.environ.get(name)
+    try:
+        if alone:
+            os.environ[name] = 'OFF'
+        context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
+    finally:
+        os.environ.pop(name, None)
+        if before is not None:
+            os.environ[name] = before
+    return context
+
+
 class Spinner:
     """
     An EventsExecutor with nodes, spun in bounded slices.

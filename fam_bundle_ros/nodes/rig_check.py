@@ -136,6 +136,10 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
                    and not signals.received):
                 spinner.spin(0.1)
             units = max(units, _listen(node, length))
+            # A network may take seconds to bring the first message of a topic that it knows.
+            while (not all(node.rows.values()) and not node.bad
+                   and time.monotonic() - begin < patience and not signals.received):
+                spinner.spin(0.1)
             begin = time.monotonic()
             while time.monotonic() - begin < seconds and not signals.received:
                 spinner.spin(0.2)

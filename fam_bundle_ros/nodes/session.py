@@ -26,7 +26,7 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
-from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
 from fam_bundle_ros.nodes.profile import load_profile, Points
 from fam_bundle_ros.nodes.recording import record, Recorder
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
@@ -88,7 +88,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
         and the valve commands that it took.
     namespace : str
     domain : int, optional
-        ROS domain; that of the environment by default.
+        ROS domain in which others hear the nodes; by default nobody does.
     log_level : str
         Of all nodes: debug, info, warn, error, fatal.
 
@@ -117,8 +117,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
                   'prepare': plan.prepare, **_DESKTOP, **(overrides or {})}
         # From before the first node: a KeyboardInterrupt in a callback of rclpy would be lost.
         with StopSignals() as signals:
-            context = Context()
-            context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
+            context = begin(log_level, domain, alone=domain is None)
             return _run(context, values, plan, hardware, namespace, bag, progress, watch, signals)
 
 

@@ -10,6 +10,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.control import LoadModel
@@ -46,6 +47,21 @@ def test_same_hash_twice_in_lock_step(domain_id):
     assert len(first.time) == 260
     assert digest(first) == digest(second)
     assert digest(run_trajectory('spie2021', RAMP, domain=domain_id, seed=1)) != digest(first)
+
+
+@pytest.mark.parametrize('named', [True, False])
+def test_a_simulated_run_is_heard_only_in_a_domain_that_is_named(domain_id, named):
+    """A rig under the same names must not get its valve commands."""
+    context = Context()
+    context.init(domain_id=domain_id)
+    node = BundleNode('rig', (), context=context)
+    executor, heard = SingleThreadedExecutor(context=context), []
+    node.create_subscription(JointState, interface.valve_topic(1), heard.append, 10)
+    executor.add_node(node)
+    run_trajectory('spie2021', RAMP, domain=domain_id if named else None,
+                   watch=lambda *_: executor.spin_once(0.002))
+    assert bool(heard) == named
+    context.try_shutdown()
 
 
 def test_ros_agrees_with_the_loop_without_ros(domain_id):

@@ -23,13 +23,15 @@ ALLOWED = {
     'simulation': {'model', 'plant', 'control', 'closed_loop'},
     'discovery': {'model', 'data', *DRAWS},
     'nodes': {'model', 'data', 'plant', 'control', 'discovery', 'simulation'},
-    'benchmarks': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', *DRAWS},
+    'campaign': {'model', 'data', 'discovery'},
+    'benchmarks': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'campaign',
+                   *DRAWS},
     'report': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'benchmarks',
-               *DRAWS},
+               'campaign', *DRAWS},
     'workbench': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'report',
                   *DRAWS},
     'cli': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'nodes', 'report',
-            'benchmarks', 'workbench', *DRAWS},
+            'benchmarks', 'campaign', 'workbench', *DRAWS},
 }
 # Modules that know nothing of physics and serve every layer.
 PLAIN = {'atomic', 'bagwriter', 'errors', 'kernels', 'mcapfile', 'resources', 'told', 'units'}

@@ -1,0 +1,229 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Import, compare and diagnose over a folder of recordings; what is done is kept.
+
+    found = run_campaign('recordings', 'model.yaml', 'results', specimens='specimens.csv')
+    print(found)
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+import json
+from pathlib import Path
+from typing import Any
+
+from fam_bundle_ros.atomic import write_whole
+from fam_bundle_ros.campaign import job, tables
+from fam_bundle_ros.campaign.pool import as_done
+from fam_bundle_ros.campaign.recordings import find, MARK, Recording
+from fam_bundle_ros.campaign.store import Store
+from fam_bundle_ros.campaign.trends import Contrast, contrasts, Share, shares, Trend, trends
+from fam_bundle_ros.campaign.version import code_version
+from fam_bundle_ros.data import load_recipe, Recipe
+from fam_bundle_ros.discovery import Choices
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.resources import model_path
+from fam_bundle_ros.told import Told
+
+__all__ = ['Campaign', 'run_campaign']
+
+FORMAT = 'fam-bundle-campaign/1'
+#: Trends whose corrected probability is above this are not told.
+CLEAR = 0.05
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, repr=False)
+class Campaign(Told):
+    """
+    What many recordings say of one model.
+
+    Attributes
+    ----------
+    model : Bundle
+        Nominal.
+    recordings, effects, parameters : list of dict
+        The rows of the tables; see `campaign.tables`.
+    facts : dict of str to dict
+        Numbers of the table of specimens, of each muscle: the mean of its recordings.
+    shares : list of Share
+    contrasts : list of Contrast
+    trends : list of Trend
+        All that could be asked; the clearest first.
+    computed : int
+        Recordings that were worked on now; the others were found in the folder of results.
+    """
+
+    model: Bundle
+    recordings: list[Row]
+    effects: list[Row]
+    parameters: list[Row]
+    facts: dict[str, dict[str, float]]
+    shares: list[Share]
+    contrasts: list[Contrast]
+    trends: list[Trend]
+    computed: int
+
+    @property
+    def failed(self) -> list[Row]:
+        """Rows of recordings that could not be worked on."""
+        return [row for row in self.recordings if row['status'] == 'failed']
+
+    @property
+    def counted(self) -> list[Row]:
+        """Rows that the shares and trends are about: those done, each content once."""
+        return [row for row in self.recordings if counts(row)]
+
+    @property
+    def muscles(self) -> dict[str, int]:
+        """How many recordings count, of each muscle."""
+        return dict(Counter(row['muscle'] for row in self.counted))
+
+    @property
+    def verdicts(self) -> dict[str, int]:
+        """How many recordings have each verdict, the most frequent first."""
+        return dict(Counter(row['verdict'] for row in self.counted).most_common())
+
+    @property
+    def clear_trends(self) -> list[Trend]:
+        """Trends that chance does not make (5 % that any of them is none)."""
+        return [trend for trend in self.trends if trend.p < CLEAR]
+
+    @property
+    def clear_contrasts(self) -> list[Contrast]:
+        """Contrasts that chance does not make (5 % that any of them is none)."""
+        return [contrast for contrast in self.contrasts if contrast.p < CLEAR]
+
+    def __str__(self) -> str:
+        twice = sum(bool(row['duplicate_of']) for row in self.recordings)
+        lines = [f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} there '
+                 f'twice; {len(self.counted)} count, of {len(self.muscles)} muscles: '
+                 + ', '.join(f'{count} {name}' for name, count in self.verdicts.items())]
+        lines += [f'{share.effect} is missing in {share.muscles} of {share.of} muscles '
+                  f'({100 * share.low:.0f} to {100 * share.high:.0f} %)'
+                  for share in self.shares if share.muscles]
+        return '\n'.join([*lines, *map(str, self.clear_contrasts), *map(str, self.clear_trends)])
+
+
+def counts(row: Row) -> bool:
+    """Return whether a row of the recordings counts: done, and no duplicate."""
+    return row['status'] == 'done' and not row['duplicate_of']
+
+
+def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
+                 recipe: Recipe | str | Path | None = None,
+                 specimens: str | Path | None = None, choices: Choices | None = None,
+                 pattern: str = '*', allow_python: bool = False, workers: int | None = None,
+                 scheduler: str | None = None,
+                 progress: Callable[[int, int, str], None] | None = None) -> Campaign:
+    """
+    Work on all recordings of a folder, and write the tables.
+
+    Parameters
+    ----------
+    folder : path
+    model : path
+        Model file, or the name of one that ships.
+    out : path
+        Folder of results; what is in it is not computed again. Written there are
+        ``recordings.parquet``, ``effects.parquet``, ``parameters.parquet`` and one JSON for each
+        recording.
+    recipe : Recipe or path, optional
+        How the recordings are to be read.
+    specimens : path, optional
+        Table of dimensions and further numbers; see `read_specimens`. A text column ``muscle``
+        says which recordings are of one muscle.
+    choices : Choices, optional
+    pattern : str
+        Names of files that are wanted.
+    allow_python : bool
+        Whether Python files of effects that the model names may be run.
+    workers, scheduler
+        See `campaign.pool.each`.
+    progress : callable, optional
+        Called with how many are done, of how many, and the file.
+
+    Raises
+    ------
+    InputError
+        For a folder without recordings, a bad model, recipe or table, a scheduler that does not
+        answer. What is wrong with one recording is in its row.
+    """
+    import pandas  # noqa: F401  # before hours of work, not after
+    import pyarrow  # noqa: F401
+    folder, out = Path(folder), Path(out)
+    if folder.resolve().is_relative_to(out.resolve()):
+        raise InputError(f'{out}: holds the recordings; expected another folder for the results')
+    path = model_path(model)
+    wanted = job.Model.of(path, allow_python)
+    bundle, digest = wanted.bundle(), wanted.digest
+    leave = [] if recipe is None or isinstance(recipe, Recipe) else [Path(recipe)]
+    how = recipe if isinstance(recipe, Recipe) else (
+        Recipe() if recipe is None else load_recipe(recipe))
+    chosen = choices or Choices()
+    recordings = find(folder, None if specimens is None else Path(specimens), pattern,
+                      tuple(leave))
+    jobs = [job.Job.of(recording, wanted, how, chosen) for recording in recordings]
+    addresses = [each.address(digest) for each in jobs]
+    store = Store(out / 'recordings')
+    write_whole(out / MARK, json.dumps({
+        'format': FORMAT, 'folder': str(folder.resolve()), 'model': str(path.resolve()),
+        'model_sha256': digest, 'recipe': asdict(how), 'choices': asdict(chosen),
+        'specimens': None if specimens is None else str(Path(specimens).resolve()),
+        'code': code_version()}, indent=1))
+    todo = {address: each for address, each, recording in zip(addresses, jobs, recordings)
+            if not recording.problem and not store.is_done(address)}
+    left = list(todo.items())
+    for done, (place, result) in enumerate(as_done(
+            job.run, [each for _, each in left], workers, scheduler, job.lost), 1):
+        address, each = left[place]
+        store.write(address, result)
+        if progress:
+            progress(done, len(left), each.file)
+    found = _together(bundle, recordings, addresses, store, len(left))
+    for name in ('recordings', 'effects', 'parameters'):
+        tables.write_parquet(name, getattr(found, name), out / f'{name}.parquet')
+    return found
+
+
+def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str], store: Store,
+              computed: int) -> Campaign:
+    """Return the tables of all results, and what they say together."""
+    rows: list[Row] = []
+    effects: list[Row] = []
+    parameters: list[Row] = []
+    # of the same bytes the one that the table tells about is the original
+    first: dict[str, str] = {}
+    for recording in sorted(recordings, key=lambda each: each.specimen is None):
+        first.setdefault(recording.sha256, recording.file)
+    for recording, address in zip(recordings, addresses):
+        # one at a time: a thousand results need not be in memory together
+        result = {'error': recording.problem} if recording.problem else store.read(address)
+        assert result is not None
+        original = '' if recording.problem else first[recording.sha256]
+        rows.append(tables.recording_row(recording, result, address,
+                                         '' if original == recording.file else original))
+        effects += tables.effect_rows(recording, result)
+        parameters += tables.parameter_rows(recording, result)
+    counted = {row['file'] for row in rows if counts(row)}
+    muscles = Counter(row['muscle'] for row in rows if row['file'] in counted)
+    facts = _facts([each for each in recordings if each.file in counted])
+    told = [row for row in effects if row['file'] in counted]
+    fitted = [row for row in parameters if row['file'] in counted]
+    return Campaign(bundle, rows, effects, parameters, facts, shares(told, muscles),
+                    contrasts(told, muscles, facts), trends(fitted, facts), computed)
+
+
+def _facts(recordings: list[Recording]) -> dict[str, dict[str, float]]:
+    """Return the mean of each number of the table, of each muscle."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for recording in recordings:
+        for name, value in tables.facts_of(recording.specimen).items():
+            if isinstance(value, float) and name != 'muscle':
+                found.setdefault(recording.muscle, {}).setdefault(name, []).append(value)
+    return {muscle: {name: sum(values) / len(values) for name, values in each.items()}
+            for muscle, each in found.items()}

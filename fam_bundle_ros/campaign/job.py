@@ -1,0 +1,178 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""One recording of a campaign: import, compare, diagnose, to plain values; errors are results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+import hashlib
+import json
+from pathlib import Path
+import socket
+from typing import Any
+
+from fam_bundle_ros.campaign.recordings import digest, Recording
+from fam_bundle_ros.campaign.version import code_version
+from fam_bundle_ros.data import read_measurement, Recipe
+from fam_bundle_ros.discovery import Choices, diagnose
+from fam_bundle_ros.discovery.reading import recipe_for
+from fam_bundle_ros.discovery.result import finite
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, loads_model
+
+__all__ = ['Job', 'lost', 'Model', 'run']
+
+#: Format of a result; a change of it makes all of them anew.
+FORMAT = 'fam-bundle-campaign-result/1'
+
+
+@dataclass(frozen=True)
+class Model:
+    """
+    A model file as it is read: its text, and where files that it names are looked up.
+
+    Attributes
+    ----------
+    text, where, folder : str
+    allow_python : bool
+    """
+
+    text: str
+    where: str
+    folder: str
+    allow_python: bool = False
+
+    @classmethod
+    def of(cls, path: Path, allow_python: bool = False) -> Model:
+        """Return the model of a file (InputError when it cannot be read)."""
+        try:
+            text = path.read_text(encoding='utf-8')
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f'{path}: cannot be read ({error}); expected a model file') from error
+        return cls(text, path.name, str(path.parent.resolve()), allow_python)
+
+    def bundle(self) -> Bundle:
+        """Return the model itself."""
+        return _bundle(self)
+
+    @property
+    def digest(self) -> str:
+        """Hash of the text and of the content of every table and Python file in it."""
+        whole = hashlib.sha256(self.text.encode())
+        for effect in self.bundle().effects:
+            named = (effect.python_file, effect.options().get('table'))
+            for file in named:
+                if file:
+                    whole.update(digest(Path(self.folder, file)).encode())
+        return whole.hexdigest()
+
+
+@lru_cache(maxsize=4)
+def _bundle(model: Model) -> Bundle:
+    return loads_model(model.text, model.where, Path(model.folder), model.allow_python)
+
+
+@dataclass(frozen=True)
+class Job:
+    """
+    What a worker needs to know of a recording. It can be pickled.
+
+    Attributes
+    ----------
+    file, path, sha256 : str
+    model : Model
+        Nominal.
+    dimensions : tuple of (str, float)
+        Those of this specimen.
+    recipe : Recipe
+    choices : Choices
+    """
+
+    file: str
+    path: str
+    sha256: str
+    model: Model
+    dimensions: tuple[tuple[str, float], ...]
+    recipe: Recipe
+    choices: Choices
+
+    @classmethod
+    def of(cls, recording: Recording, model: Model, recipe: Recipe, choices: Choices) -> Job:
+        """Return the job of a recording."""
+        dimensions = {} if recording.specimen is None else recording.specimen.dimensions
+        return cls(recording.file, str(recording.path), recording.sha256, model,
+                   tuple(sorted(dimensions.items())), recipe, choices)
+
+    def address(self, model_digest: str) -> str:
+        """
+        Return the hash of all that the result depends on, and of nothing else.
+
+        Those are the data, the model, the specimen's dimensions, the recipe, the choices and the
+        code; not the file's name or place.
+        """
+        parts = {'format': FORMAT, 'data': self.sha256, 'model': model_digest,
+                 'dimensions': self.dimensions, 'recipe': _plain(asdict(self.recipe)),
+                 'choices': asdict(self.choices), 'code': code_version()}
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def run(job: Job) -> dict[str, Any]:
+    """
+    Return what a recording says of the model, as plain values.
+
+    Returns
+    -------
+    dict
+        ``error`` (empty where it worked), ``passing`` (True where the error is one of the machine
+        and not of the data: the next run tries again), ``data``, ``compare`` and ``diagnose``
+        as the commands of these names write them.
+    """
+    try:
+        return _done(job)
+    except InputError as error:
+        return _failed(str(error), passing=False)
+    except OSError as error:
+        return _failed(str(error), passing=True)
+    except Exception as error:  # one bad recording must not end the others
+        return _failed(f'unexpected {type(error).__name__}: {error}', passing=True)
+
+
+def lost(job: Job) -> dict[str, Any]:
+    """Return the result of a recording whose worker died again and again."""
+    return _failed('the process that worked on it died each time: out of memory, or '
+                   'a crash', passing=True)
+
+
+def _done(job: Job) -> dict[str, Any]:
+    path = Path(job.path)
+    if not path.exists():
+        raise FileNotFoundError(f'{path} is not there on {socket.gethostname()}; expected every '
+                                'worker to see the folder under the same path')
+    model = job.model.bundle()
+    if job.dimensions:
+        model = model.with_parameters({f'geometry.{k}': value for k, value in job.dimensions})
+    # before it is read: what is wrong with other data is not to be kept for these
+    if digest(path) != job.sha256:
+        raise OSError('it was changed while the campaign ran')
+    measured = read_measurement(path, recipe=recipe_for(model, job.recipe))
+    result = diagnose(model, measured, choices=job.choices)
+    compared, said = result.comparison.to_dict(), result.to_dict()
+    # kept small: tables by trial and the matrix of correlations are for one recording at a time
+    for tree, heavy in ((compared, ('tables', 'noise')), (said, ('confounding',))):
+        for key in heavy:
+            del tree[key]
+    return {'format': FORMAT, 'error': '', 'passing': False, 'code': code_version(),
+            **finite({'data': measured.to_dict(), 'compare': compared, 'diagnose': said})}
+
+
+def _failed(error: str, passing: bool) -> dict[str, Any]:
+    return {'format': FORMAT, 'error': ' '.join(error.split()), 'passing': passing,
+            'code': code_version()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    return value

@@ -1,0 +1,275 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Many independent tasks: in this process, in processes of this machine, or on a Dask cluster.
+
+No process is left when it ends, also after Ctrl-C, SIGTERM or a kill.
+"""
+
+import asyncio
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+import logging
+from multiprocessing import active_children, connection, get_context, parent_process
+import os
+import signal
+import threading
+from typing import Any
+import warnings
+
+from fam_bundle_ros.campaign.version import code_version
+from fam_bundle_ros.errors import InputError
+
+__all__ = ['as_done', 'each', 'Progress', 'WorkerDied']
+
+Progress = Callable[[int, int], None] | None
+#: What stands for the result of a task whose process died (default: `WorkerDied` is raised).
+Lost = Callable[[Any], Any] | None
+#: Linear algebra on one core each: the processes are the parallelism.
+_ONE_CORE = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
+#: s until a scheduler has to answer.
+_ANSWER = 10.0
+
+
+class WorkerDied(RuntimeError):
+    """The process that worked on a task was killed or crashed, also when it was tried again."""
+
+
+def each(function: Callable[[Any], Any], tasks: Iterable[Any], workers: int | None = None,
+         progress: Progress = None, scheduler: str | None = None) -> list[Any]:
+    """
+    Return the result of every task, in their order.
+
+    Parameters
+    ----------
+    function : callable
+        Of a module, so that a fresh process finds it; tasks and results can be pickled.
+    tasks : iterable
+    workers : int, optional
+        Processes; all cores by default. With 1 it is done here.
+    progress : callable, optional
+        Called with how many are done, and of how many.
+    scheduler : str, optional
+        Address of a Dask scheduler, ``tcp://HOST:8786``: the work is done by its workers.
+    """
+    todo = list(tasks)
+    results: list[Any] = [None] * len(todo)
+    for done, (place, result) in enumerate(as_done(function, todo, workers, scheduler), 1):
+        results[place] = result
+        if progress:
+            progress(done, len(todo))
+    return results
+
+
+def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | None = None,
+            scheduler: str | None = None, lost: Lost = None) -> Iterator[tuple[int, Any]]:
+    """
+    Yield the place of each task and its result as it is done; see `each`.
+
+    An error, Ctrl-C or SIGTERM ends the processes at once. On a cluster what has not begun is
+    cancelled; its processes stay.
+
+    Parameters
+    ----------
+    lost : callable, optional
+        Given a task whose process died, returns what stands for its result. On this machine such
+        a task is tried once more, alone; a cluster tries it as often as its option
+        ``distributed.scheduler.allowed-failures`` says.
+
+    Raises
+    ------
+    InputError
+        Where the scheduler does not answer, its workers have other code, or Dask is not there.
+    WorkerDied
+        Without ``lost``.
+    """
+    if scheduler is not None:
+        if workers is not None:
+            raise InputError(f'{workers} workers and the scheduler {scheduler}; expected one of '
+                             'the two (a cluster has its own workers)')
+        yield from _on_cluster(function, todo, scheduler, lost)
+        return
+    count = min(workers or os.cpu_count() or 1, max(len(todo), 1))
+    if count == 1:
+        yield from enumerate(map(function, todo))
+        return
+    with _one_core_each():
+        suspects = yield from _in_processes(function, dict(enumerate(todo)), count)
+        while suspects:
+            # one at a time, so that it is known which of them takes its process along
+            place, task = suspects.popitem()
+            died = yield from _in_processes(function, {place: task}, 1)
+            if died:
+                yield place, _told_lost(lost, task)
+
+
+def _in_processes(function: Callable[[Any], Any], todo: dict[int, Any], count: int,
+                  ) -> Generator[tuple[int, Any], None, dict[int, Any]]:
+    """
+    Yield places and results; return the tasks that were under way when a process died.
+
+    What had not begun by then is done by new processes.
+    """
+    suspects: dict[int, Any] = {}
+    while todo:
+        before = set(active_children())
+        # not forked: a fork keeps the threads' locks, and linear algebra that uses every core
+        with ProcessPoolExecutor(count, get_context('spawn'), _begin_worker) as pool:
+            # as many as there are processes, not more: what is under way when one dies is known
+            under_way: dict[Future, int] = {}
+            waiting = iter(list(todo))
+            try:
+                while True:
+                    for place in waiting:
+                        under_way[pool.submit(function, todo[place])] = place
+                        if len(under_way) == count:
+                            break
+                    if not under_way:
+                        break
+                    for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                        result = future.result()
+                        place = under_way.pop(future)
+                        del todo[place]
+                        yield place, result
+            except BrokenProcessPool:
+                _can_start()
+                suspects.update({place: todo.pop(place) for place in under_way.values()})
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                for process in set(active_children()) - before:
+                    process.terminate()
+                raise
+    return suspects
+
+
+def _can_start() -> None:
+    """Raise WorkerDied where processes end before any task: no task is to blame, none can run."""
+    try:
+        with ProcessPoolExecutor(1, get_context('spawn'), _begin_worker) as pool:
+            pool.submit(os.getpid).result()
+    except BrokenProcessPool as error:
+        raise WorkerDied('processes end as they start; expected a script that calls this below '
+                         "`if __name__ == '__main__':`, since each process imports it, and enough "
+                         'memory') from error
+
+
+def _told_lost(lost: Lost, task: Any) -> Any:
+    if lost is None:
+        raise WorkerDied(f'the process that worked on {task!r} died twice: killed, out of memory, '
+                         'or a crash')
+    return lost(task)
+
+
+def _begin_worker() -> None:
+    """Leave Ctrl-C to the parent, and end when it is gone: a killed parent cannot say so."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=lambda: (connection.wait([parent.sentinel]), os._exit(1)),
+                         daemon=True).start()
+
+
+@contextmanager
+def _one_core_each() -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in _ONE_CORE}
+    os.environ.update(dict.fromkeys(_ONE_CORE, '1'))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: str, lost: Lost,
+                ) -> Iterator[tuple[int, Any]]:
+    distributed = _dask(address)
+    with _client(distributed, address) as client:
+        places = {future: place for place, future in enumerate(
+            client.map(function, list(todo), pure=False))}
+        try:
+            for future in distributed.as_completed(list(places), loop=client.loop):
+                place = places.pop(future)
+                try:
+                    result = future.result()
+                except distributed.KilledWorker:
+                    result = _told_lost(lost, todo[place])
+                except distributed.CancelledError as error:
+                    raise InputError(f'scheduler {address}: the connection was lost; expected it '
+                                     'to run until the end') from error
+                future.release()  # its result need not stay in the cluster's memory
+                yield place, result
+        except BaseException:
+            client.cancel(list(places), force=True)
+            raise
+
+
+def _dask(address: str) -> Any:
+    try:
+        import distributed
+    except ImportError as error:
+        raise InputError(f'scheduler {address}: a cluster needs the package distributed; install '
+                         "the extra `cluster`: pip install 'fam_bundle_ros[cluster]'") from error
+    return distributed
+
+
+@contextmanager
+def _client(distributed: Any, address: str) -> Iterator[Any]:
+    """Yield a client of a scheduler whose workers have the code of this process."""
+    # asked first: a client that could not connect holds the process up at its end (20 s)
+    with ThreadPoolExecutor(1) as alone:
+        try:
+            kind = alone.submit(asyncio.run, _kind(distributed, address)).result()
+        except (OSError, ValueError) as error:
+            kind, why = '', str(error).strip() or 'timeout'
+        else:
+            why = f'what answers is a {kind}'
+    if kind != 'Scheduler':
+        raise InputError(f'scheduler {address}: no scheduler answers ({why}); expected the '
+                         'address that `dask scheduler` prints, such as tcp://192.168.1.5:8786')
+    logger = logging.getLogger('distributed.client')
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)  # its tracebacks come beside the error that says it
+    try:
+        with distributed.Client(address, timeout=_ANSWER, set_as_default=False) as client:
+            _check(client, address)
+            yield client
+    finally:
+        logger.setLevel(level)
+
+
+async def _kind(distributed: Any, address: str) -> str:
+    """Return what answers at an address: 'Scheduler', 'Worker', ..."""
+    security = distributed.Security()  # as the configuration of Dask says
+    server = distributed.rpc(address, timeout=_ANSWER,
+                             connection_args=security.get_connection_args('client'))
+    try:
+        return (await asyncio.wait_for(server.identity(), _ANSWER))['type']
+    finally:
+        await server.close_rpc()
+
+
+def _check(client: Any, address: str) -> None:
+    expected = code_version(whole=True)
+    try:
+        found = client.run(code_version, whole=True)
+    except ModuleNotFoundError as error:
+        raise InputError(f'scheduler {address}: a worker has no package {error.name}; expected '
+                         'fam_bundle_ros installed where workers run') from error
+    if not found:
+        warnings.warn(f'scheduler {address} has no worker yet: waiting for the first',
+                      stacklevel=2)
+    for worker, version in found.items():
+        if version != expected:
+            raise InputError(f'scheduler {address}: worker {worker} has fam_bundle_ros {version}; '
+                             f'expected {expected}, as here')

@@ -1,0 +1,137 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Which recordings a campaign is about: the files of a folder and the lines of a table."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatch
+import hashlib
+import os
+from pathlib import Path
+
+from fam_bundle_ros.data.formats import SUFFIXES
+from fam_bundle_ros.data.measurement import file_digest
+from fam_bundle_ros.discovery.specimens import read_specimens, Specimen
+from fam_bundle_ros.errors import InputError
+
+__all__ = ['digest', 'find', 'MARK', 'Recording']
+
+#: File that says that a folder holds the results of a campaign: nothing in it is a recording.
+MARK = 'campaign.json'
+#: File of a folder that is a ROS 2 bag.
+_BAG = 'metadata.yaml'
+
+
+@dataclass(frozen=True)
+class Recording:
+    """
+    One recording of a campaign.
+
+    Attributes
+    ----------
+    file : str
+        Its path in the folder, absolute for one elsewhere: the key of every table.
+    path : Path
+        Absolute.
+    sha256 : str
+        Of its bytes; empty where it cannot be read.
+    specimen : Specimen or None
+        Its line in the table of specimens.
+    problem : str
+        Why it cannot be read; empty where it can.
+    """
+
+    file: str
+    path: Path
+    sha256: str
+    specimen: Specimen | None = None
+    problem: str = ''
+
+    @property
+    def muscle(self) -> str:
+        """Name of the muscle: what the table has in a column ``muscle``, else the file."""
+        if self.specimen is None:
+            return self.file
+        facts, remarks = self.specimen.facts, self.specimen.remarks
+        return remarks.get('muscle') or (f"{facts['muscle']:g}" if 'muscle' in facts
+                                         else self.file)
+
+
+def find(folder: Path, table: Path | None = None, pattern: str = '*',
+         leave: tuple[Path, ...] = ()) -> list[Recording]:
+    """
+    Return the recordings below a folder, and those of a table, by their names.
+
+    Parameters
+    ----------
+    folder : Path
+        Searched with all folders in it, but for hidden ones and results of campaigns. A ROS 2
+        bag (a folder) is one recording.
+    table : Path, optional
+        Table of specimens; a file in it that is not there is a recording with a problem.
+    pattern : str
+        Names of files that are wanted, ``'*.csv'``.
+    leave : tuple of Path
+        Files that are no recordings: recipes, tables.
+
+    Raises
+    ------
+    InputError
+        For a folder without recordings, a bad table, or two lines about one file.
+    """
+    if not folder.is_dir():
+        raise InputError(f'{folder}: no such folder; expected one with recordings')
+    told: dict[Path, Specimen] = {}
+    for specimen in read_specimens(table) if table is not None else []:
+        path = Path(specimen.data).resolve()
+        if path in told:
+            raise InputError(f"{table}: {specimen.data} is in column 'file' twice; expected one "
+                             'line for each recording')
+        told[path] = specimen
+    left = {path.resolve() for path in (*leave, *([table] if table is not None else []))}
+    # by the name in the folder, which may be a link; the table may name it by another way
+    names = {str(path.relative_to(folder)): path for path in _files(folder, pattern)
+             if path.resolve() not in left}
+    there = {path.resolve() for path in names.values()}
+    names.update({str(path): path for path in told if path not in there})
+    found = [_recording(name, path.absolute(), told.get(path.resolve()))
+             for name, path in sorted(names.items())]
+    if not found:
+        raise InputError(f"{folder}: no recording called '{pattern}' with one of the endings "
+                         f"{', '.join(SUFFIXES)}")
+    return found
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file, or of all files of a folder with their names."""
+    if not path.is_dir():
+        return file_digest(path)
+    whole = hashlib.sha256()
+    for file in sorted(path.rglob('*')):
+        if file.is_file():
+            whole.update(f'{file.relative_to(path)} {file_digest(file)}\n'.encode())
+    return whole.hexdigest()
+
+
+def _files(folder: Path, pattern: str) -> Iterator[Path]:
+    for where, folders, names in os.walk(folder):
+        here = Path(where)
+        if _BAG in names and fnmatch(here.name, pattern):
+            folders.clear()
+            yield here
+            continue
+        if MARK in names:
+            folders.clear()
+            continue
+        folders[:] = [name for name in folders if not name.startswith('.')]
+        for name in names:
+            known = Path(name).suffix.lower() in SUFFIXES and not name.startswith('.')
+            if known and fnmatch(name, pattern):
+                yield here / name
+
+
+def _recording(file: str, path: Path, specimen: Specimen | None) -> Recording:
+    try:
+        return Recording(file, path, digest(path), specimen)
+    except OSError as error:
+        return Recording(file, path, '', specimen, f'cannot be read ({error.strerror})')

@@ -1,0 +1,144 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Results of recordings as tidy tables: a row for each recording, effect, and parameter.
+
+Columns carry their unit in the name; what the table of specimens says of a recording comes last.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fam_bundle_ros.atomic import whole
+from fam_bundle_ros.campaign.recordings import Recording
+from fam_bundle_ros.discovery.specimens import Specimen
+
+__all__ = ['COLUMNS', 'effect_rows', 'facts_of', 'parameter_rows', 'recording_row',
+           'write_parquet']
+
+Row = dict[str, Any]
+_TEXT, _NUMBER, _COUNT, _BOOL = 'string', 'float64', 'Int64', 'bool'
+#: Columns of each table with their types in pandas; further ones are from the table of specimens.
+COLUMNS: dict[str, dict[str, str]] = {
+    'recordings': {
+        **dict.fromkeys(('file', 'muscle', 'status', 'error', 'duplicate_of'), _TEXT),
+        'in_table': _BOOL,
+        **dict.fromkeys(('rows', 'trials', 'rows_dropped'), _COUNT),
+        **dict.fromkeys(('model_error_N', 'recalibrated_error_N', 'best_error_N', 'held_out_N',
+                         'noise_floor_N', 'relative_error', 'bias_N', 'largest_N',
+                         'lack_of_fit'), _NUMBER),
+        **dict.fromkeys(('worst_region', 'verdict', 'summary', 'effects', 'replaced', 'removed',
+                         'tied', 'notes', 'next_experiment'), _TEXT),
+        'seconds': _NUMBER, 'data_sha256': _TEXT, 'address': _TEXT},
+    'effects': {
+        **dict.fromkeys(('file', 'muscle', 'effect', 'shape', 'family'), _TEXT),
+        'named': _BOOL, 'tied': _BOOL, 'probability': _NUMBER, 'replaces': _TEXT,
+        'error_N': _NUMBER, 'reason': _TEXT},
+    'parameters': {
+        **dict.fromkeys(('file', 'muscle', 'parameter'), _TEXT), 'value': _NUMBER, 'unit': _TEXT,
+        'low': _NUMBER, 'high': _NUMBER, 'flag': _TEXT, 'tolerances_moved': _NUMBER,
+        'sure': _BOOL, **dict.fromkeys(('data_value', 'data_low', 'data_high'), _NUMBER)}}
+#: Flags of a parameter whose value is not that of the data.
+UNSURE = ('at bound',)
+
+
+def facts_of(specimen: Specimen | None) -> Row:
+    """Return what the table of specimens says of a recording: ``{'length [mm]': 127.0, ...}``."""
+    if specimen is None:
+        return {}
+    units = specimen.units
+    return {f'{name} [{units[name]}]' if name in units else name: value
+            for name, value in {**specimen.remarks, **specimen.facts}.items()}
+
+
+def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
+                  duplicate_of: str) -> Row:
+    """
+    Return the row of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    result : mapping
+        See `job.run`.
+    address : str
+    duplicate_of : str
+        First file with the same bytes; empty for none.
+    """
+    row: Row = {'file': recording.file, 'muscle': recording.muscle,
+                'status': 'failed' if result['error'] else 'done',
+                'error': result['error'].removeprefix(f'{recording.path.name}: '),
+                'duplicate_of': duplicate_of, 'in_table': recording.specimen is not None}
+    data, compared, said = (result.get(key, {}) for key in ('data', 'compare', 'diagnose'))
+    error, recommended = said.get('error_N', {}), said.get('recommended', {})
+    row.update({
+        'rows': data.get('rows'), 'trials': data.get('trials'),
+        'rows_dropped': sum(data.get('dropped', {}).values()) if data else None,
+        'model_error_N': error.get('model'), 'recalibrated_error_N': error.get('recalibrated'),
+        'best_error_N': error.get('best'), 'held_out_N': recommended.get('held_out_N'),
+        'noise_floor_N': said.get('noise_floor_N'),
+        'relative_error': compared.get('relative_error'), 'bias_N': compared.get('bias_N'),
+        'largest_N': compared.get('largest_N'), 'lack_of_fit': compared.get('lack_of_fit'),
+        'worst_region': next((each['where'] for each in compared.get('located', [])), ''),
+        'verdict': said.get('verdict', ''), 'summary': said.get('summary', ''),
+        'effects': ', '.join(said.get('effects', [])),
+        'replaced': ', '.join(f'{old}={new}' for old, new in said.get('replaced', {}).items()),
+        'removed': ', '.join(said.get('removed', [])),
+        'tied': '; '.join(', '.join(group) for group in said.get('tied', [])),
+        'notes': '; '.join(said.get('notes', [])),
+        'next_experiment': said.get('next_experiment', ''), 'seconds': said.get('seconds'),
+        'data_sha256': recording.sha256, 'address': address})
+    return {**{name: value for name, value in facts_of(recording.specimen).items()
+               if name not in row}, **row}
+
+
+def effect_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
+    """Return a row for each effect that was weighed for a recording, added or in the model."""
+    said = result.get('diagnose', {})
+    tied = {name for group in said.get('tied', []) for name in group}
+    named = {*said.get('effects', []), *said.get('replaced', {}).values(),
+             *(f'no {name}' for name in said.get('removed', []))}
+    rows: dict[str, Row] = {}
+    for entry in said.get('ranking', []):
+        name = f"no {entry['shape']}" if entry['removes'] else entry['effect']
+        if name in rows and rows[name]['probability'] >= entry['probability']:
+            continue
+        rows[name] = {
+            'file': recording.file, 'muscle': recording.muscle, 'effect': name,
+            'shape': entry['shape'], 'family': entry['family'], 'named': name in named,
+            'tied': name in tied, 'probability': entry['probability'],
+            'replaces': entry['replaces'], 'error_N': entry['error_N'],
+            'reason': entry['reason']}
+    return list(rows.values())
+
+
+def parameter_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
+    """Return a row for each fitted parameter of the model that explains a recording best."""
+    return [{'file': recording.file, 'muscle': recording.muscle, 'parameter': key,
+             'value': each['value'], 'unit': each['unit'], 'low': each['interval'][0],
+             'high': each['interval'][1], 'flag': each['flag'],
+             'tolerances_moved': each['tolerances'],
+             'sure': bool(each['data_alone']) and each['flag'] not in UNSURE,
+             **dict(zip(('data_value', 'data_low', 'data_high'), each['data_alone']))}
+            for key, each in result.get('diagnose', {}).get('parameters', {}).items()]
+
+
+def write_parquet(name: str, rows: list[Row], path: Path) -> None:
+    """
+    Write rows as a Parquet table (pandas and pyarrow), whole or not at all.
+
+    The columns and their types are those of `COLUMNS`, also where all recordings failed. A column
+    of the table of specimens is one of numbers where any of its cells is one.
+    """
+    import pandas
+    types = COLUMNS[name]
+    others = {key: any(isinstance(row.get(key), float) for row in rows)
+              for row in rows for key in row if key not in types}
+    plain = [{**row, **{key: None for key, is_number in others.items()
+                        if is_number and isinstance(row.get(key), str)}} for row in rows]
+    frame = pandas.DataFrame(plain, columns=[*types, *others]).astype(
+        {**types, **{key: 'float64' if is_number else 'string'
+                     for key, is_number in others.items()}})
+    with whole(path) as draft:
+        frame.to_parquet(draft, engine='pyarrow', index=False)

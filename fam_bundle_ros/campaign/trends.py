@@ -1,0 +1,336 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What recordings of many muscles say together: how often an effect is missing, what goes with what.
+
+Counts have Wilson's interval. A parameter over a number of the table of specimens is a
+meta-regression of logarithms: each muscle has the error of its fit, and muscles differ beyond it.
+Probabilities are corrected for how many questions were asked (Holm).
+
+References
+----------
+E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209. R. DerSimonian, N. Laird, Control. Clin. Trials 7
+(1986) 177. G. Knapp, J. Hartung, Stat. Med. 22 (2003) 2693. S. Holm, Scand. J. Stat. 6 (1979) 65.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.discovery.specimens import DIMENSIONS
+
+__all__ = ['Contrast', 'contrasts', 'holm', 'per_muscle', 'power_law', 'Share', 'shares', 'Trend',
+           'trends']
+
+#: Muscles that a trend takes at least: two make every line, a third one scatter, ...
+LEAST = 4
+#: Standard deviations of a 95 % interval.
+_95 = 1.96
+#: Least relative error of a fitted parameter; some intervals are empty at a bound.
+_LEAST_ERROR = 1e-3
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Share:
+    """
+    How often an effect is missing.
+
+    Attributes
+    ----------
+    effect : str
+    muscles : int
+        With it: it is named in at least half of the muscle's recordings.
+    of : int
+        Muscles in all.
+    low, high : float
+        95 % interval of the share.
+    tied : int
+        Muscles where it is tied with another effect in at least half of the recordings.
+    """
+
+    effect: str
+    muscles: int
+    of: int
+    low: float
+    high: float
+    tied: int
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """
+    Whether muscles that lack an effect differ in a number of the table from those that do not.
+
+    Attributes
+    ----------
+    effect, fact : str
+    lacking, others : int
+        Muscles.
+    median_lacking, median_others : float
+        Of the fact.
+    p : float
+        Mann-Whitney, corrected for the number of questions.
+    """
+
+    effect: str
+    fact: str
+    lacking: int
+    others: int
+    median_lacking: float
+    median_others: float
+    p: float
+
+    def __str__(self) -> str:
+        return (f'{self.effect}: median {self.fact} {self.median_lacking:.4g} where it is '
+                f'missing, {self.median_others:.4g} where not')
+
+
+@dataclass(frozen=True)
+class Trend:
+    """
+    A parameter over a number of the table, value = factor * fact ** power.
+
+    Attributes
+    ----------
+    parameter, unit, fact : str
+    fact_values, values, low, high : tuple of float
+        Of each muscle; 95 % intervals.
+    power, power_low, power_high : float
+        95 % interval.
+    factor : float
+    scatter : float
+        Standard deviation of the muscles about the line beyond the errors of their fits, as a
+        share of the value.
+    p : float
+        That the power is zero, corrected for the number of questions.
+    """
+
+    parameter: str
+    unit: str
+    fact: str
+    fact_values: tuple[float, ...]
+    values: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    power: float
+    power_low: float
+    power_high: float
+    factor: float
+    scatter: float
+    p: float
+
+    def __str__(self) -> str:
+        return (f'{self.parameter} goes with {self.fact} to the power {self.power:.2g} '
+                f'({self.power_low:.2g} to {self.power_high:.2g}, {len(self.values)} muscles)')
+
+
+def shares(effects: Sequence[Row], muscles: Mapping[str, int]) -> list[Share]:
+    """
+    Return how many muscles lack each effect, the most frequent first.
+
+    Parameters
+    ----------
+    effects : sequence of dict
+        `tables.effect_rows` of every recording that counts.
+    muscles : dict of str to int
+        Recordings of each muscle that count.
+    """
+    named, tied = (_lacking(effects, muscles, kind) for kind in ('named', 'tied'))
+    found = []
+    for name in sorted({*named, *tied}):
+        count = len(named.get(name, ()))
+        found.append(Share(name, count, len(muscles), *_wilson(count, len(muscles)),
+                           len(tied.get(name, ()))))
+    return sorted(found, key=lambda share: (-share.muscles, share.effect))
+
+
+def contrasts(effects: Sequence[Row], muscles: Mapping[str, int],
+              facts: Mapping[str, Mapping[str, float]]) -> list[Contrast]:
+    """
+    Return for each effect and each number of the table whether the two go together.
+
+    Parameters
+    ----------
+    effects, muscles
+        As in `shares`.
+    facts : dict of str to dict
+        Numbers of the table, of each muscle.
+
+    Returns
+    -------
+    list of Contrast
+        The clearest first; only where both kinds of muscles are at least `LEAST`.
+    """
+    from scipy import stats
+    found = []
+    for name, lacking in sorted(_lacking(effects, muscles, 'named').items()):
+        for fact in sorted({key for each in facts.values() for key in each}):
+            values = [np.array([facts[m][fact] for m in muscles
+                                if (m in lacking) is kind and fact in facts.get(m, {})])
+                      for kind in (True, False)]
+            if min(map(len, values)) < LEAST or len(np.unique(np.concatenate(values))) < 2:
+                continue
+            p = float(stats.mannwhitneyu(*values).pvalue)
+            found.append(Contrast(name, fact, len(values[0]), len(values[1]),
+                                  float(np.median(values[0])), float(np.median(values[1])), p))
+    corrected = holm([each.p for each in found])
+    return sorted((Contrast(**{**vars(each), 'p': p}) for each, p in zip(found, corrected)),
+                  key=lambda each: (each.p, each.effect, each.fact))
+
+
+def trends(parameters: Sequence[Row], facts: Mapping[str, Mapping[str, float]]) -> list[Trend]:
+    """
+    Return how each parameter goes with each number of the table, the clearest first.
+
+    Parameters
+    ----------
+    parameters : sequence of dict
+        `tables.parameter_rows` of every recording that counts; those that the data do not move
+        are left out, and so are dimensions over dimensions: the table gave both.
+    facts : dict of str to dict
+        Numbers of the table, of each muscle; a power law needs them above 0.
+    """
+    found = []
+    rows: dict[str, list[Row]] = {}
+    for row in parameters:
+        rows.setdefault(row['parameter'], []).append(row)
+    names = sorted({name for each in facts.values() for name in each})
+    for key, own in sorted(rows.items()):
+        values, unit = per_muscle(own), own[0]['unit']
+        for fact in names:
+            if key.startswith('geometry.') and fact.partition(' [')[0] in DIMENSIONS:
+                continue
+            chosen = [m for m in values if facts.get(m, {}).get(fact, 0.0) > 0.0]
+            x = np.array([facts[m][fact] for m in chosen])
+            if len(chosen) < LEAST or len(np.unique(x)) < 2:
+                continue
+            y, s = np.array([values[m] for m in chosen]).T
+            power, error, scatter, start, p = power_law(np.log(x), y, s)
+            reach = error * _student(len(x) - 2)
+            found.append(Trend(
+                key, unit, fact, tuple(x.tolist()), tuple(np.exp(y).tolist()),
+                tuple(np.exp(y - _95 * s).tolist()), tuple(np.exp(y + _95 * s).tolist()),
+                power, power - reach, power + reach, float(np.exp(start)), scatter, p))
+    corrected = holm([each.p for each in found])
+    return sorted((Trend(**{**vars(each), 'p': p}) for each, p in zip(found, corrected)),
+                  key=lambda each: (each.p, each.parameter, each.fact))
+
+
+def per_muscle(rows: Sequence[Row]) -> dict[str, tuple[float, float]]:
+    """
+    Return the logarithm of a parameter and its standard error, of each muscle.
+
+    What the data alone say: a prior, the same for all, would draw muscles together. Recordings
+    of one muscle are averaged by their errors; where they differ by more than those, the error is
+    what they differ by. Values that are not above 0 have no logarithm: then the whole parameter
+    is left out.
+    """
+    sure = [row for row in rows if row['sure']]
+    if any(row['data_value'] <= 0.0 for row in sure):
+        return {}
+    found = {}
+    for muscle in dict.fromkeys(row['muscle'] for row in sure):
+        own = [row for row in sure if row['muscle'] == muscle]
+        y = np.log([row['data_value'] for row in own])
+        s = np.array([max(_log_error(row), _LEAST_ERROR) for row in own])
+        weight = 1.0 / s ** 2
+        mean = float(weight @ y / weight.sum())
+        error = 1.0 / weight.sum()
+        if len(own) > 1:
+            error = max(error, float(np.var(y, ddof=1)) / len(own))
+        found[muscle] = (mean, float(np.sqrt(error)))
+    return found
+
+
+def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
+              ) -> tuple[float, float, float, float, float]:
+    """
+    Fit y = a + b x with errors s and a scatter of the muscles beyond them.
+
+    The scatter is DerSimonian and Laird's (moments), the error of b Knapp and Hartung's: right
+    for few muscles, and for errors s that are all too small or too large.
+
+    Parameters
+    ----------
+    x, y, s : ndarray (n,)
+        Logarithms, and standard errors of y.
+
+    Returns
+    -------
+    power, error, scatter, start, p : float
+        b, its standard error (n - 2 degrees of freedom), the scatter, a, and the probability of
+        such a b where the true one is 0.
+    """
+    from scipy import stats
+    design = np.stack([np.ones(len(x)), x], -1)
+
+    def fit(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        inverse = np.linalg.inv(design.T * weight @ design)
+        beta = inverse @ (design.T * weight @ y)
+        return beta, inverse, float(weight @ (y - design @ beta) ** 2)
+
+    weight = s ** -2.0
+    _, inverse, q = fit(weight)
+    trace = weight.sum() - np.trace(inverse @ (design.T * weight ** 2 @ design))
+    between = max(0.0, (q - (len(x) - 2)) / trace)
+    beta, inverse, q = fit(1.0 / (s ** 2 + between))
+    # by how far the muscles are off the line, whatever the fits say: what all fits err by together
+    # (a tie, a parameter that trades off with another) moves the line and does not turn it
+    error = float(np.sqrt(inverse[1, 1] * max(q / (len(x) - 2), _LEAST_ERROR ** 2)))
+    p = 2.0 * float(stats.t.sf(abs(beta[1]) / error, len(x) - 2))
+    return float(beta[1]), error, float(np.sqrt(between)), float(beta[0]), p
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """
+    Return probabilities corrected for how many there are.
+
+    Examples
+    --------
+    >>> holm([0.01, 0.04, 0.03])
+    [0.03, 0.06, 0.06]
+    """
+    order = sorted(range(len(p)), key=lambda k: p[k])
+    found, largest = [0.0] * len(p), 0.0
+    for place, k in enumerate(order):
+        largest = max(largest, min(1.0, (len(p) - place) * p[k]))
+        found[k] = largest
+    return found
+
+
+def _lacking(effects: Sequence[Row], muscles: Mapping[str, int], kind: str
+             ) -> dict[str, set[str]]:
+    """Return the muscles where an effect is named (or tied) in half of the recordings or more."""
+    count = Counter((row['effect'], row['muscle']) for row in effects if row[kind])
+    found: dict[str, set[str]] = {}
+    for (effect, muscle), many in count.items():
+        if 2 * many >= muscles[muscle]:
+            found.setdefault(effect, set()).add(muscle)
+    return found
+
+
+def _log_error(row: Row) -> float:
+    """Return the standard error of a parameter's logarithm, from its interval."""
+    value, low, high = (row[f'data_{name}'] for name in ('value', 'low', 'high'))
+    if low > 0.0:
+        return float(np.log(high / low)) / (2.0 * _95)
+    return float((high - low) / (2.0 * _95 * value))
+
+
+def _wilson(count: int, of: int) -> tuple[float, float]:
+    if of == 0:
+        return 0.0, 1.0
+    share, z = count / of, _95
+    centre = (share + z * z / (2 * of)) / (1 + z * z / of)
+    half = z / (1 + z * z / of) * float(np.sqrt(share * (1 - share) / of + z * z / (4 * of * of)))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def _student(freedom: int) -> float:
+    from scipy import stats
+    return float(stats.t.ppf(0.975, freedom))

@@ -1,0 +1,40 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Which code gave a result: the version, the sources that results depend on, laws of others."""
+
+from functools import cache
+import hashlib
+from importlib import metadata
+from pathlib import Path
+
+import fam_bundle_ros
+
+__all__ = ['code_version']
+
+#: What a diagnosis is computed by.
+_SOURCES = ('model', 'data', 'discovery', 'kernels.py', 'units.py')
+_LAWS = 'fam_bundle_ros.effects'
+
+
+@cache
+def code_version(whole: bool = False) -> str:
+    """
+    Return the version and a hash of the sources: a tree that is worked on keeps its version.
+
+    Laws that other packages bring (entry points) change it too.
+
+    Parameters
+    ----------
+    whole : bool
+        Of the whole package, not only of what a diagnosis is computed by.
+    """
+    root = Path(fam_bundle_ros.__file__).parent
+    digest = hashlib.sha256()
+    for name in ('.',) if whole else _SOURCES:
+        path = root / name
+        for file in sorted(path.rglob('*.py')) if path.is_dir() else [path]:
+            digest.update(f'{file.relative_to(root)}\n'.encode() + file.read_bytes())
+    for point in sorted(metadata.entry_points(group=_LAWS), key=lambda point: point.name):
+        maker = f'{point.dist.name} {point.dist.version}' if point.dist else ''
+        digest.update(f'{point.name} {point.value} {maker}\n'.encode())
+    return f'{fam_bundle_ros.__version__}+{digest.hexdigest()[:12]}'

@@ -1,0 +1,102 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command `campaign`: import, compare and diagnose over a folder of recordings."""
+
+from pathlib import Path
+from typing import Annotated
+
+from rich.markup import escape
+import typer
+
+from fam_bundle_ros.cli.common import (
+    AllowPython,
+    console,
+    JsonFile,
+    ModelOption,
+    muscle_of,
+    Odds,
+    progress_bar,
+    save_json,
+    SchedulerOption,
+    show_muscle,
+    table,
+    Unexplained,
+    WorkersOption,
+    wrote,
+)
+from fam_bundle_ros.cli.data_commands import PANEL
+from fam_bundle_ros.resources import model_path
+
+#: Lines of failed recordings that are printed; the page has all.
+_MOST = 10
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module."""
+    app.command('campaign', rich_help_panel=PANEL)(campaign)
+
+
+def campaign(
+    folder: Annotated[Path, typer.Argument(metavar='FOLDER', help='Recordings, also in folders '
+                                           'in it: logs and ROS 2 bags.')],
+    model: ModelOption,
+    out: Annotated[Path, typer.Option('--out', '-o', metavar='FOLDER', help='Results: tables '
+                                      '(Parquet), the page (index.html), a JSON for each '
+                                      'recording. What is in it is not computed again.')],
+    recipe: Annotated[Path | None, typer.Option('--recipe', metavar='FILE', help='How the '
+                                                'recordings are read; diagnose --save-recipe '
+                                                'writes one.')] = None,
+    specimens: Annotated[Path | None, typer.Option(
+        '--specimens', metavar='TABLE', help='A CSV with a column "file", dimensions with their '
+        'units in brackets, further numbers such as an age, and a column "muscle" where several '
+        'recordings are of one.')] = None,
+    pattern: Annotated[str, typer.Option(help='Names of the files that are wanted, "*.csv".'
+                                         )] = '*',
+    unexplained: Unexplained = 0.01,
+    odds: Odds = 20.0,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    json_file: JsonFile = None,
+    allow_python: AllowPython = False,
+) -> None:
+    """
+    Diagnose hundreds of recordings: which muscles lack which effect, and what goes with what.
+
+    Started again after it was stopped or killed, it goes on where it was. A recording that fails
+    is in the tables with its error; the status is 0 all the same. The JSON has `recordings`,
+    `shares`, `contrasts` and `trends`.
+    """
+    from fam_bundle_ros.campaign import run_campaign
+    from fam_bundle_ros.discovery import Choices
+    from fam_bundle_ros.report.campaign_page import campaign_page
+    from fam_bundle_ros.report.page import write_page
+    with progress_bar('campaign') as tick:
+        result = run_campaign(
+            folder, model, out, recipe=recipe, specimens=specimens, pattern=pattern,
+            choices=Choices(unexplained=unexplained, odds=odds), allow_python=allow_python,
+            workers=workers, scheduler=scheduler,
+            progress=lambda done, every, file: tick(done / every, f'{done} of {every}, {file}'))
+    show_muscle(result.model)
+    known = len(result.recordings) - result.computed
+    console.print(escape(str(result).splitlines()[0])
+                  + (f'; {known} needed no work this time' if known else ''), soft_wrap=True)
+    table(('effect', 'muscles that lack it', 'of', 'tied'),
+          [(share.effect, share.muscles, share.of, share.tied) for share in result.shares],
+          numeric=(1, 2, 3))
+    for line in str(result).splitlines()[1:]:
+        if ' is missing in ' not in line:
+            console.print(escape(line), soft_wrap=True)
+    for row in result.failed[:_MOST]:
+        console.print(f"failed: {escape(row['file'])}: {escape(row['error'])}", soft_wrap=True)
+    if len(result.failed) > _MOST:
+        console.print(f'... and {len(result.failed) - _MOST} more that failed')
+    files = [('model file', model_path(model)),
+             *([('recipe', recipe)] if recipe else []),
+             *([('table of specimens', specimens)] if specimens else [])]
+    page = write_page(out / 'index.html', campaign_page(result, files, [
+        ('recordings in', str(folder.resolve())), ('structure that is normal', f'{unexplained:g}'),
+        ('odds of a tie', f'{odds:g}')]))
+    wrote(*(out / f'{name}.parquet' for name in ('recordings', 'effects', 'parameters')), page)
+    save_json(json_file, {'muscle': muscle_of(result.model), 'recordings': result.recordings,
+                          'verdicts': result.verdicts, 'shares': result.shares,
+                          'contrasts': result.contrasts, 'trends': result.trends})

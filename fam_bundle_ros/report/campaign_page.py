@@ -1,0 +1,173 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The page of ``fam_bundle campaign``: which muscles lack which effect, what goes with what."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.campaign import Campaign
+from fam_bundle_ros.campaign.trends import LEAST
+from fam_bundle_ros.model.own_muscle import muscle_words
+from fam_bundle_ros.report import campaign_figures as figures
+from fam_bundle_ros.report.map_page import effects_table, units_table
+from fam_bundle_ros.report.page import Headline, Page, Section, Table
+from fam_bundle_ros.report.picture import Picture
+from fam_bundle_ros.report.provenance import provenance
+
+__all__ = ['campaign_page']
+
+#: Trends that are drawn; the others are in the table.
+_DRAWN = 6
+#: Longer tables are folded.
+_LONG = 40
+
+
+def campaign_page(result: Campaign, files: Sequence[tuple[str, str | Path]] = (),
+                  more: Sequence[tuple[str, str]] = ()) -> Page:
+    """
+    Return the page of a campaign.
+
+    Parameters
+    ----------
+    result : Campaign
+    files : sequence of (what it is, path)
+        Model, recipe, table of specimens.
+    more : sequence of (what, value)
+        Further rows of provenance.
+    """
+    sections = [_missing(result), *([_trends(result)] if result.facts else []), _errors(result),
+                _recordings(result), *_left_out(result),
+                Section('Model', '', [units_table(result.model), effects_table(result.model)])]
+    computed = f'{result.computed} of {len(result.recordings)}'
+    return Page(f'What {result.model.name} is missing, over {len(result.recordings)} recordings',
+                _lead(result), _headline(result), sections,
+                provenance(files, [*more, ('worked on in this run', computed)]))
+
+
+def _lead(result: Campaign) -> str:
+    words = [f'{_counted(len(result.counted), "recording")} of '
+             f'{_counted(len(result.muscles), "muscle")} count.']
+    named = [share for share in result.shares if share.muscles][:3]
+    words += [f'{share.effect} is missing in {share.muscles} of {share.of}.' for share in named]
+    if result.counted and not named:
+        words.append('No effect is missing in half of the recordings of any muscle.')
+    words += [f'{each}.' for each in (*result.clear_contrasts[:2], *result.clear_trends[:3])]
+    return ' '.join([*words, f'Model {muscle_words(result.model)}.'])
+
+
+def _headline(result: Campaign) -> list[Headline]:
+    duplicates = sum(bool(row['duplicate_of']) for row in result.recordings)
+    cards = [Headline('Recordings', str(len(result.recordings)),
+                      f'{len(result.failed)} failed, {_counted(duplicates, "duplicate")}'),
+             Headline('Muscles', str(len(result.muscles)))]
+    if result.counted:
+        verdict, count = next(iter(result.verdicts.items()))
+        cards.append(Headline('Verdict', verdict.replace('_', ' '),
+                              f'in {count} of {len(result.counted)}, the most frequent'))
+        before, after = (float(np.median([row[key] for row in result.counted]))
+                         for key in ('model_error_N', 'best_error_N'))
+        cards += [Headline('Error of the model', f'{before:.3g} N', 'rms, median of recordings'),
+                  Headline('Best', f'{after:.3g} N', 'with what was found in each')]
+    return cards
+
+
+def _missing(result: Campaign) -> Section:
+    verdicts = ', '.join(f'{name.replace("_", " ")} {count}'
+                         for name, count in result.verdicts.items())
+    items: list[Any] = []
+    drawing = figures.lacking(result)
+    if drawing is not None:
+        items.append(Picture(
+            'lacking', 'Which muscles lack which effect', drawing,
+            'Probability that the effect belongs to the model, of each muscle (mean of its '
+            'recordings). Dot: named in at least half of them. Ring: tied with another, the data '
+            'cannot tell them apart. Muscles that lack the same stand together.'))
+        items.append(Table(
+            ('effect', 'muscles that lack it', 'of', 'share (%)', '95 % from', 'to', 'tied'),
+            [(('effect', s.effect), s.muscles, s.of, 100.0 * s.muscles / s.of, 100.0 * s.low,
+              100.0 * s.high, s.tied) for s in result.shares],
+            'The interval is of the share of all such muscles, if these are a fair sample of '
+            'them (Wilson). Tied: muscles where the effect may be the one or another.'))
+    if result.contrasts:
+        items.append(Table(
+            ('effect', 'number', 'lack it', 'median there', 'others', 'median there', 'chance'),
+            [(('effect', c.effect), c.fact, c.lacking, c.median_lacking, c.others,
+              c.median_others, c.p) for c in result.contrasts[:_LONG]],
+            'Whether muscles that lack an effect differ from the others in a number of the table. '
+            'Chance: probability of such a difference if there is none (Mann-Whitney, corrected '
+            f'for {_counted(len(result.contrasts), "question")} by Holm). A difference may also '
+            'say that the effect is easier to see there.'))
+    return Section('What is missing', f'Verdicts: {verdicts or "none"}.', items)
+
+
+def _trends(result: Campaign) -> Section:
+    clear = result.clear_trends
+    asked = _counted(len(result.trends), 'question')
+    text = (f'{_counted(len(clear), "time")} a parameter goes with a number of the table more '
+            f'clearly than chance makes it ({asked}, corrected by Holm).' if clear else
+            'No parameter goes with a number of the table more clearly than chance makes it '
+            f'({asked}). A trend takes at least {LEAST} muscles in which the data tell the '
+            'parameter.')
+    text += ('\n\nA parameter of an effect is known only where the effect was named. Numbers of '
+             'the table that go together (long muscles that are old, too) cannot be told apart '
+             'here.')
+    items: list[Any] = []
+    if clear:
+        items.append(Picture(
+            'trends', 'Parameters over what they go with', figures.over_facts(clear[:_DRAWN]),
+            'One point for each muscle with the 95 % interval of its fit; axes are logarithmic. '
+            'Dashed: power law, each muscle weighed by the error of its fit and by how much '
+            'muscles differ. Intervals much wider than the scatter: the fits err alike, by a '
+            'parameter that another trades off with.'))
+    if result.trends:
+        items.append(Table(
+            ('parameter', 'goes with', 'power', '95 % from', 'to', 'muscles', 'scatter (%)',
+             'chance'),
+            [(t.parameter, t.fact, t.power, t.power_low, t.power_high, len(t.values),
+              100.0 * t.scatter, t.p) for t in result.trends[:_LONG]],
+            'Scatter: what muscles differ by beyond the errors of their fits. Chance: probability '
+            'of such a power if the true one is 0.'))
+    return Section('What parameters go with', text, items)
+
+
+def _errors(result: Campaign) -> Section:
+    if not result.counted:
+        return Section('Errors', 'No recording could be worked on.')
+    return Section('Errors', '', [Picture(
+        'errors', 'Error of each recording', figures.errors(result),
+        'Rms over all rows. Where the best model stays well above the noise floor, something is '
+        'left that nothing in the catalogue explains.')])
+
+
+def _recordings(result: Campaign) -> Section:
+    rows = [(row['file'], row['muscle'], row['verdict'].replace('_', ' '),
+             '; '.join(part for part in (row['effects'], row['replaced'],
+                                         row['removed'] and f"without {row['removed']}") if part),
+             row['tied'], row['model_error_N'], row['best_error_N'], row['held_out_N'],
+             row['noise_floor_N']) for row in result.counted]
+    return Section('Recordings', '', [Table(
+        ('file', 'muscle', 'verdict', 'effects', 'tied', 'error (N)', 'best (N)', 'held out (N)',
+         'noise (N)'), rows)] if rows else [], folded=len(rows) > _LONG)
+
+
+def _left_out(result: Campaign) -> list[Section]:
+    items = []
+    if result.failed:
+        items.append(Table(('file', 'why it failed'),
+                           [(row['file'], row['error']) for row in result.failed]))
+    twice = [row for row in result.recordings if row['duplicate_of']]
+    if twice:
+        items.append(Table(('file', 'has the same bytes as'),
+                           [(row['file'], row['duplicate_of']) for row in twice]))
+    strange = [row for row in result.counted if not row['in_table']] if result.facts else []
+    if strange:
+        items.append(Table(('counts, but is not in the table of specimens', 'dimensions'),
+                           [(row['file'], 'those of the model') for row in strange]))
+    return [Section('Left out, or in doubt', '', items)] if items else []
+
+
+def _counted(number: int, word: str) -> str:
+    return f'{number} {word}' if number == 1 else f'{number} {word}s'
