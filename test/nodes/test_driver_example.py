@@ -205,4 +205,4 @@ def test_page_names_topics_and_types_of_the_interface(repository):
              for topic in interface.topics(1)}
     assert {name: known.get(name, kind) for name, kind in rows.items()} == rows
     assert {'force', 'strain', 'mu<i>/pressure', 'supply/pressure', 'e_stop',
-            'mu<i>/valve_command', 'supply_enable'} == set(rows)
+            'mu<i>/valve_command', 'supply_enable', 'reference/dynamometer'} == set(rows)

@@ -92,7 +92,7 @@ def rig(graph):
     def begin(force=lambda t: 60.0, enable=True, pids=(1, 2), gauge=False, **keywords):
         # Timeouts of a machine that does other things too; limits and latches are the rig's.
         values = {**yaml.safe_load(config_path('rig.yaml').read_text())['/**']['ros__parameters'],
-                  'sensor_timeout': 0.5, 'max_latency': 0.1, 'pressure_is_gauge': gauge}
+                  'sensor_timeout': 1.0, 'max_latency': 0.1, 'pressure_is_gauge': gauge}
         graph.add(*[PressurePidNode(unit, context=graph.context, overrides=values)
                     for unit in pids],
                   RecruitmentNode(context=graph.context, overrides=values))

@@ -60,8 +60,10 @@ def test_a_simulated_run_is_heard_only_in_a_domain_that_is_named(domain_id, name
     executor.add_node(node)
     run_trajectory('spie2021', RAMP, domain=domain_id if named else None,
                    watch=lambda *_: executor.spin_once(0.002))
-    assert bool(heard) == named
+    executor.shutdown()
+    node.destroy_node()
     context.try_shutdown()
+    assert bool(heard) == named
 
 
 def test_ros_agrees_with_the_loop_without_ros(domain_id):
@@ -252,7 +254,7 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import FluidPressure, JointState
 class Bad(BundleNode):
     def __init__(self, context):
-        super().__init__('bad', (), context=context)
+        super().__init__('bad', (), context=context, namespace='driver')
         self.a = self.publisher('force', WrenchStamped)
         self.b = self.publisher('strain', JointState)
         self.c = self.publisher('mu1/pressure', FluidPressure)
@@ -271,7 +273,7 @@ def check_driver(domain_id, force, strain, stamp, pressure, **options):
     process = subprocess.Popen([sys.executable, '-c', DRIVER,
                                 repr((force, strain, stamp, pressure))])
     try:
-        return check_rig(seconds=1.0, domain=domain_id, **{'patience': 15.0, **options})
+        return check_rig('driver', 1.0, domain=domain_id, **{'patience': 15.0, **options})
     finally:
         process.terminate()
         process.wait(10)
