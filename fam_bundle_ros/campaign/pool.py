@@ -18,7 +18,13 @@ from concurrent.futures import (
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 import logging
-from multiprocessing import active_children, connection, get_context, parent_process
+from multiprocessing import (
+    active_children,
+    connection,
+    get_context,
+    parent_process,
+    resource_tracker,
+)
 import os
 import signal
 import threading
@@ -35,6 +41,8 @@ Progress = Callable[[int, int], None] | None
 Lost = Callable[[Any], Any] | None
 #: Linear algebra on one core each: the processes are the parallelism.
 _ONE_CORE = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
+#: Signals that end a command.
+_ENDS = (signal.SIGINT, signal.SIGTERM)
 #: s until a scheduler has to answer.
 _ANSWER = 10.0
 
@@ -129,7 +137,9 @@ def _in_processes(function: Callable[[Any], Any], todo: dict[int, Any], count: i
             try:
                 while True:
                     for place in waiting:
-                        under_way[pool.submit(function, todo[place])] = place
+                        with _signals_wait():
+                            future = pool.submit(function, todo[place])
+                        under_way[future] = place
                         if len(under_way) == count:
                             break
                     if not under_way:
@@ -168,9 +178,26 @@ def _told_lost(lost: Lost, task: Any) -> Any:
     return lost(task)
 
 
+@contextmanager
+def _signals_wait() -> Iterator[None]:
+    """
+    Hold Ctrl-C and SIGTERM back while processes are started.
+
+    A process that has half of what it needs would end with a traceback. It starts with both held
+    back, until `_begin_worker`.
+    """
+    resource_tracker.ensure_running()  # as it starts it lets signals in
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin_worker() -> None:
     """Leave Ctrl-C to the parent, and end when it is gone: a killed parent cannot say so."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
     parent = parent_process()
     if parent is not None:
         threading.Thread(target=lambda: (connection.wait([parent.sentinel]), os._exit(1)),

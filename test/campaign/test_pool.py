@@ -62,20 +62,22 @@ def test_a_script_that_starts_processes_while_it_is_imported_is_told_so(tmp_path
     assert "below `if __name__ == '__main__':`" in told.stderr.splitlines()[-1]
 
 
-@pytest.mark.parametrize(('end', 'status', 'words'), [
-    (signal.SIGTERM, 1, 'fam_bundle: stopped\n'), (signal.SIGINT, 1, 'fam_bundle: stopped\n'),
-    (signal.SIGKILL, -signal.SIGKILL, '')])
-def test_no_process_is_left_when_a_command_is_ended(end, status, words):
-    """As `kill`, Ctrl-C and `kill -9` do, in the middle of the work."""
+@pytest.mark.parametrize(('end', 'count', 'status', 'words'), [
+    (signal.SIGTERM, 2, 1, 'fam_bundle: stopped\n'),
+    (signal.SIGTERM, 3, 1, 'fam_bundle: stopped\n'),
+    (signal.SIGINT, 4, 1, 'fam_bundle: stopped\n'),
+    (signal.SIGKILL, 4, -signal.SIGKILL, '')])
+def test_no_process_is_left_when_a_command_is_ended(end, count, status, words):
+    """As `kill`, Ctrl-C and `kill -9` do, while its processes start and when all are there."""
     command = subprocess.Popen(
         [sys.executable, '-m', 'fam_bundle_ros.cli', 'benchmark-control', '--workers', '2'],
         start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
         # where tests run in the background Ctrl-C is ignored, and that is inherited
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     deadline = time.monotonic() + 60.0
-    while len(processes(command.pid)) < 3 and time.monotonic() < deadline:
+    while len(processes(command.pid)) < count and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert len(processes(command.pid)) >= 3
+    assert len(processes(command.pid)) >= count
     os.kill(command.pid, end)
     _, said = command.communicate(timeout=60)
     # after a kill Python's own tracker may speak of semaphores; the command cannot speak any more

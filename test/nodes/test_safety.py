@@ -272,7 +272,7 @@ def test_every_pressure_loop_says_how_it_is(graph, rig):
     graph.until(lambda: rig.rig.truth.pressure[0] > 100e3, 'pressure')
     said = graph.listen('mu1/pid_state', String, interface.LATCHED)
     graph.until(lambda: said and said[-1].data == 'ACTIVE', 'ACTIVE')
-    graph.spin(0.4)
-    graph.until(lambda: rig.rig.truth.pressure[0] > 150e3, 'pressure')
-    FAULTS['half'](rig)
-    graph.until(lambda: said[-1].data.startswith('LATCHED NO_RESPONSE: mu1 shows'), 'the latch')
+    rig.shown = lambda pressure: [500e3, pressure[1]]
+    graph.until(lambda: said[-1].data.startswith('LATCHED OVER_PRESSURE: mu1 '), 'the latch')
+    late = graph.listen('mu1/pid_state', String, interface.LATCHED)
+    graph.until(lambda: late and late[-1].data == said[-1].data, 'what was said before')
