@@ -20,7 +20,7 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.process import Spinner
 
 #: s. Nothing here takes longer on a machine that is busy with other things.
-PATIENCE = 15.0
+PATIENCE = 60.0
 
 
 class Pacer:
