@@ -147,7 +147,8 @@ def test_gauge_kilopascals_let_no_air_in(graph, rig, supply):
     assert enabled(graph)[0]
     vented(graph, rig)
     assert rig.highest < 200e3
-    assert rig.node._state == ('SUPPLY' if supply else 'NO_RESPONSE')
+    # Where samples are late the air of the trial may be told by its force first.
+    assert rig.node._state in ({'SUPPLY'} if supply else {'NO_RESPONSE', 'FORCE'})
 
 
 FAULTS = {
