@@ -125,13 +125,23 @@ def compiled(function: Callable) -> Callable:
     if engine is None:
         raise RuntimeError('numba is not installed')
     with _cache_folder(fingerprint(function)) as keep:
-        return engine.njit(error_model='numpy', cache=keep)(_rebound(function))
+        return engine.njit(error_model='numpy', cache=keep, _nrt=False)(
+            _rebound(function, counted=False))
 
 
 @cache
-def compiled_inside(function: Callable) -> Callable:
-    """Return a kernel for use inside another one: compiled with it, no file of its own."""
-    return numba().njit(error_model='numpy')(_rebound(function))
+def compiled_inside(function: Callable, counted: bool = True) -> Callable:
+    """
+    Return a kernel for use inside another one: compiled with it, no file of its own.
+
+    Parameters
+    ----------
+    function : callable
+    counted : bool
+        Whether references to arrays are counted. Our own kernels make no array, and counting
+        takes a quarter of the time of a closed loop; a user's function may make one.
+    """
+    return numba().njit(error_model='numpy', _nrt=counted)(_rebound(function, counted))
 
 
 def pointer(function: Callable, signature: str) -> Any:
@@ -154,7 +164,7 @@ def pointer(function: Callable, signature: str) -> Any:
     engine = numba()
     if engine is None:
         raise NotCompiled('numba is not installed')
-    kernel = _rebound(function)
+    kernel = _rebound(function, counted=True)
     key = fingerprint(function)
     for _ in range(2):
         with _cache_folder(key) as keep:
@@ -189,14 +199,14 @@ def _pointer_type():
     return Pointer
 
 
-def _rebound(function):
+def _rebound(function, counted):
     """Return the function with the kernels among its globals replaced by compiled ones."""
     names = dict(_globals(function))
     for name, value in names.items():
         if isinstance(value, types.FunctionType):
-            names[name] = compiled_inside(value)
+            names[name] = compiled_inside(value, counted)
         elif hasattr(value, 'compiled_names'):
-            names[name] = value.compiled_names()
+            names[name] = value.compiled_names(counted)
     # compiled code is looked up by this name in the next process; a user's file has none there
     names['__name__'] = __name__
     return types.FunctionType(function.__code__, names, function.__name__,
@@ -222,9 +232,9 @@ class Alternative:
         """Run the plain way."""
         return self.plain(*values)
 
-    def compiled_names(self) -> Callable:
-        """Return what takes its place in compiled code."""
-        return compiled_inside(self.kernel)
+    def compiled_names(self, counted: bool = True) -> Callable:
+        """Return what takes its place in compiled code; see `compiled_inside`."""
+        return compiled_inside(self.kernel, counted)
 
 
 def _globals(function) -> Iterator[tuple[str, Any]]:

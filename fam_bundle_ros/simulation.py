@@ -231,10 +231,11 @@ class ClosedLoop:
             When a load cannot change as an event says, or a strain is imposed out of range.
         """
         run = Run(self, trajectory)
+        chunk = _CHUNK if progress else run.ticks
         while run.done < run.ticks:
             if progress:
                 progress(run.done * run.period - trajectory.prepare)
-            run.advance(min(run.done + _CHUNK, run.ticks))
+            run.advance(min(run.done + chunk, run.ticks))
         return run.log()
 
 
@@ -353,14 +354,16 @@ class Run:
         """Return what happened in the ticks that are done."""
         trajectory, start = self.trajectory, self._plan.logged
         rows = self._log[:max(self.done - start, 0)]
-        times = self._times()[start:self.done] + self.period
+        begins = self._times()
+        times = begins[start:self.done] + self.period
         found = columns(rows, self._units)
         overlap = np.stack([found.pop('overlap_low'), found.pop('overlap_high')], axis=-1)
         found['state'] = found['state'].astype(int)
         found['saturated'] = np.array(SATURATION)[found['saturated'].astype(int)]
-        reference = np.array([trajectory.value(float(t)) for t in times])
+        after = float(trajectory.value(self.done * self.period - trajectory.prepare))
+        reference = np.append(self._plan.value[start + 1:self.done], after)[:len(times)]
         decided = np.flatnonzero(self._reasons[:self.done, 0])
-        decisions = [(float(self._times()[k]), sentence(from_row(self._reasons[k]), self._names))
+        decisions = [(float(begins[k]), sentence(from_row(self._reasons[k]), self._names))
                      for k in decided]
         return Log(time=times, reference=reference, overlap=overlap,
                    decisions=decisions, kind=trajectory.kind, **found)

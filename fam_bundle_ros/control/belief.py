@@ -21,6 +21,8 @@ class Belief(NamedTuple):
         Memory after this tick.
     pressure : (n,), Pa (gauge)
         Room for candidates.
+    curve : C function or None
+        Forces of one unit at all pressures of the table; see `fam_bundle_ros.model.seam.CURVE`.
     rows : callable or None
         Forces (m, n) of the whole table at a `Moment` with a memory, by one call on arrays; not
         compiled.
@@ -34,6 +36,7 @@ class Belief(NamedTuple):
     after: Any
     next: Any
     pressure: Any
+    curve: Any
     rows: Any
 
 
@@ -63,7 +66,7 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
     model, pressures = bundle.model(compiled), np.transpose(grid)
     if compiled:
         return Belief(model.force, *model[3:], np.zeros_like(model.memory), np.zeros(bundle.n),
-                      None)
+                      bundle.curve, None)
 
     def rows(now, memory):
         state = {'memory': memory, 'time': now.time - now.dt, 'begun': not now.start}
@@ -77,5 +80,5 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
     # Without memory a first sample is at equilibrium, and faster.
     at_rest = at_rest and bundle.has_memory
     return Belief(force_at_rest if at_rest else model.force, *model[3:],
-                  [list(row) for row in model.memory], [0.0] * bundle.n,
+                  [list(row) for row in model.memory], [0.0] * bundle.n, None,
                   rows_at_rest if at_rest else rows)

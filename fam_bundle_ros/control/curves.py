@@ -124,31 +124,24 @@ def adapted(table: Any, unit: int, force: float) -> float:
 
 
 def _by_unit(table: Any, model: Any) -> None:
-    """Fill the table pressure by pressure, and find the last of the smallest forces."""
+    """Fill the table unit by unit, and find the last of the smallest forces."""
     now = table.moment
-    # Outside of the loop: compiled, an array that is taken from the model costs as much as the
-    # force itself.
-    pressure, shape, parameters, tables, memory, after = (
-        model.pressure, model.shape, model.parameters, model.tables, model.memory, model.after)
     for unit in range(len(table.order)):
-        grid, curve = table.grid[unit], table.force[unit]
+        curve = table.force[unit]
+        model.curve(unit, now.strain, now.strain_rate, table.grid[unit], now.time, now.dt,
+                    now.start, model.shape, model.parameters, model.tables, model.memory,
+                    model.after, curve)
         least = math.inf
-        for k in range(len(grid)):
-            pressure[unit] = grid[k]
-            force = model.force(unit, now.strain, now.strain_rate, pressure, now.time, now.dt,
-                                now.start, shape, parameters, tables, memory, after)
-            curve[k] = adapted(table, unit, force)
+        for k in range(len(curve)):
+            curve[k] = adapted(table, unit, curve[k])
             least = min(least, curve[k])
-        for k in range(len(grid)):
+        for k in range(len(curve)):
             if curve[k] <= least + FLAT:
                 table.bottom[unit] = k
 
 
 def _by_rows(table: Any, model: Any) -> None:
     """Do the same by one call on arrays, where the model has one."""
-    if model.rows is None:
-        _by_unit(table, model)
-        return
     force = model.rows(table.moment, model.memory)
     push = np.array(table.push) if table.pushes_back else 0.0
     force = np.where(force > 0.0, np.array(table.pull), push) * force

@@ -146,6 +146,15 @@ class Bundle:
         """
         return self._muscles.model(compiled)
 
+    @property
+    def curve(self) -> Any:
+        """
+        Force over pressure as a C function: see `fam_bundle_ros.model.seam.CURVE`.
+
+        Raises `NotCompiled` as `model` does.
+        """
+        return self._muscles.laws.curve
+
     # --- force ---------------------------------------------------------------------------------
 
     def unit_forces(self, strain: ArrayLike, pressure: ArrayLike, strain_rate: ArrayLike = 0.0

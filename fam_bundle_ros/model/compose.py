@@ -24,8 +24,9 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros import kernels
 from fam_bundle_ros.model.laws.base import FELT, Law, Part, Place, SHAPE, STEPPING, TABLES
-from fam_bundle_ros.model.seam import pointers
+from fam_bundle_ros.model.seam import CURVE, pointers
 from fam_bundle_ros.model.source import filed
 from fam_bundle_ros.model.vocabulary import bound
 
@@ -48,6 +49,16 @@ def unit_force(unit, strain, strain_rate, pressure, time, dt, start, shape, para
     return one[{MUSCLES}] * muscle(
         unit, strain, strain_rate, pressure[unit], time, dt, start, start, one, parameters,
         tables, memory[unit], after[unit])
+
+
+def unit_curve(unit, strain, strain_rate, pressure, time, dt, start, shape, parameters, tables,
+               memory, after, force):
+    """Force of a motor unit at each of some pressures of its own, N."""
+    one, before, then = shape[unit], memory[unit], after[unit]
+    for k in range(len(pressure)):
+        force[k] = one[{MUSCLES}] * muscle(
+            unit, strain, strain_rate, pressure[k], time, dt, start, start, one, parameters,
+            tables, before, then)
 
 
 def unit_volume(unit, strain, pressure, time, shape, parameters, tables):
@@ -297,6 +308,11 @@ class Composition:
         return (_never_raises(made.unit_force, arrays.unit_force),
                 _never_raises(made.unit_volume, arrays.unit_volume),
                 _never_raises(made.unit_volume_slope, arrays.unit_volume_slope))
+
+    @cached_property
+    def curve(self) -> Any:
+        """`unit_curve` as a C function; `kernels.NotCompiled` where that does not work."""
+        return kernels.pointer(self.functions('kernels').unit_curve, CURVE)
 
     @cached_property
     def pointers(self) -> tuple[Any, Any, Any]:

@@ -22,6 +22,8 @@ from fam_bundle_ros import kernels
 
 FORCE = ('float64(int64, float64, float64, float64[::1], float64, float64, boolean, '
          'float64[:, ::1], float64[::1], float64[::1], float64[:, ::1], float64[:, ::1])')
+CURVE = ('void(int64, float64, float64, float64[::1], float64, float64, boolean, float64[:, ::1], '
+         'float64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[::1])')
 VOLUME = ('float64(int64, float64, float64[::1], float64, float64[:, ::1], float64[::1], '
           'float64[::1])')
 VOLUME_SLOPE = VOLUME

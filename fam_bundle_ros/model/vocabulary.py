@@ -115,12 +115,12 @@ class _CompiledWords:
 
     @staticmethod
     @cache
-    def compiled_names() -> types.ModuleType:
+    def compiled_names(counted: bool = True) -> types.ModuleType:
         """Return a module of the words, which numba compiles into the kernel."""
         module = types.ModuleType('words')
         for name, word in _WORDS.items():
             own = isinstance(word, types.FunctionType)
-            setattr(module, name, kernels.compiled_inside(word) if own else word)
+            setattr(module, name, kernels.compiled_inside(word, counted) if own else word)
         return module
 
 

@@ -125,6 +125,33 @@ def volume_through(function, unit, strain, pressure, time, shape, parameters, ta
     return function(unit, strain, pressure, time, shape, parameters, tables)
 
 
+@pytest.mark.skipif(kernels.numba() is None, reason='numba is not installed')
+def test_a_compiled_curve_has_the_forces_of_its_pressures():
+    """Every law, memory included: one call says what as many calls of `force` do."""
+    bundle = alone('viscoelastic_relaxation', [0.5] * 6)
+    m, curve = bundle.model(compiled=True), np.zeros(40)
+    m.memory[:] = np.random.default_rng(4).uniform(-1.0, 1.0, m.memory.shape)
+    pressures = np.linspace(0.0, 4e5, len(curve))
+    moment = (0.12, -0.03), (0.7, 4e-3, False, *m[3:])
+    for unit in range(2):
+        kernels.compiled(curve_through)(bundle.curve, unit, *moment[0], pressures, *moment[1],
+                                        curve)
+        expected = []
+        for pressure in pressures:
+            felt = np.full(2, 1e5)
+            felt[unit] = pressure
+            expected.append(caller(True)(m.force, unit, *moment[0], felt, *moment[1]))
+        assert_allclose(curve, expected, rtol=1e-12, atol=1e-12)
+        assert np.ptp(curve) > 10.0
+
+
+def curve_through(function, unit, strain, rate, pressures, time, dt, start, shape, parameters,
+                  tables, memory, after, force):
+    """Call a model's curve as the controller does."""
+    function(unit, strain, rate, pressures, time, dt, start, shape, parameters, tables, memory,
+             after, force)
+
+
 def test_plain_numbers_give_nan_or_infinity_where_arrays_do():
     """A loop must not stop at a division by zero, a root or a power of a negative number."""
     for formula, strain in (('k / strain', 0.0), ('k * sqrt(strain)', -0.1),
