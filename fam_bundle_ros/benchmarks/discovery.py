@@ -26,8 +26,8 @@ from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import family, Options
 from fam_bundle_ros.discovery.predict import predict
-from fam_bundle_ros.discovery.result import finite
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.jsonfile import plain
 
 SETS = ('single', 'other', 'clean', 'parameters', 'outside', 'pairs', 'small')
 _KINDS = ('static', 'dynamic', 'bundle')
@@ -115,7 +115,7 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
         'named': bool(named),
     }
     row.update(_parameters(case, result))
-    return finite(row)
+    return plain(row)
 
 
 def left_to_see(case: make.Case) -> float:

@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 import hashlib
 import json
@@ -18,8 +17,8 @@ from fam_bundle_ros.campaign.version import code_version
 from fam_bundle_ros.data import read_measurement, Recipe
 from fam_bundle_ros.discovery import Choices, diagnose
 from fam_bundle_ros.discovery.reading import recipe_for
-from fam_bundle_ros.discovery.result import finite
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.jsonfile import plain
 from fam_bundle_ros.model import Bundle, loads_model
 
 __all__ = ['Job', 'lost', 'Model', 'run']
@@ -113,8 +112,8 @@ class Job:
         code; not the file's name or place.
         """
         parts = {'format': FORMAT, 'data': self.sha256, 'model': model_digest,
-                 'dimensions': self.dimensions, 'recipe': _plain(asdict(self.recipe)),
-                 'choices': asdict(self.choices), 'code': code_version()}
+                 'dimensions': self.dimensions, 'recipe': plain(self.recipe),
+                 'choices': plain(self.choices), 'code': code_version()}
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
 
 
@@ -164,15 +163,9 @@ def _done(job: Job) -> dict[str, Any]:
         for key in heavy:
             del tree[key]
     return {'format': FORMAT, 'error': '', 'passing': False, 'code': code_version(),
-            **finite({'data': measured.to_dict(), 'compare': compared, 'diagnose': said})}
+            **plain({'data': measured.to_dict(), 'compare': compared, 'diagnose': said})}
 
 
 def _failed(error: str, passing: bool) -> dict[str, Any]:
     return {'format': FORMAT, 'error': ' '.join(error.split()), 'passing': passing,
             'code': code_version()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    return value

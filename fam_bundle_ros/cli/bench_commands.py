@@ -9,6 +9,7 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     console,
+    counter,
     JsonFile,
     notes,
     open_model,
@@ -21,15 +22,6 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import model_path
-
-PANEL = 'Benchmarks'
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('benchmark-control', rich_help_panel=PANEL)(benchmark_control)
-    app.command('benchmark-discovery', rich_help_panel=PANEL)(benchmark_discovery)
-    app.command('bench', rich_help_panel=PANEL)(bench)
 
 
 def benchmark_control(
@@ -71,10 +63,8 @@ def benchmark_control(
         pick(plants, control.PLANTS, '--plants'),
         pick(trajectories, control.TRAJECTORIES, '--trajectories'),
         [int(n) for n in pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
-    with progress_bar('benchmark-control') as tick:
-        result = control.run_benchmark(
-            cases, workers, scheduler=scheduler,
-            progress=lambda done, every, what: tick(done / every, what))
+    with counter('benchmark-control') as tick:
+        result = control.run_benchmark(cases, workers, scheduler=scheduler, progress=tick)
     table(PLANT_HEAD, [plant_cells(line) for line in result.summary['plants']],
           title='reversal_aware beside equal_pressure, the worst plant first',
           numeric=tuple(range(1, len(PLANT_HEAD))))
@@ -122,10 +112,8 @@ def benchmark_discovery(
         return
     from fam_bundle_ros.benchmarks import discovery
     chosen = pick(sets, discovery.SETS, '--sets')
-    with progress_bar('benchmark-discovery') as tick:
-        result = discovery.benchmark(
-            cases, chosen, workers, scheduler=scheduler,
-            progress=lambda done, every: tick(done / every, f'{done} of {every}'))
+    with counter('benchmark-discovery') as tick:
+        result = discovery.benchmark(cases, chosen, workers, scheduler=scheduler, progress=tick)
     table(('measure', 'cases', 'value', 'target', ''),
           [(row['measure'], row['cases'], f'{row["value"]:.3f}',
             f'{"≥" if row["at_least"] else "≤"} {row["target"]:.3g}',
@@ -150,10 +138,8 @@ def benchmark_discovery(
 def _benchmark_real(folder: Path, workers: int | None, scheduler: str | None,
                     json_file: Path | None) -> None:
     from fam_bundle_ros.benchmarks import discovery_real
-    with progress_bar('benchmark-discovery') as tick:
-        result = discovery_real.benchmark(
-            folder, workers, scheduler=scheduler,
-            progress=lambda done, every: tick(done / every, f'{done} of {every}'))
+    with counter('benchmark-discovery') as tick:
+        result = discovery_real.benchmark(folder, workers, scheduler=scheduler, progress=tick)
     table(('measurement', 'kept away', 'verdict', 'effects', 'error (N)', 'effects alone (N)',
            'empirical (N)', 'ratio'),
           [(row['data'], row['away'], row['verdict'].replace('_', ' '), ', '.join(row['effects']),

@@ -21,6 +21,7 @@ import typer
 
 from fam_bundle_ros import palette
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.report.numbers import shown
 from fam_bundle_ros.resources import data_path, model_path
 
 #: A pipe or a file has no width: wide enough that no row of a table is folded for it.
@@ -217,7 +218,7 @@ def quantity(text: str, like: str, option: str) -> float:
 def save_json(path: Path | None, result: Any) -> None:
     """Write the result where ``--json`` asks for it."""
     if path is not None:
-        from fam_bundle_ros.report.files import write_json
+        from fam_bundle_ros.jsonfile import write_json
         write_json(path, result)
         wrote(path)
 
@@ -253,18 +254,6 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ''
     console.print(grid)
 
 
-def shown(value: Any) -> str:
-    """Return a cell's text."""
-    if value is None or (isinstance(value, float) and value != value):
-        return '–'
-    if isinstance(value, bool):
-        return 'yes' if value else 'no'
-    if isinstance(value, float):
-        from fam_bundle_ros.report.numbers import number
-        return number(value)
-    return str(value)
-
-
 @contextmanager
 def progress_bar(words: str) -> Iterator[Callable[..., None]]:
     """
@@ -287,6 +276,14 @@ def progress_bar(words: str) -> Iterator[Callable[..., None]]:
             bar.update(task, completed=share, description=f'{words}: {what}' if what else words)
 
         yield tick
+
+
+@contextmanager
+def counter(words: str) -> Iterator[Callable[..., None]]:
+    """Show a `progress_bar`; yields a function of how many are done, of how many, and a word."""
+    with progress_bar(words) as tick:
+        yield lambda done, every, what='': tick(
+            done / every, f'{done} of {every}{f", {what}" if what else ""}')
 
 
 def effect_name(name: str) -> Text:

@@ -32,21 +32,11 @@ from fam_bundle_ros.cli.specimens import diagnose_table
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
 
-PANEL = 'Discovery'
-
 DataArgument = Annotated[str, typer.Argument(metavar='DATA', help='Log (CSV or text, .xlsx, '
                                              '.lvm, .tdms, .mat, .parquet), ROS 2 bag, or '
                                              'the name of data that ships.')]
 PageFile = Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write '
                                                'the page (HTML).')]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('compare', rich_help_panel=PANEL)(compare)
-    app.command('diagnose', rich_help_panel=PANEL)(diagnose)
-    app.command('convert', rich_help_panel=PANEL)(convert)
-    app.command('workbench', rich_help_panel=PANEL)(workbench)
 
 
 @reads_data

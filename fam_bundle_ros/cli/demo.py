@@ -106,9 +106,9 @@ def _improve(step: Step) -> Any:
 
 def _write(folder: Path, runs: list[Any], diagnosis: Any, bundle: Any, seed: int,
            begin: float) -> dict[str, Any]:
+    from fam_bundle_ros.jsonfile import write_json
     from fam_bundle_ros.plant import RigConfig
     from fam_bundle_ros.report.demo_page import demo_metrics, demo_page
-    from fam_bundle_ros.report.files import write_json
     from fam_bundle_ros.report.page import write_page
     from fam_bundle_ros.report.paper import paper_figures
     found = demo_metrics(runs, diagnosis, bundle, RigConfig(), time.perf_counter() - begin, seed)

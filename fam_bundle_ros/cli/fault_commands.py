@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from fam_bundle_ros.cli.bench_commands import PANEL, pick
+from fam_bundle_ros.cli.bench_commands import pick
 from fam_bundle_ros.cli.common import (
+    counter,
     JsonFile,
-    progress_bar,
     save_json,
     SchedulerOption,
     table,
@@ -18,11 +18,6 @@ from fam_bundle_ros.cli.common import (
     wrote,
 )
 from fam_bundle_ros.errors import InputError
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('benchmark-faults', rich_help_panel=PANEL)(benchmark_faults)
 
 
 def benchmark_faults(
@@ -63,9 +58,8 @@ def benchmark_faults(
              *benchmark.work_cases(work, policy_names[-1], seed)]
     if not cases:
         raise InputError('--faults none and --work 0: nothing to run')
-    with progress_bar('benchmark-faults') as tick:
-        rows = run_cases(cases, workers,
-                         lambda done, every, what: tick(done / every, what), scheduler)
+    with counter('benchmark-faults') as tick:
+        rows = run_cases(cases, workers, tick, scheduler)
     result = result_of(cases, rows)
     table(tables.FAULT_HEAD, [tables.fault_cells(line) for line in result['faults']],
           title=f'{len(rows)} runs, the worst fault first', numeric=range(1, 13))
@@ -73,9 +67,8 @@ def benchmark_faults(
           numeric=range(1, 5))
     if ros:
         from fam_bundle_ros.nodes.fault_processes import run_processes
-        with progress_bar('nodes killed and stopped') as tick:
-            result['processes'] = run_processes(
-                lambda done, every, what: tick(done / every, what))
+        with counter('nodes killed and stopped') as tick:
+            result['processes'] = run_processes(tick)
         table(tables.PROCESS_HEAD, [tables.process_cells(row) for row in result['processes']],
               title='one process a node, in wall time', numeric=(3, 4, 5, 6))
     if out is not None:

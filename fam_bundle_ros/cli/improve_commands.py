@@ -24,18 +24,12 @@ from fam_bundle_ros.cli.common import (
     table,
     wrote,
 )
-from fam_bundle_ros.cli.data_commands import DataArgument, PageFile, PANEL
+from fam_bundle_ros.cli.data_commands import DataArgument, PageFile
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
 
 #: More effects than this have too many orders to be shown.
 _MOST_ORDERED = 3
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('add', rich_help_panel=PANEL)(add)
-    app.command('ladder', rich_help_panel=PANEL)(ladder)
 
 
 @reads_data

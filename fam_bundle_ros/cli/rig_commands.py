@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that speak ROS 2: `demo`, `run`, `measure`, `record`, `check-rig`."""
+"""Commands that speak ROS 2: `run`, `record`, `check-rig`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,25 +21,11 @@ from fam_bundle_ros.cli.common import (
     table,
     wrote,
 )
-from fam_bundle_ros.cli.demo import demo
-from fam_bundle_ros.cli.measure_command import measure
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path, model_path
 
-PANEL = 'Rig and ROS 2'
-
 Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace of '
                                         'the bundle.')]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('demo', rich_help_panel=PANEL)(demo)
-    app.command('run', rich_help_panel=PANEL, context_settings={
-        'allow_extra_args': True, 'ignore_unknown_options': True})(run)
-    app.command('measure', rich_help_panel=PANEL)(measure)
-    app.command('record', rich_help_panel=PANEL)(record)
-    app.command('check-rig', rich_help_panel=PANEL)(check_rig)
 
 
 def run(
