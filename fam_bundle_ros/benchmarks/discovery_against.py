@@ -68,14 +68,14 @@ def stlsq(names: list[str], table: np.ndarray, target: np.ndarray) -> dict[str, 
     return {n: float(c) for n, c in zip(names, np.ravel(fitted.coef_)) if c != 0}
 
 
-def against(cases: int, sets: tuple[str, ...] = ('single', 'other')) -> dict[str, dict[str, Any]]:
+def against(cases: int) -> dict[str, dict[str, Any]]:
     """
     Return, by method, how often the true effect comes first and how many terms it keeps.
 
     Parameters
     ----------
     cases : int
-        Per kind of data and set.
+        Per kind of data and form of the hidden effect.
     """
     methods: dict[str, Callable[[list[str], np.ndarray, np.ndarray], dict[str, float]]] = {}
     if importlib.util.find_spec('sklearn'):
@@ -83,11 +83,11 @@ def against(cases: int, sets: tuple[str, ...] = ('single', 'other')) -> dict[str
     if importlib.util.find_spec('pysindy'):
         methods['pysindy stlsq'] = stlsq
     found: dict[str, list[tuple[bool, int]]] = {name: [] for name in methods}
-    for group in sets:
+    for form in ('same', 'other'):
         for kind, names in make.HIDEABLE.items():
             for k in range(cases):
                 hidden = names[k % len(names)]
-                case = make.make_case(kind, k, (hidden,), 'same' if group == 'single' else group)
+                case = make.make_case(kind, k, (hidden,), form)
                 terms = dictionary(case)
                 right = {hidden, *make.SAME_PHYSICS.get(hidden, ())}
                 for name, method in methods.items():
