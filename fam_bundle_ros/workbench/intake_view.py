@@ -24,8 +24,8 @@ class IntakeView:
             with parts.box('section', 'intake-head'):
                 self.kind = parts.text('span', '', 'muted small')
                 parts.text('h1', 'Is this how the file is meant?')
-                self.state = parts.box('div', 'state').props('role=status aria-live=polite')
-                self.state.mark('intake:state')
+                self.state = parts.box('div', 'state', 'intake:state').props(
+                    'role=status aria-live=polite')
             with parts.box('section', 'columns'):
                 self.table = parts.box('div', 'map-box').props(
                     'tabindex=0 role=region aria-label="first rows of the file"')

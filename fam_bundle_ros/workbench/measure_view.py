@@ -55,10 +55,9 @@ class MeasureView:
             self.path.set_visibility(False)
             self.model = parts.typed('Model of the controller', '', self._type_model,
                                      mark='live:model', hint='the one that model_monitor has')
-            self.takes = parts.text('p', '', 'muted small').mark('live:takes')
+            self.takes = parts.text('p', '', 'muted small', 'live:takes')
             self.buttons = parts.box('div', 'row')
-            self.said = parts.text('p', '', 'small').mark('live:measured').props('role=status')
-            self.said._props['data-mark'] = 'live:measured'
+            self.said = parts.text('p', '', 'small', 'live:measured').props('role=status')
         self._fill_choice()
         self._reckon()
 

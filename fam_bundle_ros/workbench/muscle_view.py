@@ -37,7 +37,7 @@ class MuscleView:
                              form.part, self._part, 'muscle:part', 'field wide')
             self.fields = parts.box('div', 'form')
             self.sources = parts.box('div', 'muted small')
-            self.said = parts.text('p', '', 'small').props('role=status').mark('muscle:said')
+            self.said = parts.text('p', '', 'small', 'muscle:said').props('role=status')
         self._draw_fields()
         self.look()
 

@@ -259,6 +259,6 @@ class Page:
     def tell(self, said: str) -> None:
         """Show a message that stays until it is closed."""
         self.messages.clear()
-        with self.messages, parts.box('div', 'alert').mark('alert'):
+        with self.messages, parts.box('div', 'alert', 'alert'):
             parts.text('span', said, 'grow')
             parts.button('Close', self.messages.clear, mark='close-alert')

@@ -75,7 +75,7 @@ class StartView:
                          'flat bordered hide-upload-btn').mark('upload')
             if self.page.pending_model is not None:
                 parts.text('p', f'Model {self.page.pending_model.name} is ready: now drop the '
-                           'measurement.', 'small').mark('model-ready')
+                           'measurement.', 'small', 'model-ready')
             else:
                 parts.text('p', 'Drop the model file first if you have one; otherwise the page '
                            'asks for your muscle.', 'muted small')
@@ -95,10 +95,8 @@ class StartView:
             button = parts.button('Take 20 s of the live ROS graph', listen, mark='live')
 
     def _example(self, example) -> None:
-        with parts.box('button', 'card example').props('type=button').on(
-                'click', lambda: self.page.open_example(example.key), args=[]
-        ).mark(f'example:{example.key}') as card:
-            card._props['data-mark'] = f'example:{example.key}'
+        with parts.box('button', 'card example', f'example:{example.key}').props('type=button').on(
+                'click', lambda: self.page.open_example(example.key), args=[]):
             parts.text('b', example.title)
             parts.text('span', example.question, 'small')
             parts.text('span', example.origin[:1].upper() + example.origin[1:], 'muted small')
