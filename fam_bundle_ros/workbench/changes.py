@@ -2,29 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """What can be done to a model: add an effect, replace one, leave one out; and the same as text."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import shlex
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from fam_bundle_ros.model import catalogue, Effect
 from fam_bundle_ros.workbench.cases import Case
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.session import Step
 
 __all__ = ['after', 'Change', 'command', 'Since']
 
 #: Effects added, replaced (old -> new) and removed, all since the first model.
 Since = tuple[tuple[Effect, ...], dict[str, str], tuple[str, ...]]
-
-
-class _Step(Protocol):
-    @property
-    def added(self) -> tuple[Effect, ...]: ...
-
-    @property
-    def replaced(self) -> Mapping[str, str]: ...
-
-    @property
-    def removed(self) -> tuple[str, ...]: ...
 
 
 @dataclass(frozen=True)
@@ -60,7 +52,7 @@ class Change:
         return f'--replace {self.replaces}={self.effect}' if self.replaces else self.effect
 
 
-def after(step: _Step, change: Change, effect: Effect | None = None) -> Since:
+def after(step: 'Step', change: Change, effect: Effect | None = None) -> Since:
     """
     Return what is other than in the first model after one more change.
 
@@ -89,7 +81,7 @@ def after(step: _Step, change: Change, effect: Effect | None = None) -> Since:
     return tuple(added), replaced, tuple(removed)
 
 
-def command(case: Case, step: _Step, asked: Sequence[Change]) -> str:
+def command(case: Case, step: 'Step', asked: Sequence[Change]) -> str:
     """
     Return the command that makes the same model from the first; '' with an effect of one's own.
 

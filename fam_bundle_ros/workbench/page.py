@@ -181,7 +181,7 @@ class Page:
     async def take_file(self, name: str, content: bytes) -> None:
         """Take an uploaded file: a measurement opens a case, a model changes the one to start."""
         async def take() -> None:
-            if intake.what_is(name) == 'model':
+            if intake.is_model(name):
                 model = await asyncio.to_thread(intake.model_from_bytes, name, content)
                 self._take_model(model)
                 return

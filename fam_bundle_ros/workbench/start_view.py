@@ -71,7 +71,7 @@ class StartView:
             upload = ui.upload(label='Drop a measurement or a model file, or press +',
                                multiple=True, auto_upload=True, max_file_size=intake.MAX_UPLOAD,
                                on_upload=self._uploaded, on_rejected=self._rejected)
-            upload.props(f'accept="{",".join((*intake.DATA_SUFFIXES, *intake.MODEL_SUFFIXES))}" '
+            upload.props(f'accept="{",".join(intake.TAKEN)}" '
                          'flat bordered hide-upload-btn').mark('upload')
             if self.page.pending_model is not None:
                 parts.text('p', f'Model {self.page.pending_model.name} is ready: now drop the '
@@ -106,5 +106,4 @@ class StartView:
 
     def _rejected(self) -> None:
         self.page.tell(f'this file is not taken: expected one of '
-                       f'{", ".join((*intake.DATA_SUFFIXES, *intake.MODEL_SUFFIXES))} of at most '
-                       f'{intake.MAX_UPLOAD >> 20} MB')
+                       f'{", ".join(intake.TAKEN)} of at most {intake.MAX_UPLOAD >> 20} MB')
