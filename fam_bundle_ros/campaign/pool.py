@@ -33,6 +33,7 @@ import warnings
 
 from fam_bundle_ros.campaign.version import code_version
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 __all__ = ['as_done', 'each', 'Progress', 'WorkerDied']
 
@@ -220,7 +221,7 @@ def _one_core_each() -> Iterator[None]:
 
 def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: str, lost: Lost,
                 ) -> Iterator[tuple[int, Any]]:
-    distributed = _dask(address)
+    distributed = library('distributed', f'scheduler {address}: a cluster')
     with _client(distributed, address) as client:
         places = {future: place for place, future in enumerate(
             client.map(function, list(todo), pure=False))}
@@ -239,15 +240,6 @@ def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: st
         except BaseException:
             client.cancel(list(places), force=True)
             raise
-
-
-def _dask(address: str) -> Any:
-    try:
-        import distributed
-    except ImportError as error:
-        raise InputError(f'scheduler {address}: a cluster needs the package distributed; install '
-                         "the extra `cluster`: pip install 'fam_bundle_ros[cluster]'") from error
-    return distributed
 
 
 @contextmanager

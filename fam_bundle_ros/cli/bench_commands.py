@@ -93,8 +93,8 @@ def benchmark_discovery(
     sets: Annotated[str, typer.Option(help='Sets of cases with commas between, or all.')] = 'all',
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
-    against: Annotated[bool, typer.Option('--against', help='LASSO and pysindy STLSQ on the same '
-                                          'cases (extras).')] = False,
+    against: Annotated[bool, typer.Option('--against', help='LASSO (scikit-learn) and STLSQ '
+                                          '(pysindy) on the same cases.')] = False,
     real: Annotated[Path | None, typer.Option(
         '--real', metavar='FOLDER', help='Instead: measured muscles, each NAME.csv with its '
         'NAME.model.yaml, scored on rows kept away.', exists=True, file_okay=False)] = None,
@@ -112,6 +112,9 @@ def benchmark_discovery(
         return
     from fam_bundle_ros.benchmarks import discovery
     chosen = pick(sets, discovery.SETS, '--sets')
+    if against:
+        from fam_bundle_ros.benchmarks import discovery_against
+        discovery_against.methods()  # before hours of work, not after
     with counter('benchmark-discovery') as tick:
         result = discovery.benchmark(cases, chosen, workers, scheduler=scheduler, progress=tick)
     table(('measure', 'cases', 'value', 'target', ''),
@@ -127,8 +130,7 @@ def benchmark_discovery(
               [(truth, ', '.join(f'{answer} {count}' for answer, count in answers.items()))
                for truth, answers in result['confusion'].items()], title='where it went wrong')
     if against:
-        from fam_bundle_ros.benchmarks.discovery_against import against as others
-        result['against'] = others(cases)
+        result['against'] = discovery_against.against(cases)
         table(('method', 'figures'), [(name, ', '.join(f'{key} {value}' for key, value in
                                                        row.items()))
                                       for name, row in result['against'].items()])

@@ -34,7 +34,7 @@ ALLOWED = {
             'benchmarks', 'campaign', 'workbench', *DRAWS},
 }
 # Modules that know nothing of physics and serve every layer.
-PLAIN = {'atomic', 'bagwriter', 'errors', 'jsonfile', 'kernels', 'mcapfile', 'processes',
+PLAIN = {'atomic', 'bagwriter', 'errors', 'extras', 'jsonfile', 'kernels', 'mcapfile', 'processes',
          'resources', 'told', 'units'}
 # Only nodes/ and the commands that start nodes may speak ROS.
 ROS = {'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'std_msgs', 'geometry_msgs',
