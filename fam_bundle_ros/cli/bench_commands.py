@@ -11,8 +11,10 @@ from fam_bundle_ros.cli.common import (
     console,
     counter,
     JsonFile,
+    Names,
     notes,
     open_model,
+    PageFile,
     progress_bar,
     save_json,
     SchedulerOption,
@@ -25,8 +27,8 @@ from fam_bundle_ros.resources import model_path
 
 
 def benchmark_control(
-    plants: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
-    trajectories: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    plants: Names = 'all',
+    trajectories: Names = 'all',
     units: Annotated[str, typer.Option(help='Motor units: of 2, 3, 6, with commas between, or '
                                        'all.')] = 'all',
     controllers: Annotated[str, typer.Option(
@@ -39,8 +41,7 @@ def benchmark_control(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     ros: Annotated[bool, typer.Option(help='Also run one row over ROS in lock-step.')] = True,
-    out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
-                                             'page (HTML).')] = None,
+    out: PageFile = None,
     json_file: JsonFile = None,
 ) -> None:
     """
@@ -166,8 +167,7 @@ def bench(
                                          min=0.001, max=10.0)] = 1.0,
     warm: Annotated[bool, typer.Option('--warm', help='Measure nothing: fill the cache of '
                                        'compiled code.')] = False,
-    out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
-                                             'page (HTML).')] = None,
+    out: PageFile = None,
     json_file: JsonFile = None,
 ) -> None:
     """

@@ -48,6 +48,15 @@ Unexplained = Annotated[float, typer.Option(
     "law is normal, as a share of the force's standard deviation.")]
 Odds = Annotated[float, typer.Option('--odds', min=1.0, help='Sets of effects at most so many '
                                      'times less probable than the best are ties.')]
+PageFile = Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write '
+                                               'the page (HTML).')]
+Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace of '
+                                        'the bundle.')]
+ControllerModel = Annotated[str | None, typer.Option(
+    '--model', '-m', metavar='MODEL', help='Model of the controller, and of the simulated rig.')]
+PlantModel = Annotated[str | None, typer.Option(
+    '--plant-model', metavar='MODEL', help='Model of the simulated rig: a hidden effect.')]
+Names = Annotated[str, typer.Option(help='Names with commas between, or all.')]
 ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help='Model file, or '
                                           'a name that ships.')]
 
@@ -213,6 +222,18 @@ def quantity(text: str, like: str, option: str) -> float:
         return parse(spaced(text), like)
     except InputError as error:
         raise InputError(f'{option}: {error}') from error
+
+
+def yaml_to_write(path: Path, what: str = 'model') -> None:
+    """Raise InputError for a path that does not end as YAML does."""
+    if path.suffix not in ('.yaml', '.yml'):
+        raise InputError(f'{path}: expected the name of a {what} file (.yaml) to write')
+
+
+def ask_leave(question: str, yes: bool) -> None:
+    """Ask before air goes in, unless ``yes``; InputError where the answer is no."""
+    if not (yes or typer.confirm(question)):
+        raise InputError('no leave: nothing was done')
 
 
 def save_json(path: Path | None, result: Any) -> None:

@@ -18,6 +18,7 @@ from fam_bundle_ros.cli.common import (
     notes,
     Odds,
     open_model,
+    PageFile,
     progress_bar,
     read_data,
     Reading,
@@ -27,6 +28,7 @@ from fam_bundle_ros.cli.common import (
     table,
     Unexplained,
     wrote,
+    yaml_to_write,
 )
 from fam_bundle_ros.cli.specimens import diagnose_table
 from fam_bundle_ros.errors import InputError
@@ -35,8 +37,6 @@ from fam_bundle_ros.resources import data_path, model_path
 DataArgument = Annotated[str, typer.Argument(metavar='DATA', help='Log (CSV or text, .xlsx, '
                                              '.lvm, .tdms, .mat, .parquet), ROS 2 bag, or '
                                              'the name of data that ships.')]
-PageFile = Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write '
-                                               'the page (HTML).')]
 
 
 @reads_data
@@ -114,8 +114,8 @@ def diagnose(
     bundle = open_model(model, allow_python)
     choices = discovery.Choices(unexplained=unexplained, odds=odds)
     for what, file in (('model', model_out), ('protocol', protocol_out)):
-        if file is not None and file.suffix not in ('.yaml', '.yml'):
-            raise InputError(f'{file}: expected the name of a {what} file (.yaml) to write')
+        if file is not None:
+            yaml_to_write(file, what)
     if specimens is not None:
         for option, file in (('--out', out), ('--protocol-out', protocol_out)):
             if file is not None:

@@ -11,6 +11,7 @@ from fam_bundle_ros.cli.bench_commands import pick
 from fam_bundle_ros.cli.common import (
     counter,
     JsonFile,
+    Names,
     save_json,
     SchedulerOption,
     table,
@@ -22,8 +23,8 @@ from fam_bundle_ros.errors import InputError
 
 def benchmark_faults(
     faults: Annotated[str, typer.Option(help='Names with commas between, all, or none.')] = 'all',
-    phases: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
-    policies: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    phases: Names = 'all',
+    policies: Names = 'all',
     work: Annotated[float, typer.Option(help='Minutes of work in which nothing is wrong, for '
                                         'false alarms.', min=0.0)] = 4.0,
     ros: Annotated[bool, typer.Option('--ros', help='Also kill, stop and restart each node, one '

@@ -16,6 +16,7 @@ from fam_bundle_ros.cli.common import (
     muscle_of,
     notes,
     open_model,
+    PageFile,
     read_data,
     Reading,
     reads_data,
@@ -23,8 +24,9 @@ from fam_bundle_ros.cli.common import (
     show_muscle,
     table,
     wrote,
+    yaml_to_write,
 )
-from fam_bundle_ros.cli.data_commands import DataArgument, PageFile
+from fam_bundle_ros.cli.data_commands import DataArgument
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
 
@@ -69,8 +71,7 @@ def add(
                              'take from it')
         library = open_model(source, allow_python)
         wanted = [library.effect(effect) for effect in wanted]
-    if out.suffix not in ('.yaml', '.yml'):
-        raise InputError(f'{out}: expected the name of a model file (.yaml) to write')
+    yaml_to_write(out)
     swaps = {}
     for text in replacing or []:
         old, sign, new = text.partition('=')
