@@ -31,7 +31,7 @@ from fam_bundle_ros.told import Told
 __all__ = ['Campaign', 'run_campaign']
 
 FORMAT = 'fam-bundle-campaign/1'
-#: Trends whose corrected probability is above this are not told.
+#: Trends whose corrected probability is above this are not reported.
 CLEAR = 0.05
 
 Row = dict[str, Any]
@@ -90,12 +90,12 @@ class Campaign(Told):
 
     @property
     def clear_trends(self) -> list[Trend]:
-        """Trends that chance does not make (5 % that any of them is none)."""
+        """Trends that are significant (5 % for one false among all)."""
         return [trend for trend in self.trends if trend.p < CLEAR]
 
     @property
     def clear_contrasts(self) -> list[Contrast]:
-        """Contrasts that chance does not make (5 % that any of them is none)."""
+        """Contrasts that are significant (5 % for one false among all)."""
         return [contrast for contrast in self.contrasts if contrast.p < CLEAR]
 
     def __str__(self) -> str:
@@ -196,12 +196,12 @@ def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str],
     rows: list[Row] = []
     effects: list[Row] = []
     parameters: list[Row] = []
-    # of the same bytes the one that the table tells about is the original
+    # of equal files the one in the table of specimens is the original
     first: dict[str, str] = {}
     for recording in sorted(recordings, key=lambda each: each.specimen is None):
         first.setdefault(recording.sha256, recording.file)
     for recording, address in zip(recordings, addresses):
-        # one at a time: a thousand results need not be in memory together
+        # one at a time, to save memory
         result = {'error': recording.problem} if recording.problem else store.read(address)
         assert result is not None
         original = '' if recording.problem else first[recording.sha256]

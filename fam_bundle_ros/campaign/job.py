@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One recording of a campaign: import, compare, diagnose, to plain values; errors are results."""
+"""One recording of a campaign: import, compare, diagnose; the result is plain, also an error."""
 
 from __future__ import annotations
 
@@ -152,13 +152,13 @@ def _done(job: Job) -> dict[str, Any]:
     model = job.model.bundle()
     if job.dimensions:
         model = model.with_parameters({f'geometry.{k}': value for k, value in job.dimensions})
-    # before it is read: what is wrong with other data is not to be kept for these
+    # checked before it is read: a result must not be kept under the hash of other data
     if digest(path) != job.sha256:
         raise OSError('it was changed while the campaign ran')
     measured = read_measurement(path, recipe=recipe_for(model, job.recipe))
     result = diagnose(model, measured, choices=job.choices)
     compared, said = result.comparison.to_dict(), result.to_dict()
-    # kept small: tables by trial and the matrix of correlations are for one recording at a time
+    # results are kept small: no tables by trial, no matrix of correlations
     for tree, heavy in ((compared, ('tables', 'noise')), (said, ('confounding',))):
         for key in heavy:
             del tree[key]

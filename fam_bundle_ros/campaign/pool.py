@@ -113,7 +113,7 @@ def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | 
     with _one_core_each():
         suspects = yield from _in_processes(function, dict(enumerate(todo)), count)
         while suspects:
-            # one at a time, so that it is known which of them takes its process along
+            # one at a time, so that it is known which of them kills its process
             place, task = suspects.popitem()
             died = yield from _in_processes(function, {place: task}, 1)
             if died:
@@ -187,7 +187,7 @@ def _signals_wait() -> Iterator[None]:
     A process that has half of what it needs would end with a traceback. It starts with both held
     back, until `_begin_worker`.
     """
-    resource_tracker.ensure_running()  # as it starts it lets signals in
+    resource_tracker.ensure_running()  # its start unblocks signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
     try:
         yield
@@ -245,7 +245,7 @@ def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: st
 @contextmanager
 def _client(distributed: Any, address: str) -> Iterator[Any]:
     """Yield a client of a scheduler whose workers have the code of this process."""
-    # asked first: a client that could not connect holds the process up at its end (20 s)
+    # asked first: a client that could not connect takes 20 s to close
     with ThreadPoolExecutor(1) as alone:
         try:
             kind = alone.submit(asyncio.run, _kind(distributed, address)).result()
@@ -258,7 +258,7 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
                          'address that `dask scheduler` prints, such as tcp://192.168.1.5:8786')
     logger = logging.getLogger('distributed.client')
     level = logger.level
-    logger.setLevel(logging.CRITICAL)  # its tracebacks come beside the error that says it
+    logger.setLevel(logging.CRITICAL)  # its tracebacks repeat the error below
     try:
         with distributed.Client(address, timeout=_ANSWER, set_as_default=False) as client:
             _check(client, address)

@@ -25,7 +25,7 @@ from fam_bundle_ros.discovery.specimens import DIMENSIONS
 __all__ = ['Contrast', 'contrasts', 'holm', 'per_muscle', 'power_law', 'Share', 'shares', 'Trend',
            'trends']
 
-#: Muscles that a trend takes at least: two make every line, a third one scatter, ...
+#: Muscles that a trend needs at least: two fix a line, a third one says little of scatter.
 LEAST = 4
 #: Standard deviations of a 95 % interval.
 _95 = 1.96
@@ -278,8 +278,8 @@ def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
     trace = weight.sum() - np.trace(inverse @ (design.T * weight ** 2 @ design))
     between = max(0.0, (q - (len(x) - 2)) / trace)
     beta, inverse, q = fit(1.0 / (s ** 2 + between))
-    # by how far the muscles are off the line, whatever the fits say: what all fits err by together
-    # (a tie, a parameter that trades off with another) moves the line and does not turn it
+    # from the residuals about the line, not from the errors of the fits: an error that all fits
+    # share (a tie, correlated parameters) shifts the line and does not change its slope
     error = float(np.sqrt(inverse[1, 1] * max(q / (len(x) - 2), _LEAST_ERROR ** 2)))
     p = 2.0 * float(stats.t.sf(abs(beta[1]) / error, len(x) - 2))
     return float(beta[1]), error, float(np.sqrt(between)), float(beta[0]), p

@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _fail('stopped', 1)
         return status if isinstance(status, int) else 0
     except BrokenPipeError:
-        # the reader of a pipe (head, less) has left: nothing is wrong, nothing is to be said
+        # the reader of a pipe (head, less) has ended: no error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command `demo`: the whole story on simulated hardware, told by the numbers of its runs."""
+"""The command `demo`: closed loop on simulated hardware, a better model, and a report."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -45,7 +45,7 @@ def demo(
     A force and a strain trajectory that recruit the second motor unit and release it, then a
     model of a measured muscle that gets better step by step.
     """
-    # the nodes of the demo are nobody else's business
+    # other machines need not see the nodes of the demo
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     begin = time.perf_counter()
     with _fresh_folder(out) as folder, _steps() as step:

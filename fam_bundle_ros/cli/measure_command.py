@@ -27,7 +27,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.errors import InputError
 
-#: So many segments are listed; of more the first and the last.
+#: Segments that are listed; of more the first ones and the last.
 _LISTED = 20
 
 

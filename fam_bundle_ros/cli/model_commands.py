@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that need a model only: `new-model`, `map`, `effects`, `tune`."""
+"""Commands that need a model only: `map`, `effects`, `tune`."""
 
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command `new-model`: a model file of one's own muscle, by options or by questions."""
+"""The command `new-model`: a model file of the user's own muscle, by options or questions."""
 
 from pathlib import Path
 import sys

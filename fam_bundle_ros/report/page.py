@@ -31,7 +31,7 @@ _ASSETS = Path(__file__).parent / 'assets'
 
 @dataclass(frozen=True)
 class Headline:
-    """One number that the reader is to take away: what, how much, and a word on it."""
+    """A headline number with its name and a note."""
 
     name: str
     value: str

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A case on the page: the answer so far, the ladder, the figures, and the panel beside them."""
+"""An open case on the page: answer, ladder of models, figures, and the panel beside them."""
 
 import asyncio
 from typing import Any, TYPE_CHECKING
@@ -124,7 +124,7 @@ class CaseView:
             parts.button('What is missing?', self.diagnose, 'main-action', 'diagnose')
 
     def draw_ladder(self) -> None:
-        """Draw one rung per step, the noise floor across all."""
+        """Draw the error after each step, and the noise floor across all."""
         session = self.session
         most = max(step.error_N for step in session.steps)
         shade = 'dark' if self.page.dark else 'light'
@@ -202,7 +202,7 @@ class CaseView:
         return None if figure is None else drawings.for_page(figure, self.page.dark)
 
     def _redraw(self, move_ms: int) -> None:
-        """Let the curves move to what is so now; the other figures are drawn anew."""
+        """Move the curves to the present model; the other figures are drawn anew."""
         drawn = self._drawn(move_ms) if self.tab == 'curves' else None
         if drawn is None:
             self.draw_figure()
@@ -282,7 +282,7 @@ class CaseView:
         await self._refit(change.label, '' if change.removes else change.effect, *now)
 
     async def do_all(self) -> None:
-        """Do everything that the diagnosis says, one rung after the other."""
+        """Do everything that the diagnosis says, one step after the other."""
         for change in self.session.asked():
             steps = len(self.session.steps)
             await self.change(change)

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What can be done to a model: add an effect, replace one, leave one out; and the same as text."""
+"""Changes of a model: add an effect, replace one, leave one out; and the same as a command."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ Since = tuple[tuple[Effect, ...], dict[str, str], tuple[str, ...]]
 @dataclass(frozen=True)
 class Change:
     """
-    One thing to do to the model: an effect to add, to put in another's place, or to leave out.
+    One change of the model: an effect to add, to replace another with, or to leave out.
 
     Attributes
     ----------
@@ -39,14 +39,14 @@ class Change:
 
     @property
     def label(self) -> str:
-        """Name of the rung."""
+        """Name of the step."""
         if self.removes:
             return f'no {self.effect}'
         return f'{self.effect} for {self.replaces}' if self.replaces else f'+ {self.effect}'
 
     @property
     def option(self) -> str:
-        """What it is on the command line of ``fam_bundle add``."""
+        """The same as an argument of ``fam_bundle add``."""
         if self.removes:
             return f'--remove {self.effect}'
         return f'--replace {self.replaces}={self.effect}' if self.replaces else self.effect
@@ -54,12 +54,12 @@ class Change:
 
 def after(step: 'Step', change: Change, effect: Effect | None = None) -> Since:
     """
-    Return what is other than in the first model after one more change.
+    Return all changes since the first model, with one more.
 
     Parameters
     ----------
     step : Step
-        What was done so far.
+        Changes so far.
     change : Change
     effect : Effect, optional
         The one that comes, at the value to start from; by default as the catalogue has it.
@@ -67,7 +67,7 @@ def after(step: 'Step', change: Change, effect: Effect | None = None) -> Since:
     added, replaced, removed = list(step.added), dict(step.replaced), list(step.removed)
     gone = change.effect if change.removes else change.replaces
     if gone and gone not in {e.name for e in added}:
-        # of the first model, perhaps replaced before: the refit knows it by its first name
+        # an effect of the first model, perhaps replaced before: the refit takes its first name
         first = next((old for old, new in replaced.items() if new == gone), gone)
         replaced.pop(first, None)
         if change.removes:
@@ -83,7 +83,7 @@ def after(step: 'Step', change: Change, effect: Effect | None = None) -> Since:
 
 def command(case: Case, step: 'Step', asked: Sequence[Change]) -> str:
     """
-    Return the command that makes the same model from the first; '' with an effect of one's own.
+    Return the command that makes the same model from the first; '' with a formula of the user.
 
     Parameters
     ----------

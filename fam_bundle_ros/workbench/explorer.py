@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The force-strain space of a bundle, to play with: what the paper says, in a minute.
+The force-strain space of a bundle with a point that sliders move.
 
 Sliders set the strain and each motor unit's pressure; the figures show where that is among the
 recruitment states, how the next unit first pushes back, and how the free strain dips.
@@ -67,7 +67,7 @@ class Explorer:
         return self.bundle.overlap(self.strain, self.unit - 1) if self.unit > 1 else None
 
     def sentences(self) -> list[str]:
-        """Return what is to be seen here, in words."""
+        """Return in words what the figures show here."""
         told = [f'RS{self.state}: {self.state} of {self.bundle.n} motor units on, '
                 f'{self.force:.1f} N at {100 * self.strain:.1f} % strain.']
         unit, overlap = self.unit, self.overlap()

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A file on its way in: its first rows, what each column is taken for, and whose muscle it is."""
+"""A file before it is opened: its first rows, what each column is, and the muscle."""
 
 from typing import TYPE_CHECKING
 
@@ -130,7 +130,7 @@ class IntakeView:
         self.draw()
 
     def _draw_constants(self) -> None:
-        """Offer constants for what a file may not hold: the pressure of an isobar, the rate."""
+        """Offer constants for what a file may lack: the pressure of an isobar, the sample rate."""
         if self.incoming.table is None:
             return
         has = {taken.quantity.partition('.')[0] for taken in self.incoming.look().taken}

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Long work in a process of its own, with progress, cancel, and no page that stands still."""
+"""Long work in a process of its own, with progress and cancel; the page stays responsive."""
 
 import asyncio
 from collections.abc import Callable

@@ -79,7 +79,7 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
 
 def first_case(data: str | Path | None, model: str | Path | None) -> Case | Incoming | None:
     """
-    Return what to open with, None for the start page; InputError for files that do not do.
+    Return what to open with, None for the start page; InputError for files that cannot be used.
 
     Without a model, or where a column is in doubt, the page asks before anything is computed.
     """

@@ -25,13 +25,13 @@ __all__ = ['FOLDER', 'MeasureRun', 'Order', 'model_file']
 
 #: Where the recordings go, below the working directory.
 FOLDER = 'fam_bundle_measurements'
-#: s that it gets to vent and to switch the controller off.
+#: s to vent and to switch the controller off, before it is killed.
 _FAREWELL = 12.0
 #: Lines of its error output that are kept.
 _LINES = 12
 _PROGRESS = re.compile(r'measure: (\d+) %(?:, (.*))?')
 _STOPPED = 'stopped and vented: '
-#: The command as it is; only how often it says how far it is differs.
+#: The command, with more frequent lines of progress.
 _COMMAND = f"""{ENDS_WITH_STDIN}
 from fam_bundle_ros.cli import common, main
 common.SAY = 0.4
@@ -106,7 +106,7 @@ class MeasureRun:
 
     @property
     def kept(self) -> bool:
-        """Whether segments of one that ended early are there, to go on with."""
+        """Whether there are segments of a measurement that ended early, to resume."""
         return not self._running and self.order is not None and bool(
             self.failure) and Path(f'{self.order.out}.parts').is_dir()
 
@@ -177,12 +177,12 @@ def reason(lines: list[str]) -> str:
     >>> reason(['stopped and vented: force is 450 N', '2 of 3 segments are kept in x', 'more'])
     'stopped and vented: force is 450 N'
     >>> reason(['fam_bundle: no samples of a bundle under /bundle']), reason([])
-    ('no samples of a bundle under /bundle', 'it ended without a word')
+    ('no samples of a bundle under /bundle', 'it ended without a message')
     """
     for line in lines:
         if line.startswith(_STOPPED):
             return line
-    return lines[-1].removeprefix('fam_bundle: ') if lines else 'it ended without a word'
+    return lines[-1].removeprefix('fam_bundle: ') if lines else 'it ended without a message'
 
 
 def model_file(told: str) -> str:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The part "Measure" of the page "Live": an experiment is chosen, driven, stopped and opened."""
+"""The part "Measure" of the page "Live": choose, run, stop an experiment; open its recording."""
 
 import asyncio
 from collections.abc import Callable
@@ -43,7 +43,7 @@ class MeasureView:
         self.page, self.rig = page, rig
         self._chosen, self._typed, self._model = _FIRST, '', ''
         self._protocol: Protocol | None = None
-        #: What there is a question about.
+        #: What the user is asked to confirm.
         self._asked: Order | None = None
         self._shown: dict[str, Any] = {}
         self._refilled = ''
@@ -128,7 +128,7 @@ class MeasureView:
             self._want(lambda: replace(before, resume=True))
 
     def _want(self, order: Callable[[], Order]) -> None:
-        """Begin; on a rig that is real only after a question."""
+        """Begin; on a real rig only after a question."""
         self.rig.measure_failure = ''
         try:
             made = order()
@@ -141,7 +141,7 @@ class MeasureView:
         self.look()
 
     def _confirm(self) -> None:
-        """Begin what the question was about."""
+        """Begin what was confirmed."""
         asked, self._asked = self._asked, None
         if asked is not None:
             try:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The form for an effect of one's own: type, and see at once what it does."""
+"""The form for an effect of the user's own, with what it would do as it is typed."""
 
 from typing import TYPE_CHECKING
 

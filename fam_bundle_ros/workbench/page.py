@@ -44,15 +44,15 @@ def root(first: Case | Incoming | None = None, view: str = 'find'
         ui.add_css(parts.style())
         await ui.context.client.connected()
         if not ui.context.client.has_socket_connection:
-            return  # something that fetches pages but runs none
-        # a tab keeps its work when it is loaded again; two tabs never share it
+            return  # a client that runs no scripts
+        # a tab keeps its session when it is loaded again; two tabs never share one
         kept = app.storage.tab
         fresh = 'session' not in kept
         session = kept.setdefault('session', Session())
         page = Page(session)
         page.view = view
         if fresh and isinstance(first, Incoming):
-            session.incoming = deepcopy(first)  # what one tab types is not another's
+            session.incoming = deepcopy(first)  # tabs do not share what is typed
         elif fresh and first is not None:
             session.open(first)
         await page.look()
@@ -80,7 +80,7 @@ class Page:
         self.rig_view: RigView | None = None
 
     async def look(self) -> None:
-        """Ask the browser whether it is dark, narrow, and wants things to move."""
+        """Ask the browser whether it is dark or narrow, and whether animation is wanted."""
         try:
             self.dark, still, self.narrow = await ui.run_javascript(_LOOK, timeout=3.0)
         except (TimeoutError, TypeError, ValueError):
@@ -94,7 +94,7 @@ class Page:
             self.top = parts.box('header', 'top')
             self.messages = parts.box('div').props('role=alert aria-live=assertive')
             self.content = parts.box('main').props('id=content')
-            # fetches the drawing library while the user still reads
+            # loads the plotting library in advance
             with parts.box('div').style('display: none'):
                 ui.plotly({'data': [], 'layout': {}})
         self.show()
@@ -247,7 +247,7 @@ class Page:
         self.messages.clear()
         with self.messages:
             parts.box('div', 'loading').props('role=progressbar aria-label="reading the data"')
-        await asyncio.sleep(0.03)  # let it be seen before the work begins
+        await asyncio.sleep(0.03)  # lets the browser draw it before the work begins
         try:
             await work()
         except InputError as error:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Small pieces that every view of the page is made of: text, buttons, fields, plots, the style."""
+"""Elements that all views use: text, buttons, fields, plots, the style sheet."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -119,11 +119,11 @@ def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,
 
 def typed(label: str, value: str, on_change: Callable[[str], Any], classes: str = '',
           mark: str = '', code: bool = False, hint: str = '') -> ui.element:
-    """Return a text field with its label; every change is told after a short rest."""
+    """Return a text field with its label; changes are passed on after a short pause."""
     with box('label', f'field {classes}') as made:
         text('span', label)
         field = box('input', 'code' if code else '', mark)
-        # not `value`: the browser would set it back to that whenever it draws the page anew
+        # not `value`: the browser would be set back to it at each redraw
         field._props.update(type='text', defaultValue=value, placeholder=hint, autocomplete='off',
                             spellcheck='false', maxlength='500')
         field.on('input', lambda event: on_change(str(event.args)[:500]), throttle=0.25,

@@ -24,7 +24,7 @@ __all__ = ['LiveRig', 'Record']
 
 #: s of samples that are kept, and over which the tracking error is taken.
 KEPT, MINUTE = 20.0, 60.0
-#: s that an order gets until it is answered, and a process to end.
+#: s to wait for an answer to an order, and for a process to end.
 _PATIENCE, _FAREWELL = 8.0, 5.0
 #: Bytes of a line: a diagnosis has many.
 _LONGEST = 1 << 24
@@ -74,7 +74,7 @@ class Record:
         elif kind == 'state':
             self.state = record
             if record.get('file') != self._model:
-                # the error of the last minute begins anew with another model, this one too
+                # the tracking error begins anew with another model
                 self._model = str(record.get('file'))
                 self._tracking.clear()
         elif kind == 'graph':
@@ -135,7 +135,7 @@ class LiveRig:
 
     @property
     def simulated(self) -> bool:
-        """Whether the bundle that is heard is a simulated one, for sure."""
+        """Whether the bundle is certainly a simulated one."""
         return not self.failure and 'plant_simulator' in self.record.graph.get('nodes', ())
 
     async def listen(self, namespace: str) -> None:
@@ -206,7 +206,7 @@ class LiveRig:
 
     def measure(self, order: Order) -> None:
         """
-        Begin to measure; `measurement` says how it goes on, whoever looks.
+        Begin to measure; all tabs find its state in `measurement`.
 
         Raises
         ------
@@ -231,7 +231,7 @@ class LiveRig:
     # --- inside --------------------------------------------------------------------------------
 
     async def _measure(self, order: Order) -> None:
-        """Measure; a simulated bundle that was at work is switched on again afterwards."""
+        """Measure; a simulated bundle that was enabled is enabled again afterwards."""
         again = self.simulated and bool(self.record.now.get('supply'))
         try:
             await self.measurement.run(order)

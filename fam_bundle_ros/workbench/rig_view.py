@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The page "Live": a running bundle, what its model says, and how far that is off.
+The page "Live": a running bundle, the prediction of its model, and the error.
 
 Asks what is missing while the bundle runs, brings the better model into use, and takes it back.
 """

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The panel beside the figures: where the model fails, what is missing, what to take home."""
+"""The panel beside the figures: where the model fails, what is missing, downloads."""
 
 import asyncio
 from dataclasses import replace
@@ -144,7 +144,7 @@ class SideView:
                            + ', '.join(parts.words(name) for name in choice.rivals) + '.', 'tie')
 
     def _swap(self, candidate: Candidate) -> None:
-        """Draw an effect that takes another's place, or one to do without."""
+        """Draw an effect that replaces another, or one to leave out."""
         change = Change(candidate.shape, candidate.replaces, candidate.removes)
         inside = {effect.name for effect in self.session.now.model.effects}
         done = change.effect not in inside if change.removes else change.effect in inside

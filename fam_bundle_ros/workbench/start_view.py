@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The first thing a user sees: one example to begin with, a place to drop files, more examples."""
+"""The first view: one example to begin with, a place to drop files, more examples."""
 
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,7 @@ class StartView:
                 parts.button('Open the example', lambda: self.page.open_example(example.key),
                              'main-action', 'open-first')
                 parts.text('span', parts.sentence(example.origin), 'muted small')
-            # drawn by hand: the error falls step by step
+            # a sketch of the error that falls
             ui.html(self._sketch(), sanitize=False)
 
     def _sketch(self) -> str:

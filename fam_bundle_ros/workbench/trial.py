@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-"Try it on the controller": one task, one simulated muscle, two models in the controller's head.
+"Try it on the controller": one task on one simulated muscle, with the old and the new model.
 
-The simulated muscle is the better model, the nearest thing to the real one that there is here; the
-controller believes once the old model, once the new one.
+The simulated muscle is the new model, the best description of the real one here; the controller
+has the old model in one run and the new one in the other.
 """
 
 from collections.abc import Callable
@@ -53,7 +53,7 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
     Parameters
     ----------
     old, new : Bundle
-        What the controller believes; the simulated muscle is ``new``.
+        Models of the controller; the simulated muscle is ``new``.
     seconds : float
         Length of the task.
     progress : callable
@@ -73,7 +73,7 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
     for k, (model, name) in enumerate(((old, 'the old model'), (new, 'the new model'))):
         def told(t: float, k: int = k, name: str = name) -> None:
             share = (t + 1.0) / (seconds + 1.0)
-            progress(0.5 * (k + min(max(share, 0.0), 1.0)), f'the controller believes {name}')
+            progress(0.5 * (k + min(max(share, 0.0), 1.0)), f'the controller has {name}')
 
         told(-1.0)
         runs.append(ClosedLoop(new, model, seed=1).run(task, told))
