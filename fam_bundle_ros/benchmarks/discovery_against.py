@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Sparse regression on the benchmark's cases, to stand beside: LASSO and pysindy's STLSQ.
+Sparse regression on the cases of the discovery benchmark: LASSO and pysindy's STLSQ.
 
 Both get the same dictionary as `diagnose`: what each effect of the catalogue would add at its
 usual size, together with what the model's own parameters can do.

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What came of a run with a fault: safe, harmless, unsafe or a false alarm."""
+"""Verdict on a run with a fault: safe, harmless, unsafe or a false alarm."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ RELIEF = ChamberConfig().relief_pressure
 TRIP_FACTOR = 1.15
 #: A valve below this is open to exhaust, above it open to the supply.
 _OPEN = 0.05
-#: s that a unit must have been vented for its filling to be a return.
+#: s that a unit must have been vented before its filling counts as coming back.
 _SETTLED = 0.3
 #: s that a latch may take to exhaust all valves or to cut the supply.
 AT_ONCE = 0.05
@@ -64,7 +64,7 @@ class Limits:
 
 def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
     """
-    Return what came of a run.
+    Return the verdict on a run and its figures.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from fam_bundle_ros.model.pneumatics import (
     REFERENCE_TEMPERATURE,
 )
 
-#: N: a force missed by less than this counts as given.
+#: N: a force error below this is accepted.
 _TOLERANCE = 0.15
 #: Pressures per unit over their whole range; each refinement halves their distance, and looks at
 #: so many on either side of the path found before.
@@ -84,11 +84,11 @@ class _Search:
         self._first, self._other = forces[..., 0], forces[..., 1]
 
     def best(self, second):
-        """Return the least air, kg, and the second unit's pressures (K,) on the way, of (K, m)."""
+        """Return the least air, kg, and its path (K,) through the second unit's (K, m)."""
         states, counts = self._states(second)
         after, before = self._costs(states, counts)
         ends = np.cumsum(counts)
-        # The way begins vented, at the first volume: nothing but the pressures of step 0 counts.
+        # The path begins vented at the first volume: only the pressures of step 0 cost air.
         cost = np.maximum(after[:counts[0]], 0.0).sum(axis=-1)
         cheapest, last = [], slice(0, counts[0])
         for k in range(1, len(counts)):
@@ -147,7 +147,7 @@ class _Search:
             fits.append((wanted >= least - _TOLERANCE) & (wanted <= top + _TOLERANCE))
         states = np.stack([np.concatenate(found, axis=1), np.tile(second, 2)], axis=-1)
         good = np.concatenate(fits, axis=1)
-        # Out of reach: the nearest that there is, as any controller would do.
+        # Out of reach: the nearest force.
         for k in np.flatnonzero(~good.any(axis=1)):
             miss = np.abs(first[k][:, None] - wanted[k])
             i, j = np.unravel_index(int(np.argmin(miss)), miss.shape)

@@ -138,7 +138,7 @@ def plant_of(name: str, units: int) -> Any:
 
 
 def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray) -> float:
-    """Return the force of any plant without a past, N."""
+    """Return the force of any plant without memory, N."""
     model = plant.model(False)
     pressure = [float(p) for p in pressure]
     return sum(model.force(i, strain, 0.0, pressure, 0.0, 0.0, True, model.shape,

@@ -118,7 +118,7 @@ class Row:
 
 @dataclass
 class Result:
-    """What came of a row: its figures, or why there are none, and where the time goes."""
+    """Result of a row: its figures, or why there are none, and where the time goes."""
 
     row: Row
     figures: list[Figure] = field(default_factory=list)
@@ -133,7 +133,7 @@ class Result:
 
     @property
     def remarks(self) -> list[str]:
-        """Why there are no figures, what belongs to a figure, and where the time goes."""
+        """Why there are no figures, notes on figures, and where the time goes."""
         found = [f'not measured: {self.skipped}'] if self.skipped else []
         found += [f'{figure.what}: {figure.note}' for figure in self.figures if figure.note]
         if self.where:

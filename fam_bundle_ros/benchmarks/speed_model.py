@@ -53,7 +53,7 @@ def whole_catalogue(bundle: Bundle) -> Bundle:
     for name in catalogue.names():
         law = catalogue.get(name)
         outside = law.place in (Place.SENSOR, Place.PNEUMATICS)
-        # A table in a file is nobody's default.
+        # A table in a file has no default.
         if outside or law.family in present or law.load is not None:
             continue
         bundle = bundle.with_effect(name)

@@ -21,7 +21,7 @@ empty_node('pressure_pid_mu1', 1, False, c, 'bench')
 _NODE = f"""{_UP}from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
 PressurePidNode(1, context=c, namespace='bench')
 """
-#: Ends the process at once: what it takes to shut rclpy down is not the start.
+#: Ends the process at once: the shutdown of rclpy does not count.
 _END = '\nimport os\nos._exit(0)'
 
 
