@@ -35,7 +35,6 @@ class Case:
     """One synthetic measurement and the truth about it; ``shown_force`` (T,) is without noise."""
 
     name: str
-    kind: str
     model: Bundle
     data: Measurement
     hidden: tuple[str, ...]
@@ -231,7 +230,7 @@ def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 's
     else:
         verdicts = ('adequate',) if off == 0 else ('recalibrate', 'adequate')
     hidden_size = float(np.std(true_force(record, rig, parts) - true_force(record, rig, [])) / sd)
-    return Case(data.name, kind, model, data, hidden,
+    return Case(data.name, model, data, hidden,
                 tuple(SAME_PHYSICS.get(name, ()) for name in hidden), verdicts, sd, shown_force,
                 form,
                 {f'{p.name}.{k}': v for p in parts for k, v in p.parameters.items()}, hidden_size)
