@@ -85,6 +85,12 @@ class Figure:
         """Whether it is reached, as text."""
         return {True: 'reached', False: 'not reached', None: ''}[self.reached]
 
+    @property
+    def cells(self) -> tuple[Any, ...]:
+        """What, value, unit, peer's value, peer, ratio, what is to be reached, verdict."""
+        return (self.what, self.value, self.unit, self.beside, self.peer, self.ratio, self.asked,
+                self.verdict)
+
     def to_json(self) -> dict[str, Any]:
         """Return the fields, ratio and verdict."""
         return {**self.__dict__, 'ratio': self.ratio, 'reached': self.reached}

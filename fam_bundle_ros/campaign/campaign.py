@@ -98,15 +98,20 @@ class Campaign(Told):
         """Contrasts that are significant (5 % for one false among all)."""
         return [contrast for contrast in self.contrasts if contrast.p < CLEAR]
 
-    def __str__(self) -> str:
+    @property
+    def summary(self) -> str:
+        """How many recordings failed, count, and have each verdict."""
         twice = sum(bool(row['duplicate_of']) for row in self.recordings)
-        lines = [f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} there '
-                 f'twice; {len(self.counted)} count, of {len(self.muscles)} muscles: '
-                 + ', '.join(f'{count} {name}' for name, count in self.verdicts.items())]
-        lines += [f'{share.effect} is missing in {share.muscles} of {share.of} muscles '
-                  f'({100 * share.low:.0f} to {100 * share.high:.0f} %)'
-                  for share in self.shares if share.muscles]
-        return '\n'.join([*lines, *map(str, self.clear_contrasts), *map(str, self.clear_trends)])
+        return (f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} there '
+                f'twice; {len(self.counted)} count, of {len(self.muscles)} muscles: '
+                + ', '.join(f'{count} {name}' for name, count in self.verdicts.items()))
+
+    def __str__(self) -> str:
+        missing = [f'{share.effect} is missing in {share.muscles} of {share.of} muscles '
+                   f'({100 * share.low:.0f} to {100 * share.high:.0f} %)'
+                   for share in self.shares if share.muscles]
+        return '\n'.join([self.summary, *missing, *map(str, self.clear_contrasts),
+                          *map(str, self.clear_trends)])
 
 
 def counts(row: Row) -> bool:

@@ -213,8 +213,7 @@ def _cells(result: Any) -> list[tuple[Any, ...]]:
     """Return a row of the table for each figure."""
     if result.skipped:
         return [(result.row.name, 'not measured', *[''] * 7)]
-    return [(result.row.name, figure.what, figure.value, figure.unit, figure.beside or '',
-             figure.peer, figure.ratio or '', figure.asked, figure.verdict)
+    return [(result.row.name, *('' if cell is None else cell for cell in figure.cells))
             for figure in result.figures]
 
 

@@ -71,14 +71,13 @@ def campaign(
             workers=workers, scheduler=scheduler, progress=tick)
     show_muscle(result.model)
     known = len(result.recordings) - result.computed
-    console.print(escape(str(result).splitlines()[0])
+    console.print(escape(result.summary)
                   + (f'; {known} needed no work this time' if known else ''), soft_wrap=True)
     table(('effect', 'muscles that lack it', 'of', 'tied'),
           [(share.effect, share.muscles, share.of, share.tied) for share in result.shares],
           numeric=(1, 2, 3))
-    for line in str(result).splitlines()[1:]:
-        if ' is missing in ' not in line:
-            console.print(escape(line), soft_wrap=True)
+    for found in (*result.clear_contrasts, *result.clear_trends):
+        console.print(escape(str(found)), soft_wrap=True)
     for row in result.failed[:_MOST]:
         console.print(f"failed: {escape(row['file'])}: {escape(row['error'])}", soft_wrap=True)
     if len(result.failed) > _MOST:

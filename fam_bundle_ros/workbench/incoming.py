@@ -19,7 +19,6 @@ from fam_bundle_ros.data.reading import Preview, preview
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.vocabulary import likes, recognise
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.workbench.muscle import MuscleForm
 
 __all__ = ['Column', 'Incoming', 'QUANTITY_WORDS', 'UNITS']
@@ -219,10 +218,6 @@ class Incoming:
         if seen.measurement is None:
             raise InputError(seen.problem)
         return seen.measurement
-
-    def bundle(self) -> Bundle:
-        """Return the model to begin with; InputError says what is still missing."""
-        return self.muscle.bundle()
 
     def plain(self, seen: Preview) -> bool:
         """Return whether every column is named by its quantity and unit: nothing to be asked."""

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The part "Measure" of the page "Live": choose, run, stop an experiment; open its recording."""
 
-import asyncio
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -182,7 +181,7 @@ class MeasureView:
             self.page.session.take(incoming)
 
         self.page.view = 'find'
-        await self.page.guarded(lambda: asyncio.to_thread(read))
+        await self.page.guarded(read)
 
     # --- what it shows -------------------------------------------------------------------------
 

@@ -155,7 +155,7 @@ class Session:
 
     def take(self, incoming: Incoming) -> None:
         """Open a file as its columns and its muscle are told; InputError says what is missing."""
-        data, model = incoming.measurement(), incoming.bundle()
+        data, model = incoming.measurement(), incoming.muscle.bundle()
         self.open(Case(data.name, incoming.origin, data, model,
                        (data.name, f'{model.name}.model.yaml'), incoming))
 

@@ -253,7 +253,7 @@ class SideView:
             else:
                 self.session.open(replace(case, model=form.bundle()))
 
-        await self.case.page.guarded(lambda: asyncio.to_thread(use))
+        await self.case.page.guarded(use)
 
     # --- taking home ---------------------------------------------------------------------------
 
