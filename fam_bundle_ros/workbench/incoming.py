@@ -92,6 +92,8 @@ class Incoming:
         What the user said: quantity to column, as in a recipe.
     drop_bad : bool
         Whether rows with words among the numbers are left out.
+    file : str
+        Its path on this machine; empty for an upload.
     """
 
     name: str
@@ -102,6 +104,7 @@ class Incoming:
     told: dict[str, str] = field(default_factory=dict)
     sha256: str = ''
     drop_bad: bool = False
+    file: str = ''
 
     def __post_init__(self) -> None:
         if self.table is not None and self.muscle.base is None:

@@ -103,11 +103,12 @@ def incoming_from_bytes(name: str, content: bytes) -> Incoming:
 def incoming_from_path(path: Path, name: str = '') -> Incoming:
     """Return a file of this machine with its table; InputError where it is none."""
     shown = name or path.name
+    file = '' if name else str(path)
     if is_bag(path):
         return Incoming(shown, 'your own file', read_bag=lambda rest: read_measurement(
-            path, rest_length=rest, name=shown))
+            path, rest_length=rest, name=shown), file=file)
     return Incoming(shown, 'your own file', replace(read_table(path), name=shown),
-                    sha256=file_digest(path))
+                    sha256=file_digest(path), file=file)
 
 
 def model_from_bytes(name: str, content: bytes) -> Bundle:

@@ -157,7 +157,7 @@ class Session:
         """Open a file as its columns and its muscle are told; InputError says what is missing."""
         data, model = incoming.measurement(), incoming.muscle.bundle()
         self.open(Case(data.name, incoming.origin, data, model,
-                       (data.name, f'{model.name}.model.yaml'), incoming))
+                       (incoming.file or data.name, f'{model.name}.model.yaml'), incoming))
 
     def close(self) -> None:
         """Forget the case."""
