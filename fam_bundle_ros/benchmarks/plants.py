@@ -167,9 +167,9 @@ def model_error(name: str, units: int) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def sweep(plant: Any, strain: np.ndarray, pressure: np.ndarray, dt: float = 0.05) -> np.ndarray:
+def sweep(plant: Any, strain: np.ndarray, pressure: np.ndarray) -> np.ndarray:
     """Return the force, N, shape (T,), of any plant along strains (T,) and pressures (T, n)."""
-    model, force = plant.model(False), np.zeros(len(strain))
+    model, force, dt = plant.model(False), np.zeros(len(strain)), 0.05
     for k, (e, p) in enumerate(zip(strain.tolist(), pressure.tolist())):
         for i in range(plant.n):
             force[k] += model.force(i, e, 0.0, p, k * dt, dt, k == 0, model.shape,

@@ -275,6 +275,13 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ''
     console.print(grid)
 
 
+def parameter_table(parameters: Iterable[Any]) -> None:
+    """Print estimates with their 95 % intervals."""
+    table(('parameter', 'value', 'unit', '95 % interval', 'note'),
+          [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}', e.flag)
+           for e in parameters], numeric=(1,))
+
+
 @contextmanager
 def progress_bar(words: str) -> Iterator[Callable[..., None]]:
     """

@@ -19,6 +19,7 @@ from fam_bundle_ros.cli.common import (
     Odds,
     open_model,
     PageFile,
+    parameter_table,
     progress_bar,
     read_data,
     Reading,
@@ -155,9 +156,7 @@ def diagnose(
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
     if result.parameters:
-        table(('parameter', 'value', 'unit', '95 % interval', 'note'),
-              [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}',
-                e.flag) for e in result.parameters], numeric=(1,))
+        parameter_table(result.parameters)
     if result.shapes_left and result.verdict in ('unexplained', 'partial'):
         console.print('the error that is left looks like', style='bold')
         for shape in result.shapes_left:

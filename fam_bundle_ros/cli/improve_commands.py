@@ -17,6 +17,7 @@ from fam_bundle_ros.cli.common import (
     notes,
     open_model,
     PageFile,
+    parameter_table,
     read_data,
     Reading,
     reads_data,
@@ -92,9 +93,7 @@ def add(
     console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
                   f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on data left out; '
                   f'noise floor {result.noise.value:.3g} N', soft_wrap=True)
-    table(('parameter', 'value', 'unit', '95 % interval', 'note'),
-          [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}', e.flag)
-           for e in result.parameters], numeric=(1,))
+    parameter_table(result.parameters)
     wrote(out)
     save_json(json_file, {**result.to_dict(), 'out': out, 'muscle': muscle_of(result.model),
                           'data': measured.to_dict()})
