@@ -12,9 +12,10 @@ from pathlib import Path
 import socket
 from typing import Any
 
-from fam_bundle_ros.campaign.recordings import digest, Recording
+from fam_bundle_ros.campaign.recordings import Recording
 from fam_bundle_ros.campaign.version import code_version
 from fam_bundle_ros.data import read_measurement, Recipe
+from fam_bundle_ros.data.measurement import file_digest
 from fam_bundle_ros.discovery import Choices, diagnose
 from fam_bundle_ros.discovery.reading import recipe_for
 from fam_bundle_ros.errors import InputError
@@ -64,7 +65,7 @@ class Model:
             named = (effect.python_file, effect.options().get('table'))
             for file in named:
                 if file:
-                    whole.update(digest(Path(self.folder, file)).encode())
+                    whole.update(file_digest(Path(self.folder, file)).encode())
         return whole.hexdigest()
 
 
@@ -153,7 +154,7 @@ def _done(job: Job) -> dict[str, Any]:
     if job.dimensions:
         model = model.with_parameters({f'geometry.{k}': value for k, value in job.dimensions})
     # checked before it is read: a result must not be kept under the hash of other data
-    if digest(path) != job.sha256:
+    if file_digest(path) != job.sha256:
         raise OSError('it was changed while the campaign ran')
     measured = read_measurement(path, recipe=recipe_for(model, job.recipe))
     result = diagnose(model, measured, choices=job.choices)
