@@ -14,6 +14,7 @@ import yaml
 
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 from fam_bundle_ros.mcapfile import McapFile
 
 #: Bytes after which messages go to the file without a flush being asked for.
@@ -39,15 +40,11 @@ class BagWriter:
     """
 
     def __init__(self, folder: str | Path, name: str = ''):
-        try:
-            from rosbags.typesys import get_typestore, Stores
-        except ImportError:
-            raise InputError('writing a bag needs the package rosbags: install the extra '
-                             "'tools'") from None
+        types = library('rosbags.typesys', 'writing a bag')
         self.folder = Path(folder)
         if self.folder.exists():
             raise InputError(f'{folder}: is there already; expected the name of a new folder')
-        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._types = types.get_typestore(types.Stores.ROS2_JAZZY)
         #: Channel of each topic, and what metadata.yaml says of it.
         self._channels: dict[str, int] = {}
         self._topics: list[dict[str, Any]] = []

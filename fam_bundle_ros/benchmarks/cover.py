@@ -8,7 +8,7 @@ import random
 from typing import Any
 
 
-def pairwise(factors: Sequence[Sequence[Any]], seed: int = 0) -> list[tuple[Any, ...]]:
+def pairwise(factors: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
     """
     Return cases, one value of each factor in each, that hold every pair of values.
 
@@ -20,7 +20,7 @@ def pairwise(factors: Sequence[Sequence[Any]], seed: int = 0) -> list[tuple[Any,
     >>> len(pairwise([['a', 'b', 'c'], [1, 2, 3], ['x', 'y']]))
     9
     """
-    chance = random.Random(seed)
+    chance = random.Random(0)
     missing = {((i, a), (j, b)) for i, j in combinations(range(len(factors)), 2)
                for a in factors[i] for b in factors[j]}
     cases = []

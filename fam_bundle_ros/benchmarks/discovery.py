@@ -26,13 +26,13 @@ from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import family, Options
 from fam_bundle_ros.discovery.predict import predict
-from fam_bundle_ros.discovery.result import finite
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.jsonfile import plain
 
 SETS = ('single', 'other', 'clean', 'parameters', 'outside', 'pairs', 'small')
 _KINDS = ('static', 'dynamic', 'bundle')
-#: Below this size, after the model's own parameters have absorbed what they can, nothing is to
-#: be seen (noise standard deviations).
+#: Least rms of a hidden effect that counts, after a refit of the model without it (in standard
+#: deviations of the noise).
 _VISIBLE = 0.2
 
 
@@ -93,6 +93,7 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
     def covers(want: set[str]) -> bool:
         return bool(named & want) or any(group & want and group & named for group in ties)
 
+    found = bool(right) and all(map(covers, right))
     first = ranking[0] if ranking else ''
     families = {family(name) for name in case.hidden}
     row: dict[str, Any] = {
@@ -102,20 +103,18 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
         'visible': visible, 'size': case.size, 'seconds': seconds, 'noise': case.noise,
         'error_over_floor': result.error_N['best'] / case.noise,
         'verdict_right': result.verdict in case.verdicts,
-        'found': bool(right) and all(covers(want) for want in right),
-        'exact': bool(right) and all(covers(want) for want in right)
-        and len(named) == len(right),
+        'found': found, 'exact': found and len(named) == len(right),
         'top_three': bool(right) and any(want & set(ranking[:3]) for want in right)
         and (len(right) == 1 or all(want & set(ranking[:6]) for want in right)),
         'family': bool(families & {family(n) for n in result.effects}) or any(
             families & {family(n) for n in group} for group in ties),
         'probability': result.ranking[0].probability if ranking else 0.0, 'first': first,
-        'confident_wrong': bool(named) and not (bool(right) and all(covers(w) for w in right))
+        'confident_wrong': bool(named) and not found
         and result.verdict == 'missing_effect' and not result.tied,
         'named': bool(named),
     }
     row.update(_parameters(case, result))
-    return finite(row)
+    return plain(row)
 
 
 def left_to_see(case: make.Case) -> float:
@@ -148,7 +147,7 @@ def _parameters(case: make.Case, result: Any) -> dict[str, Any]:
 # --- the table ---------------------------------------------------------------------------------
 
 def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the figures of DISCOVERY's 'what to reach', each beside its target."""
+    """Return how often answers are right, each figure beside its target."""
     figures: list[dict[str, Any]] = []
 
     def add(measure: str, chosen: list[dict[str, Any]], value: Callable[[dict[str, Any]], Any],

@@ -1,16 +1,14 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Sparse regression on the benchmark's cases, to stand beside: LASSO and pysindy's STLSQ.
+Sparse regression on the cases of the discovery benchmark: LASSO and pysindy's STLSQ.
 
 Both get the same dictionary as `diagnose`: what each effect of the catalogue would add at its
-usual size, together with what the model's own parameters can do. Extras (scikit-learn, pysindy);
-a row is left out where its package is not installed.
+usual size, together with what the model's own parameters can do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import importlib.util
 from typing import Any
 
@@ -22,6 +20,7 @@ from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import head, Options
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Place
 
 _Dictionary = tuple[list[str], np.ndarray, np.ndarray]
@@ -68,32 +67,47 @@ def stlsq(names: list[str], table: np.ndarray, target: np.ndarray) -> dict[str, 
     return {n: float(c) for n, c in zip(names, np.ravel(fitted.coef_)) if c != 0}
 
 
-def against(cases: int, sets: tuple[str, ...] = ('single', 'other')) -> dict[str, dict[str, Any]]:
+#: Name of a method -> function, and the package that it needs.
+_METHODS = {'lasso': (lasso, 'sklearn'), 'pysindy stlsq': (stlsq, 'pysindy')}
+
+
+def methods() -> list[str]:
+    """
+    Return the methods whose packages are installed.
+
+    Raises
+    ------
+    InputError
+        Where there is none.
+    """
+    found = [name for name, (_, package) in _METHODS.items() if importlib.util.find_spec(package)]
+    if not found:
+        raise InputError('--against: expected scikit-learn or pysindy to be installed')
+    return found
+
+
+def against(cases: int) -> dict[str, dict[str, Any]]:
     """
     Return, by method, how often the true effect comes first and how many terms it keeps.
 
     Parameters
     ----------
     cases : int
-        Per kind of data and set.
+        Per kind of data and form of the hidden effect.
     """
-    methods: dict[str, Callable[[list[str], np.ndarray, np.ndarray], dict[str, float]]] = {}
-    if importlib.util.find_spec('sklearn'):
-        methods['lasso'] = lasso
-    if importlib.util.find_spec('pysindy'):
-        methods['pysindy stlsq'] = stlsq
-    found: dict[str, list[tuple[bool, int]]] = {name: [] for name in methods}
-    for group in sets:
+    found: dict[str, list[tuple[bool, int]]] = {name: [] for name in methods()}
+    for form in ('same', 'other'):
         for kind, names in make.HIDEABLE.items():
             for k in range(cases):
                 hidden = names[k % len(names)]
-                case = make.make_case(kind, k, (hidden,), 'same' if group == 'single' else group)
+                case = make.make_case(kind, k, (hidden,), form)
                 terms = dictionary(case)
                 right = {hidden, *make.SAME_PHYSICS.get(hidden, ())}
-                for name, method in methods.items():
-                    kept = {key: size for key, size in method(*terms).items() if '.' not in key}
+                for name, rows in found.items():
+                    kept = {key: size for key, size in _METHODS[name][0](*terms).items()
+                            if '.' not in key}
                     first = max(kept, key=lambda key: abs(kept[key]), default='')
-                    found[name].append((bool(first) and head(first) in right, len(kept)))
+                    rows.append((bool(first) and head(first) in right, len(kept)))
     return {name: {'first_right': round(float(np.mean([r for r, _ in rows])), 3),
                    'terms_mean': round(float(np.mean([n for _, n in rows])), 1),
                    'cases': len(rows)} for name, rows in found.items() if rows}

@@ -35,7 +35,6 @@ class Case:
     """One synthetic measurement and the truth about it; ``shown_force`` (T,) is without noise."""
 
     name: str
-    kind: str
     model: Bundle
     data: Measurement
     hidden: tuple[str, ...]
@@ -65,9 +64,9 @@ def static_record(rng: np.random.Generator, shuffled: bool = False) -> Record:
     return Record(t, k, e, p[:, None], v)
 
 
-def dynamic_record(rng: np.random.Generator, rate: float = 40.0, seconds: float = 40.0) -> Record:
+def dynamic_record(rng: np.random.Generator) -> Record:
     """Return three logs of moves, pressure steps, holds and sines: 4800 rows at 40 Hz."""
-    parts = []
+    rate, seconds, parts = 40.0, 40.0, []
     for number in range(3):
         t = np.arange(0, seconds, 1.0 / rate)
         pressure = _steps(rng, t, np.array([69, 138, 207, 276, 345, 413.7]) * 1e3, 1.5, 0.12)
@@ -168,12 +167,11 @@ PAIRS = {
                 ('viscoelastic_relaxation', 'threshold_pressure'),
                 ('coulomb_friction', 'end_caps'), ('viscous_damping', 'force_sensor_bias')),
 }
-_RECORDS = {'static': static_record, 'dynamic': dynamic_record, 'bundle': bundle_record}
 
 
 def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 'same',
               noise: str = 'white', off: float = 0.4, outsider: str = '',
-              size: float = 1.0, rows: int | None = None) -> Case:
+              size: float = 1.0) -> Case:
     """
     Return a case.
 
@@ -194,14 +192,12 @@ def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 's
         An effect beyond the catalogue, from `discovery_truth.OUTSIDERS`.
     size : float
         Scale of the hidden effect.
-    rows : int, optional
-        Rows of a dynamic record (default 4800).
     """
     rng = np.random.default_rng([seed, sum(map(ord, kind + form + noise + outsider)), len(hidden)])
     if kind == 'static':
         record = static_record(rng, shuffled=bool({'temperature'} & set(hidden)))
     elif kind == 'dynamic':
-        record = dynamic_record(rng, rate=40.0 if rows is None else rows / 120.0)
+        record = dynamic_record(rng)
     else:
         record = bundle_record(rng)
     parts = [make_hidden(name, form, rng, size) for name in hidden]
@@ -233,12 +229,8 @@ def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 's
         verdicts = ('missing_effect', 'partial')
     else:
         verdicts = ('adequate',) if off == 0 else ('recalibrate', 'adequate')
-    clean = true_force(record, rig, [])
-    absorbed = 0.0
-    if parts:
-        with_it = true_force(record, rig, parts)
-        absorbed = float(np.std(with_it - clean) / sd)
-    return Case(data.name, kind, model, data, hidden,
+    hidden_size = float(np.std(true_force(record, rig, parts) - true_force(record, rig, [])) / sd)
+    return Case(data.name, model, data, hidden,
                 tuple(SAME_PHYSICS.get(name, ()) for name in hidden), verdicts, sd, shown_force,
                 form,
-                {f'{p.name}.{k}': v for p in parts for k, v in p.parameters.items()}, absorbed)
+                {f'{p.name}.{k}': v for p in parts for k, v in p.parameters.items()}, hidden_size)

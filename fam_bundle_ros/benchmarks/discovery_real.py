@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Discovery on measured muscles: diagnosed on a part, scored on rows kept away.
+Discovery on measured muscles: diagnosed on a part of the rows, scored on the others.
 
 Every ``NAME.csv`` of a folder that has a ``NAME.model.yaml`` beside it is taken. Kept away are
 inner strain levels one by one, and draws of inner isobars or of trials; the six-parameter

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The true muscle of the discovery benchmark and what may be hidden in it, coded a second time.
+The true muscle of the discovery benchmark and the effects to hide, without the catalogue's code.
 
 For half of the cases the hidden effect has another functional form than the catalogue's (Fung
 instead of Mooney-Rivlin, Dahl instead of Maxwell slip, a soft floor instead of a hard one, ...).
@@ -118,7 +118,7 @@ def true_force(record: Record, rig: Rig, hidden: list[Hidden]) -> np.ndarray:
 
 
 def per_trial(record: Record, step: Callable) -> np.ndarray:
-    """Return a memory worked out sample by sample: ``step(state or None, i, dt) -> state``."""
+    """Return a state at each sample, (T,): ``step(state or None, i, dt) -> state``."""
     result = np.empty(len(record.time))
     begins = set(record.starts.tolist())
     state = None

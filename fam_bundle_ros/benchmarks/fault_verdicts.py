@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What came of a run with a fault: safe, harmless, unsafe or a false alarm."""
+"""Verdict on a run with a fault: safe, harmless, unsafe or a false alarm."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ RELIEF = ChamberConfig().relief_pressure
 TRIP_FACTOR = 1.15
 #: A valve below this is open to exhaust, above it open to the supply.
 _OPEN = 0.05
-#: s that a unit must have been vented for its filling to be a return.
+#: s that a unit must have been vented before its filling counts as coming back.
 _SETTLED = 0.3
 #: s that a latch may take to exhaust all valves or to cut the supply.
 AT_ONCE = 0.05
@@ -64,7 +64,7 @@ class Limits:
 
 def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
     """
-    Return what came of a run.
+    Return the verdict on a run and its figures.
 
     Parameters
     ----------
@@ -85,18 +85,15 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
         to the safe state, infinite for never).
     """
     time = np.asarray(record['time'])
-    struck = time > (ONSET if not case.sound else 0.0)
+    begin = 0.0 if case.sound else ONSET
+    struck = time > begin
     states = [next((state for state in row if _is(state, _NOTICED)), '')
               for row in record['states']]
     noticed = np.array([bool(state) for state in states]) & struck
     command, cut = np.asarray(record['command']), np.asarray(record['cut'], bool)
     venting = (command < -_OPEN).all(axis=1) | cut
     first = int(np.argmax(noticed)) if noticed.any() else None
-    begin = ONSET if not case.sound else 0.0
-    safe = None
-    if first is not None:
-        after = np.flatnonzero(venting & (time >= time[first]))
-        safe = float(time[after[0]] - begin) if len(after) else None
+    safe = _safe_at(time, venting, noticed) - begin if noticed.any() else math.inf
     pressure = np.asarray(record['pressure'])[struck]
     worst = pressure.max(axis=0)
     force, strain = np.asarray(record['force'])[struck], np.asarray(record['strain'])[struck]
@@ -109,7 +106,8 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
     returned = not case.sound and _came_back(time[alone], command[alone], venting[alone],
                                              cut[alone], latched[alone])
     enable = record.get('enable', '')
-    late = _latch_to_safe(time, venting, latched)
+    late = (_safe_at(time, venting, latched) - float(time[np.argmax(latched)])
+            if latched.any() else None)
     within = bool((worst <= limits.pressure).all() and force.max() <= limits.force
                   and strain.max() < limits.strain[1])
     row = {
@@ -117,7 +115,8 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
         'lock_step': case.lock_step, 'detected': first is not None,
         'noticed': states[first] if first is not None else '',
         'time_to_detect': float(time[first] - begin) if first is not None else None,
-        'time_to_safe': safe, 'seconds': float(time[-1] - time[0]),
+        'time_to_safe': safe if math.isfinite(safe) else None,
+        'seconds': float(time[-1] - time[0]),
         'pressure': float(worst.max()), 'force': float(force.max()),
         'force_error': float(error), 'strain': float(strain.max()), 'came_back': returned,
         'latch_to_safe': late, 'enable': enable, 'within': within}
@@ -143,13 +142,11 @@ def _is(state: str, kinds: frozenset[str]) -> bool:
     return state.partition(' ')[0] in kinds
 
 
-def _latch_to_safe(time: np.ndarray, venting: np.ndarray, latched: np.ndarray) -> float | None:
-    """Return how long after a latch all valves exhaust or the supply is cut, s; None without."""
-    if not latched.any():
-        return None
-    first = int(np.argmax(latched))
+def _safe_at(time: np.ndarray, venting: np.ndarray, since: np.ndarray) -> float:
+    """Return when all valves exhaust or the supply is cut, s, at or after the first True."""
+    first = int(np.argmax(since))
     after = np.flatnonzero(venting[first:])
-    return float(time[first + after[0]] - time[first]) if len(after) else math.inf
+    return float(time[first + after[0]]) if len(after) else math.inf
 
 
 def _came_back(time: np.ndarray, command: np.ndarray, venting: np.ndarray, cut: np.ndarray,

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The safety benchmark: which faults do the controllers notice, how fast, what happens until then.
+Cases of the safety benchmark: faults, phases of a trajectory, policies.
 
 A case is (fault, phase, policy). The fault strikes at `ONSET` and is repaired at `REPAIR`, later
 than `resume_within`, so that nothing may come back by itself. The rig has 6 bar and neither a trip
@@ -31,7 +31,7 @@ from fam_bundle_ros.simulation import Trajectory
 #: s, of the trajectory: when the fault strikes, when it is repaired, and the end.
 ONSET, REPAIR, END = 0.8, 3.3, 4.5
 PREPARE = 0.8
-#: Pa gauge: the supply; above any pressure that the supply gives, for "no trip, no relief".
+#: Pa gauge: the supply; a limit above it, for "no trip" and "no relief valve".
 SUPPLY, NEVER = 600e3, 1.4e6
 #: Hz of the runs.
 RATE = 200.0
@@ -86,7 +86,7 @@ FAULTS: dict[str, Faults] = {
     'all readings 0.1 s late': Faults(delay=dict.fromkeys(
         ('force', 'strain', 'supply', 'mu1/pressure', 'mu2/pressure'), 0.1)),
 }
-#: Faults of messages: only in wall time are they what they are.
+#: Faults of messages, which need wall time.
 MESSAGES: dict[str, Faults] = {
     'all messages 0.05 s late': Faults(late=dict.fromkeys(
         ('force', 'strain', 'supply', 'mu1/pressure', 'mu2/pressure'), 0.05)),
@@ -94,7 +94,7 @@ MESSAGES: dict[str, Faults] = {
         ('force', 'strain', 'supply', 'mu1/pressure', 'mu2/pressure'), 0.3)),
     'half of the mu1 pressures lost': Faults(lost={'mu1/pressure': 0.5}),
 }
-#: What is not wrong: any notice of these is a false alarm.
+#: No faults: a controller that reacts to these raises a false alarm.
 SOUND: dict[str, Faults] = {
     'nothing': Faults(),
     'twice the noise': Faults(noise_factor=2.0),

@@ -150,7 +150,7 @@ def balance(unit, braid, begun, rubbed, strain, pressure, friction, shape, table
 
 
 def dahl(rubbed, way, slide):
-    """Return Dahl's z after a way: exact for a way in one direction."""
+    """Return Dahl's z after a displacement in one direction, exactly."""
     if way >= 0.0:
         return 1.0 - (1.0 - rubbed) * math.exp(-way / slide)
     return -1.0 + (1.0 + rubbed) * math.exp(way / slide)

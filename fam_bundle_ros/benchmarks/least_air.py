@@ -21,7 +21,7 @@ from fam_bundle_ros.model.pneumatics import (
     REFERENCE_TEMPERATURE,
 )
 
-#: N: a force missed by less than this counts as given.
+#: N: a force error below this is accepted.
 _TOLERANCE = 0.15
 #: Pressures per unit over their whole range; each refinement halves their distance, and looks at
 #: so many on either side of the path found before.
@@ -35,7 +35,7 @@ def least_air(bundle: Bundle, time: np.ndarray, force: np.ndarray, strain: np.nd
     """
     Return the least air mass, kg, that gives these forces at these strains from vented units.
 
-    What filling the first pressures takes is counted as `filling_air` counts it.
+    What filling vented units to the first pressures takes is counted too.
 
     Parameters
     ----------
@@ -84,11 +84,11 @@ class _Search:
         self._first, self._other = forces[..., 0], forces[..., 1]
 
     def best(self, second):
-        """Return the least air, kg, and the second unit's pressures (K,) on the way, of (K, m)."""
+        """Return the least air, kg, and its path (K,) through the second unit's (K, m)."""
         states, counts = self._states(second)
         after, before = self._costs(states, counts)
         ends = np.cumsum(counts)
-        # The way begins vented, at the first volume: nothing but the pressures of step 0 counts.
+        # The path begins vented at the first volume: only the pressures of step 0 cost air.
         cost = np.maximum(after[:counts[0]], 0.0).sum(axis=-1)
         cheapest, last = [], slice(0, counts[0])
         for k in range(1, len(counts)):
@@ -97,7 +97,6 @@ class _Search:
             other = np.maximum(after[here, 1, None] - before[last, 1], 0.0)
             for unit, drawn in enumerate((total, other)):
                 if self._volume[k, unit] > self._volume[k - 1, unit]:
-                    # A unit that stays vented breathes through its open exhaust.
                     vented = states[here, unit] <= 0.0
                     if vented.any():
                         drawn[np.ix_(vented, states[last, unit] <= 0.0)] = 0.0
@@ -117,8 +116,8 @@ class _Search:
         """
         Return what each state (S, 2) adds as the later and takes off as the earlier of a pair.
 
-        `_drawn` of one unit is max(later - earlier, 0): the work between two states is linear in
-        each of the two pressures.
+        A unit draws max(later - earlier, 0): V dp / n + p dV over R T is linear in the pressures
+        of the two states. One that stays vented breathes through its open exhaust.
         """
         before = np.concatenate([self._volume[:1], self._volume])
         middle, change = 0.5 * (before[1:] + before[:-1]), np.diff(before, axis=0)
@@ -148,7 +147,7 @@ class _Search:
             fits.append((wanted >= least - _TOLERANCE) & (wanted <= top + _TOLERANCE))
         states = np.stack([np.concatenate(found, axis=1), np.tile(second, 2)], axis=-1)
         good = np.concatenate(fits, axis=1)
-        # Out of reach: the nearest that there is, as any controller would do.
+        # Out of reach: the nearest force.
         for k in np.flatnonzero(~good.any(axis=1)):
             miss = np.abs(first[k][:, None] - wanted[k])
             i, j = np.unravel_index(int(np.argmin(miss)), miss.shape)
@@ -166,20 +165,3 @@ class _Search:
         rise = curve[steps, high] - curve[steps, low]
         share = (wanted - curve[steps, low]) / np.where(rise > 0.0, rise, np.inf)
         return (low + side * np.clip(share, 0.0, 1.0)) * self._spacing[0]
-
-
-def filling_air(bundle: Bundle, pressure: np.ndarray, strain: float,
-                tube_volume: float = 5e-6) -> float:
-    """Return the air, kg, that brings vented units (n,) to pressures (n,), Pa, at a strain."""
-    volume = bundle.gas_volume(strain) + tube_volume
-    return float(_drawn(np.zeros(bundle.n), np.asarray(pressure, float), volume, volume))
-
-
-def _drawn(before, after, volume_before, volume_after):
-    """Return the air taken from the supply between states, summed over units, kg."""
-    middle = 0.5 * (volume_before + volume_after)
-    mean = 0.5 * (before + after) + ATMOSPHERE
-    work = (after - before) * middle / POLYTROPIC + mean * (volume_after - volume_before)
-    # A unit that stays vented breathes through its open exhaust.
-    work = np.where((before <= 0.0) & (after <= 0.0), 0.0, work)
-    return np.maximum(work, 0.0).sum(axis=-1) / (GAS_CONSTANT * REFERENCE_TEMPERATURE)

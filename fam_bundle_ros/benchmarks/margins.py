@@ -7,8 +7,8 @@ The margin is measured in the closed loop, the same way for all: the controller 
 controls as deviating k times as much from where it is (the loop gain times k), and the largest k
 at which the response to a small step still settles is the gain margin. No noise; the worst of the
 operating points. A baseline is scaled to the margin asked for, or to a share of that, with each
-of several filters and ratios of gain to integral; taken is that with the least error squared times
-air on steps and a sine, so that it neither lags nor spends its air on noise.
+of several filters and ratios of gain to integral; the one with the least product of squared error
+and air on steps and a sine is taken.
 """
 
 from dataclasses import dataclass, replace
@@ -67,7 +67,7 @@ class Controller:
         return self.scheme in ('equal_pressure', 'threshold')
 
 
-#: Name -> controller; the first is ours, the second what it is held against.
+#: Name -> controller; the first is ours, the second its reference.
 CONTROLLERS = {
     'reversal_aware': Controller(), 'equal_pressure': Controller(scheme='equal_pressure'),
     'threshold': Controller(scheme='threshold'), 'hysteresis': Controller('hysteresis'),
@@ -83,7 +83,7 @@ def pressure_gains(delay: float) -> PidGains:
 
 
 def told(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig:
-    """Return what pressure loops are told of a plant: the nominal valve, and the dead time."""
+    """Return what pressure loops know of a plant: the nominal valve, and the dead time."""
     config = pid_config(replace(rig, valve=RigConfig().valve), PID_PERIOD, noise_factor)
     return replace(config, transport_delay=delay)
 

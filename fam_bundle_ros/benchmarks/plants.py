@@ -138,7 +138,7 @@ def plant_of(name: str, units: int) -> Any:
 
 
 def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray) -> float:
-    """Return the force of any plant without a past, N."""
+    """Return the force of any plant without memory, N."""
     model = plant.model(False)
     pressure = [float(p) for p in pressure]
     return sum(model.force(i, strain, 0.0, pressure, 0.0, 0.0, True, model.shape,
@@ -167,9 +167,9 @@ def model_error(name: str, units: int) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def sweep(plant: Any, strain: np.ndarray, pressure: np.ndarray, dt: float = 0.05) -> np.ndarray:
+def sweep(plant: Any, strain: np.ndarray, pressure: np.ndarray) -> np.ndarray:
     """Return the force, N, shape (T,), of any plant along strains (T,) and pressures (T, n)."""
-    model, force = plant.model(False), np.zeros(len(strain))
+    model, force, dt = plant.model(False), np.zeros(len(strain)), 0.05
     for k, (e, p) in enumerate(zip(strain.tolist(), pressure.tolist())):
         for i in range(plant.n):
             force[k] += model.force(i, e, 0.0, p, k * dt, dt, k == 0, model.shape,

@@ -22,6 +22,7 @@ from typing import Any
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.processes import environment
 
 
 class Skipped(Exception):
@@ -84,6 +85,12 @@ class Figure:
         """Whether it is reached, as text."""
         return {True: 'reached', False: 'not reached', None: ''}[self.reached]
 
+    @property
+    def cells(self) -> tuple[Any, ...]:
+        """What, value, unit, peer's value, peer, ratio, what is to be reached, verdict."""
+        return (self.what, self.value, self.unit, self.beside, self.peer, self.ratio, self.asked,
+                self.verdict)
+
     def to_json(self) -> dict[str, Any]:
         """Return the fields, ratio and verdict."""
         return {**self.__dict__, 'ratio': self.ratio, 'reached': self.reached}
@@ -117,7 +124,7 @@ class Row:
 
 @dataclass
 class Result:
-    """What came of a row: its figures, or why there are none, and where the time goes."""
+    """Result of a row: its figures, or why there are none, and where the time goes."""
 
     row: Row
     figures: list[Figure] = field(default_factory=list)
@@ -132,7 +139,7 @@ class Result:
 
     @property
     def remarks(self) -> list[str]:
-        """Why there are no figures, what belongs to a figure, and where the time goes."""
+        """Why there are no figures, notes on figures, and where the time goes."""
         found = [f'not measured: {self.skipped}'] if self.skipped else []
         found += [f'{figure.what}: {figure.note}' for figure in self.figures if figure.note]
         if self.where:
@@ -201,27 +208,24 @@ def machine() -> dict[str, Any]:
 
 # --- taking times ------------------------------------------------------------------------------
 
-def best(call: Callable[[], Any], budget: float = 0.5, least: int = 3,
-         clock: Callable[[], float] = time.process_time) -> float:
+def best(call: Callable[[], Any], budget: float = 0.5, least: int = 3) -> float:
+    """Return the shortest CPU time of a call, s; see `paired`."""
+    return paired([call], budget, least)[0]
+
+
+def paired(calls: list[Callable[[], Any]], budget: float = 0.5, least: int = 3) -> list[float]:
     """
-    Return the shortest time of a call, s: what other programs do only adds to it.
+    Return the shortest CPU time of each call, s: what other programs do only adds to it.
 
     Parameters
     ----------
-    call : callable
-        Called once before it counts.
+    calls : list of callable
+        They take turns, so that all meet one machine; each is called once before it counts.
     budget : float, s
         Of wall time for repeats.
     least : int
         Repeats at least.
-    clock : callable
     """
-    return paired([call], budget, least, clock)[0]
-
-
-def paired(calls: list[Callable[[], Any]], budget: float = 0.5, least: int = 3,
-           clock: Callable[[], float] = time.process_time) -> list[float]:
-    """Return the shortest time of each call, s; they take turns, so that all meet one machine."""
     shortest = [float('inf')] * len(calls)
     for call in calls:
         call()
@@ -229,9 +233,9 @@ def paired(calls: list[Callable[[], Any]], budget: float = 0.5, least: int = 3,
     while count < least or time.perf_counter() < end:
         count += 1
         for k, call in enumerate(calls):
-            begin = clock()
+            begin = time.process_time()
             call()
-            shortest[k] = min(shortest[k], clock() - begin)
+            shortest[k] = min(shortest[k], time.process_time() - begin)
     return shortest
 
 
@@ -255,12 +259,9 @@ def elsewhere(function: str, *arguments: Any, plain: bool = False, **keywords: A
     code = (f'import json, sys; from {module} import {name} as call; '
             'given = json.loads(sys.argv[1]); '
             'print(chr(10) + json.dumps(call(*given[0], **given[1])))')
-    environment = {**os.environ, 'OMP_NUM_THREADS': '1',
-                   'PYTHONPATH': os.pathsep.join(p for p in sys.path if p)}
-    if plain:
-        environment[kernels.PLAIN_VARIABLE] = '1'
+    variables = environment() | ({kernels.PLAIN_VARIABLE: '1'} if plain else {})
     done = subprocess.run([sys.executable, '-c', code, json.dumps([arguments, keywords])],
-                          capture_output=True, text=True, env=environment, check=False)
+                          capture_output=True, text=True, env=variables, check=False)
     if done.returncode:
         raise Skipped(f'{name}: {(done.stderr.strip().splitlines() or ["no reason given"])[-1]}')
     return json.loads(done.stdout.strip().splitlines()[-1])
@@ -268,13 +269,13 @@ def elsewhere(function: str, *arguments: Any, plain: bool = False, **keywords: A
 
 # --- where the time goes -----------------------------------------------------------------------
 
-def where_of(call: Callable[[], Any], top: int = 4) -> str:
+def where_of(call: Callable[[], Any]) -> str:
     """Return the functions in which a call spends most of its CPU time, with their shares."""
     profiler = cProfile.Profile(time.process_time)
     profiler.enable()
     call()
     profiler.disable()
-    return shares(pstats.Stats(profiler), top)
+    return shares(pstats.Stats(profiler))
 
 
 def shares(stats: pstats.Stats, top: int = 4) -> str:

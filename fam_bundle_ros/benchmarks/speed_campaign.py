@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Row of campaigns: cost of a recording, memory, and what a second process or worker is worth."""
+"""Row of campaigns: cost of a recording, memory, speed-up by a second process or worker."""
 
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -50,7 +50,7 @@ def campaign(scale: float) -> list[Figure]:
         (folder / 'shared').mkdir()
         write_lab(folder / 'all', count)
         model = write_lab(folder / 'shared', shared)
-        # in a process of its own: the memory of this one is that of other rows too
+        # in a process of its own: the memory of this one is shared with other rows
         with ProcessPoolExecutor(1, get_context('spawn')) as fresh:
             cpu, wall, gigabytes = fresh.submit(_alone, folder / 'all').result()
         begin, load, spent = time.perf_counter(), os.getloadavg()[0], children()

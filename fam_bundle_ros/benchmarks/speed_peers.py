@@ -8,7 +8,6 @@ bundle, constants from the rig's configuration. So it also says how exact the ri
 is. No leaks, relief valves or end stops in motion: the case keeps away from them.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
@@ -184,7 +183,3 @@ def errors(found: np.ndarray, reference: np.ndarray) -> Errors:
     """Return the largest differences of strain and pressures (T, 1 + n)."""
     gap = np.abs(found - reference[:len(found)]).max(axis=0)
     return Errors(float(gap[0]), float(gap[1:].max()))
-
-
-#: A way to solve: plant, commands, period, tolerance -> strain and pressures.
-Solver = Callable[[Plant, np.ndarray, float, float], np.ndarray]

@@ -3,7 +3,6 @@
 """Row of the start: how long until a process has imported, shown its help, or has a node up."""
 
 import importlib.util
-import os
 import re
 import resource
 import subprocess
@@ -11,6 +10,7 @@ import sys
 import tempfile
 
 from fam_bundle_ros.benchmarks.speed import Figure, Row
+from fam_bundle_ros.processes import environment
 
 #: s more than `import numpy`; s; times `import rclpy`.
 REACH_IMPORT, REACH_HELP, REACH_NODE = 0.05, 0.3, 1.3
@@ -21,7 +21,7 @@ empty_node('pressure_pid_mu1', 1, False, c, 'bench')
 _NODE = f"""{_UP}from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
 PressurePidNode(1, context=c, namespace='bench')
 """
-#: Ends the process at once: what it takes to shut rclpy down is not the start.
+#: Ends the process at once: the shutdown of rclpy does not count.
 _END = '\nimport os\nos._exit(0)'
 
 
@@ -38,10 +38,10 @@ def seconds(programs: list[str], repeats: int) -> list[float]:
 
     taken: dict[str, list[float]] = {program: [] for program in programs}
     with tempfile.TemporaryDirectory(prefix='fam_bundle_') as folder:
-        environment = _environment(folder)
+        variables = _environment(folder)
         for program in programs * (repeats + 1):
             begin = spent()
-            subprocess.run([sys.executable, '-c', program + _END], check=True, env=environment,
+            subprocess.run([sys.executable, '-c', program + _END], check=True, env=variables,
                            capture_output=True)
             taken[program].append(spent() - begin)
     return [min(taken[program][1:]) for program in programs]
@@ -49,9 +49,8 @@ def seconds(programs: list[str], repeats: int) -> list[float]:
 
 def _environment(folder: str) -> dict[str, str]:
     """Return the environment of a process that keeps its bytecode in a folder."""
-    kept = {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
-    return {**kept, 'OMP_NUM_THREADS': '1', 'PYTHONPYCACHEPREFIX': folder,
-            'PYTHONPATH': os.pathsep.join(p for p in sys.path if p)}
+    return {key: value for key, value in environment().items()
+            if key != 'PYTHONDONTWRITEBYTECODE'} | {'PYTHONPYCACHEPREFIX': folder}
 
 
 def measure(scale: float) -> list[Figure]:

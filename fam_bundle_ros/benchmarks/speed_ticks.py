@@ -65,7 +65,7 @@ def shares_of(ticks: int) -> str:
 
 
 def _work(ticks: int) -> dict[str, Callable[[], None]]:
-    """Return what a number of ticks of each part is."""
+    """Return a call for each part that runs a number of ticks."""
     tick, inputs = _controller(ticks)
 
     def control() -> None:

@@ -31,7 +31,7 @@ from fam_bundle_ros.told import Told
 __all__ = ['Campaign', 'run_campaign']
 
 FORMAT = 'fam-bundle-campaign/1'
-#: Trends whose corrected probability is above this are not told.
+#: Trends whose corrected probability is above this are not reported.
 CLEAR = 0.05
 
 Row = dict[str, Any]
@@ -90,23 +90,28 @@ class Campaign(Told):
 
     @property
     def clear_trends(self) -> list[Trend]:
-        """Trends that chance does not make (5 % that any of them is none)."""
+        """Trends that are significant (5 % for one false among all)."""
         return [trend for trend in self.trends if trend.p < CLEAR]
 
     @property
     def clear_contrasts(self) -> list[Contrast]:
-        """Contrasts that chance does not make (5 % that any of them is none)."""
+        """Contrasts that are significant (5 % for one false among all)."""
         return [contrast for contrast in self.contrasts if contrast.p < CLEAR]
 
-    def __str__(self) -> str:
+    @property
+    def summary(self) -> str:
+        """How many recordings failed, count, and have each verdict."""
         twice = sum(bool(row['duplicate_of']) for row in self.recordings)
-        lines = [f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} there '
-                 f'twice; {len(self.counted)} count, of {len(self.muscles)} muscles: '
-                 + ', '.join(f'{count} {name}' for name, count in self.verdicts.items())]
-        lines += [f'{share.effect} is missing in {share.muscles} of {share.of} muscles '
-                  f'({100 * share.low:.0f} to {100 * share.high:.0f} %)'
-                  for share in self.shares if share.muscles]
-        return '\n'.join([*lines, *map(str, self.clear_contrasts), *map(str, self.clear_trends)])
+        return (f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} there '
+                f'twice; {len(self.counted)} count, of {len(self.muscles)} muscles: '
+                + ', '.join(f'{count} {name}' for name, count in self.verdicts.items()))
+
+    def __str__(self) -> str:
+        missing = [f'{share.effect} is missing in {share.muscles} of {share.of} muscles '
+                   f'({100 * share.low:.0f} to {100 * share.high:.0f} %)'
+                   for share in self.shares if share.muscles]
+        return '\n'.join([self.summary, *missing, *map(str, self.clear_contrasts),
+                          *map(str, self.clear_trends)])
 
 
 def counts(row: Row) -> bool:
@@ -196,12 +201,12 @@ def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str],
     rows: list[Row] = []
     effects: list[Row] = []
     parameters: list[Row] = []
-    # of the same bytes the one that the table tells about is the original
+    # of equal files the one in the table of specimens is the original
     first: dict[str, str] = {}
     for recording in sorted(recordings, key=lambda each: each.specimen is None):
         first.setdefault(recording.sha256, recording.file)
     for recording, address in zip(recordings, addresses):
-        # one at a time: a thousand results need not be in memory together
+        # one at a time, to save memory
         result = {'error': recording.problem} if recording.problem else store.read(address)
         assert result is not None
         original = '' if recording.problem else first[recording.sha256]

@@ -1,11 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One recording of a campaign: import, compare, diagnose, to plain values; errors are results."""
+"""One recording of a campaign: import, compare, diagnose; the result is plain, also an error."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 import hashlib
 import json
@@ -13,13 +12,14 @@ from pathlib import Path
 import socket
 from typing import Any
 
-from fam_bundle_ros.campaign.recordings import digest, Recording
+from fam_bundle_ros.campaign.recordings import Recording
 from fam_bundle_ros.campaign.version import code_version
 from fam_bundle_ros.data import read_measurement, Recipe
+from fam_bundle_ros.data.measurement import file_digest
 from fam_bundle_ros.discovery import Choices, diagnose
 from fam_bundle_ros.discovery.reading import recipe_for
-from fam_bundle_ros.discovery.result import finite
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.jsonfile import plain
 from fam_bundle_ros.model import Bundle, loads_model
 
 __all__ = ['Job', 'lost', 'Model', 'run']
@@ -65,7 +65,7 @@ class Model:
             named = (effect.python_file, effect.options().get('table'))
             for file in named:
                 if file:
-                    whole.update(digest(Path(self.folder, file)).encode())
+                    whole.update(file_digest(Path(self.folder, file)).encode())
         return whole.hexdigest()
 
 
@@ -113,8 +113,8 @@ class Job:
         code; not the file's name or place.
         """
         parts = {'format': FORMAT, 'data': self.sha256, 'model': model_digest,
-                 'dimensions': self.dimensions, 'recipe': _plain(asdict(self.recipe)),
-                 'choices': asdict(self.choices), 'code': code_version()}
+                 'dimensions': self.dimensions, 'recipe': plain(self.recipe),
+                 'choices': plain(self.choices), 'code': code_version()}
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
 
 
@@ -153,26 +153,20 @@ def _done(job: Job) -> dict[str, Any]:
     model = job.model.bundle()
     if job.dimensions:
         model = model.with_parameters({f'geometry.{k}': value for k, value in job.dimensions})
-    # before it is read: what is wrong with other data is not to be kept for these
-    if digest(path) != job.sha256:
+    # checked before it is read: a result must not be kept under the hash of other data
+    if file_digest(path) != job.sha256:
         raise OSError('it was changed while the campaign ran')
     measured = read_measurement(path, recipe=recipe_for(model, job.recipe))
     result = diagnose(model, measured, choices=job.choices)
     compared, said = result.comparison.to_dict(), result.to_dict()
-    # kept small: tables by trial and the matrix of correlations are for one recording at a time
+    # results are kept small: no tables by trial, no matrix of correlations
     for tree, heavy in ((compared, ('tables', 'noise')), (said, ('confounding',))):
         for key in heavy:
             del tree[key]
     return {'format': FORMAT, 'error': '', 'passing': False, 'code': code_version(),
-            **finite({'data': measured.to_dict(), 'compare': compared, 'diagnose': said})}
+            **plain({'data': measured.to_dict(), 'compare': compared, 'diagnose': said})}
 
 
 def _failed(error: str, passing: bool) -> dict[str, Any]:
     return {'format': FORMAT, 'error': ' '.join(error.split()), 'passing': passing,
             'code': code_version()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    return value

@@ -33,6 +33,7 @@ import warnings
 
 from fam_bundle_ros.campaign.version import code_version
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 __all__ = ['as_done', 'each', 'Progress', 'WorkerDied']
 
@@ -112,7 +113,7 @@ def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | 
     with _one_core_each():
         suspects = yield from _in_processes(function, dict(enumerate(todo)), count)
         while suspects:
-            # one at a time, so that it is known which of them takes its process along
+            # one at a time, so that it is known which of them kills its process
             place, task = suspects.popitem()
             died = yield from _in_processes(function, {place: task}, 1)
             if died:
@@ -186,7 +187,7 @@ def _signals_wait() -> Iterator[None]:
     A process that has half of what it needs would end with a traceback. It starts with both held
     back, until `_begin_worker`.
     """
-    resource_tracker.ensure_running()  # as it starts it lets signals in
+    resource_tracker.ensure_running()  # its start unblocks signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
     try:
         yield
@@ -220,7 +221,7 @@ def _one_core_each() -> Iterator[None]:
 
 def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: str, lost: Lost,
                 ) -> Iterator[tuple[int, Any]]:
-    distributed = _dask(address)
+    distributed = library('distributed', f'scheduler {address}: a cluster')
     with _client(distributed, address) as client:
         places = {future: place for place, future in enumerate(
             client.map(function, list(todo), pure=False))}
@@ -241,19 +242,10 @@ def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: st
             raise
 
 
-def _dask(address: str) -> Any:
-    try:
-        import distributed
-    except ImportError as error:
-        raise InputError(f'scheduler {address}: a cluster needs the package distributed; install '
-                         "the extra `cluster`: pip install 'fam_bundle_ros[cluster]'") from error
-    return distributed
-
-
 @contextmanager
 def _client(distributed: Any, address: str) -> Iterator[Any]:
     """Yield a client of a scheduler whose workers have the code of this process."""
-    # asked first: a client that could not connect holds the process up at its end (20 s)
+    # asked first: a client that could not connect takes 20 s to close
     with ThreadPoolExecutor(1) as alone:
         try:
             kind = alone.submit(asyncio.run, _kind(distributed, address)).result()
@@ -266,7 +258,7 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
                          'address that `dask scheduler` prints, such as tcp://192.168.1.5:8786')
     logger = logging.getLogger('distributed.client')
     level = logger.level
-    logger.setLevel(logging.CRITICAL)  # its tracebacks come beside the error that says it
+    logger.setLevel(logging.CRITICAL)  # its tracebacks repeat the error below
     try:
         with distributed.Client(address, timeout=_ANSWER, set_as_default=False) as client:
             _check(client, address)

@@ -5,7 +5,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatch
-import hashlib
 import os
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from fam_bundle_ros.data.measurement import file_digest
 from fam_bundle_ros.discovery.specimens import read_specimens, Specimen
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['digest', 'find', 'MARK', 'Recording']
+__all__ = ['find', 'MARK', 'Recording']
 
 #: File that says that a folder holds the results of a campaign: nothing in it is a recording.
 MARK = 'campaign.json'
@@ -102,17 +101,6 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
     return found
 
 
-def digest(path: Path) -> str:
-    """Return the SHA-256 of a file, or of all files of a folder with their names."""
-    if not path.is_dir():
-        return file_digest(path)
-    whole = hashlib.sha256()
-    for file in sorted(path.rglob('*')):
-        if file.is_file():
-            whole.update(f'{file.relative_to(path)} {file_digest(file)}\n'.encode())
-    return whole.hexdigest()
-
-
 def _files(folder: Path, pattern: str) -> Iterator[Path]:
     for where, folders, names in os.walk(folder):
         here = Path(where)
@@ -132,6 +120,6 @@ def _files(folder: Path, pattern: str) -> Iterator[Path]:
 
 def _recording(file: str, path: Path, specimen: Specimen | None) -> Recording:
     try:
-        return Recording(file, path, digest(path), specimen)
+        return Recording(file, path, file_digest(path), specimen)
     except OSError as error:
         return Recording(file, path, '', specimen, f'cannot be read ({error.strerror})')

@@ -16,7 +16,7 @@ __all__ = ['Store']
 @dataclass(frozen=True)
 class Store:
     """
-    Results by address; whoever is killed while writing leaves the old state.
+    Results by address; a kill while writing leaves the old state.
 
     Attributes
     ----------

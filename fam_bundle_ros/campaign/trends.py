@@ -15,7 +15,7 @@ E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209. R. DerSimonian, N. Laird, Contr
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from fam_bundle_ros.discovery.specimens import DIMENSIONS
 __all__ = ['Contrast', 'contrasts', 'holm', 'per_muscle', 'power_law', 'Share', 'shares', 'Trend',
            'trends']
 
-#: Muscles that a trend takes at least: two make every line, a third one scatter, ...
+#: Muscles that a trend needs at least: two fix a line, a third one says little of scatter.
 LEAST = 4
 #: Standard deviations of a 95 % interval.
 _95 = 1.96
@@ -140,11 +140,13 @@ def shares(effects: Sequence[Row], muscles: Mapping[str, int]) -> list[Share]:
     muscles : dict of str to int
         Recordings of each muscle that count.
     """
+    from scipy import stats
     named, tied = (_lacking(effects, muscles, kind) for kind in ('named', 'tied'))
     found = []
     for name in sorted({*named, *tied}):
         count = len(named.get(name, ()))
-        found.append(Share(name, count, len(muscles), *_wilson(count, len(muscles)),
+        interval = stats.binomtest(count, len(muscles)).proportion_ci(0.95, 'wilson')
+        found.append(Share(name, count, len(muscles), float(interval.low), float(interval.high),
                            len(tied.get(name, ()))))
     return sorted(found, key=lambda share: (-share.muscles, share.effect))
 
@@ -178,9 +180,7 @@ def contrasts(effects: Sequence[Row], muscles: Mapping[str, int],
             p = float(stats.mannwhitneyu(*values).pvalue)
             found.append(Contrast(name, fact, len(values[0]), len(values[1]),
                                   float(np.median(values[0])), float(np.median(values[1])), p))
-    corrected = holm([each.p for each in found])
-    return sorted((Contrast(**{**vars(each), 'p': p}) for each, p in zip(found, corrected)),
-                  key=lambda each: (each.p, each.effect, each.fact))
+    return _clearest_first(found)
 
 
 def trends(parameters: Sequence[Row], facts: Mapping[str, Mapping[str, float]]) -> list[Trend]:
@@ -195,6 +195,7 @@ def trends(parameters: Sequence[Row], facts: Mapping[str, Mapping[str, float]]) 
     facts : dict of str to dict
         Numbers of the table, of each muscle; a power law needs them above 0.
     """
+    from scipy import stats
     found = []
     rows: dict[str, list[Row]] = {}
     for row in parameters:
@@ -211,14 +212,12 @@ def trends(parameters: Sequence[Row], facts: Mapping[str, Mapping[str, float]]) 
                 continue
             y, s = np.array([values[m] for m in chosen]).T
             power, error, scatter, start, p = power_law(np.log(x), y, s)
-            reach = error * _student(len(x) - 2)
+            reach = error * float(stats.t.ppf(0.975, len(x) - 2))
             found.append(Trend(
                 key, unit, fact, tuple(x.tolist()), tuple(np.exp(y).tolist()),
                 tuple(np.exp(y - _95 * s).tolist()), tuple(np.exp(y + _95 * s).tolist()),
                 power, power - reach, power + reach, float(np.exp(start)), scatter, p))
-    corrected = holm([each.p for each in found])
-    return sorted((Trend(**{**vars(each), 'p': p}) for each, p in zip(found, corrected)),
-                  key=lambda each: (each.p, each.parameter, each.fact))
+    return _clearest_first(found)
 
 
 def per_muscle(rows: Sequence[Row]) -> dict[str, tuple[float, float]]:
@@ -279,8 +278,8 @@ def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
     trace = weight.sum() - np.trace(inverse @ (design.T * weight ** 2 @ design))
     between = max(0.0, (q - (len(x) - 2)) / trace)
     beta, inverse, q = fit(1.0 / (s ** 2 + between))
-    # by how far the muscles are off the line, whatever the fits say: what all fits err by together
-    # (a tie, a parameter that trades off with another) moves the line and does not turn it
+    # from the residuals about the line, not from the errors of the fits: an error that all fits
+    # share (a tie, correlated parameters) shifts the line and does not change its slope
     error = float(np.sqrt(inverse[1, 1] * max(q / (len(x) - 2), _LEAST_ERROR ** 2)))
     p = 2.0 * float(stats.t.sf(abs(beta[1]) / error, len(x) - 2))
     return float(beta[1]), error, float(np.sqrt(between)), float(beta[0]), p
@@ -322,15 +321,7 @@ def _log_error(row: Row) -> float:
     return float((high - low) / (2.0 * _95 * value))
 
 
-def _wilson(count: int, of: int) -> tuple[float, float]:
-    if of == 0:
-        return 0.0, 1.0
-    share, z = count / of, _95
-    centre = (share + z * z / (2 * of)) / (1 + z * z / of)
-    half = z / (1 + z * z / of) * float(np.sqrt(share * (1 - share) / of + z * z / (4 * of * of)))
-    return max(0.0, centre - half), min(1.0, centre + half)
-
-
-def _student(freedom: int) -> float:
-    from scipy import stats
-    return float(stats.t.ppf(0.975, freedom))
+def _clearest_first(found: list[Any]) -> list[Any]:
+    """Return contrasts or trends by their probability, which is corrected for their number."""
+    return sorted((replace(each, p=p) for each, p in zip(found, holm([e.p for e in found]))),
+                  key=lambda each: (each.p, str(each)))

@@ -15,15 +15,12 @@ import threading
 import warnings
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import EXTRAS
 
 __all__ = ['main']
 
 #: What typer makes of Ctrl-C.
 _INTERRUPTED = 130
-#: Import name -> what to install for it.
-_EXTRAS = {'typer': 'tools', 'rich': 'tools', 'plotly': 'tools', 'pandas': 'tools',
-           'rosbags': 'tools', 'pyarrow': 'files', 'distributed': 'cluster', 'nicegui': 'web',
-           'pysindy': 'against', 'sklearn': 'against'}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -52,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _fail('stopped', 1)
         return status if isinstance(status, int) else 0
     except BrokenPipeError:
-        # the reader of a pipe (head, less) has left: nothing is wrong, nothing is to be said
+        # the reader of a pipe (head, less) has ended: no error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
@@ -84,8 +81,8 @@ def _report(error: Exception) -> int:
 
 def _missing(error: ModuleNotFoundError) -> str:
     name = (error.name or '').partition('.')[0]
-    if name in _EXTRAS:
-        return (f"this command needs {name}: pip install 'fam_bundle_ros[{_EXTRAS[name]}]'")
+    if name in EXTRAS:
+        return f"this command needs {name}: pip install 'fam_bundle_ros[{EXTRAS[name]}]'"
     if name == 'rclpy' or name.endswith('_msgs') or name == 'std_srvs':
         return f'this command needs ROS 2 ({name}): source its setup.bash, or run make install'
     module = error.name if name == 'fam_bundle_ros' else name

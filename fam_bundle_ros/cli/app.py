@@ -7,24 +7,35 @@ from typing import Annotated
 import typer
 
 import fam_bundle_ros
-from fam_bundle_ros.cli import (
-    bench_commands,
-    campaign_commands,
-    data_commands,
-    fault_commands,
-    improve_commands,
-    model_commands,
-    rig_commands,
-)
+from fam_bundle_ros.cli.bench_commands import bench, benchmark_control, benchmark_discovery
+from fam_bundle_ros.cli.campaign_commands import campaign
+from fam_bundle_ros.cli.data_commands import compare, convert, diagnose, workbench
+from fam_bundle_ros.cli.demo import demo
+from fam_bundle_ros.cli.fault_commands import benchmark_faults
+from fam_bundle_ros.cli.improve_commands import add, ladder
+from fam_bundle_ros.cli.measure_command import measure
+from fam_bundle_ros.cli.model_commands import draw_map, effects, tune
+from fam_bundle_ros.cli.new_model import new_model
+from fam_bundle_ros.cli.rig_commands import check_rig, record, run
+
+#: Panels of the help and their commands, in the order of the help; `_` in a name is shown as `-`.
+_COMMANDS = {
+    'Rig and ROS 2': (demo, run, measure, record, check_rig),
+    'Model': (new_model, draw_map, effects, tune),
+    'Discovery': (compare, diagnose, convert, workbench, add, ladder, campaign),
+    'Benchmarks': (benchmark_control, benchmark_discovery, bench, benchmark_faults)}
+#: Of `run`: what it does not know goes to ROS.
+_PASSES_ON = {'allow_extra_args': True, 'ignore_unknown_options': True}
 
 app = typer.Typer(
     name='fam_bundle', add_completion=False, no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={'help_option_names': ['-h', '--help']})
 
-for _module in (rig_commands, model_commands, data_commands, improve_commands, campaign_commands,
-                bench_commands, fault_commands):
-    _module.register(app)
+for _panel, _commands in _COMMANDS.items():
+    for _command in _commands:
+        app.command('map' if _command is draw_map else None, rich_help_panel=_panel,
+                    context_settings=_PASSES_ON if _command is run else None)(_command)
 
 
 def _version(wanted: bool) -> None:

@@ -9,9 +9,12 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     console,
+    counter,
     JsonFile,
+    Names,
     notes,
     open_model,
+    PageFile,
     progress_bar,
     save_json,
     SchedulerOption,
@@ -22,19 +25,10 @@ from fam_bundle_ros.cli.common import (
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import model_path
 
-PANEL = 'Benchmarks'
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('benchmark-control', rich_help_panel=PANEL)(benchmark_control)
-    app.command('benchmark-discovery', rich_help_panel=PANEL)(benchmark_discovery)
-    app.command('bench', rich_help_panel=PANEL)(bench)
-
 
 def benchmark_control(
-    plants: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
-    trajectories: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    plants: Names = 'all',
+    trajectories: Names = 'all',
     units: Annotated[str, typer.Option(help='Motor units: of 2, 3, 6, with commas between, or '
                                        'all.')] = 'all',
     controllers: Annotated[str, typer.Option(
@@ -47,8 +41,7 @@ def benchmark_control(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     ros: Annotated[bool, typer.Option(help='Also run one row over ROS in lock-step.')] = True,
-    out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
-                                             'page (HTML).')] = None,
+    out: PageFile = None,
     json_file: JsonFile = None,
 ) -> None:
     """
@@ -71,10 +64,8 @@ def benchmark_control(
         pick(plants, control.PLANTS, '--plants'),
         pick(trajectories, control.TRAJECTORIES, '--trajectories'),
         [int(n) for n in pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
-    with progress_bar('benchmark-control') as tick:
-        result = control.run_benchmark(
-            cases, workers, scheduler=scheduler,
-            progress=lambda done, every, what: tick(done / every, what))
+    with counter('benchmark-control') as tick:
+        result = control.run_benchmark(cases, workers, scheduler=scheduler, progress=tick)
     table(PLANT_HEAD, [plant_cells(line) for line in result.summary['plants']],
           title='reversal_aware beside equal_pressure, the worst plant first',
           numeric=tuple(range(1, len(PLANT_HEAD))))
@@ -103,8 +94,8 @@ def benchmark_discovery(
     sets: Annotated[str, typer.Option(help='Sets of cases with commas between, or all.')] = 'all',
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
-    against: Annotated[bool, typer.Option('--against', help='LASSO and pysindy STLSQ on the same '
-                                          'cases (extras).')] = False,
+    against: Annotated[bool, typer.Option('--against', help='LASSO (scikit-learn) and STLSQ '
+                                          '(pysindy) on the same cases.')] = False,
     real: Annotated[Path | None, typer.Option(
         '--real', metavar='FOLDER', help='Instead: measured muscles, each NAME.csv with its '
         'NAME.model.yaml, scored on rows kept away.', exists=True, file_okay=False)] = None,
@@ -122,10 +113,11 @@ def benchmark_discovery(
         return
     from fam_bundle_ros.benchmarks import discovery
     chosen = pick(sets, discovery.SETS, '--sets')
-    with progress_bar('benchmark-discovery') as tick:
-        result = discovery.benchmark(
-            cases, chosen, workers, scheduler=scheduler,
-            progress=lambda done, every: tick(done / every, f'{done} of {every}'))
+    if against:
+        from fam_bundle_ros.benchmarks import discovery_against
+        discovery_against.methods()  # before hours of work, not after
+    with counter('benchmark-discovery') as tick:
+        result = discovery.benchmark(cases, chosen, workers, scheduler=scheduler, progress=tick)
     table(('measure', 'cases', 'value', 'target', ''),
           [(row['measure'], row['cases'], f'{row["value"]:.3f}',
             f'{"≥" if row["at_least"] else "≤"} {row["target"]:.3g}',
@@ -139,8 +131,7 @@ def benchmark_discovery(
               [(truth, ', '.join(f'{answer} {count}' for answer, count in answers.items()))
                for truth, answers in result['confusion'].items()], title='where it went wrong')
     if against:
-        from fam_bundle_ros.benchmarks.discovery_against import against as others
-        result['against'] = others(cases)
+        result['against'] = discovery_against.against(cases)
         table(('method', 'figures'), [(name, ', '.join(f'{key} {value}' for key, value in
                                                        row.items()))
                                       for name, row in result['against'].items()])
@@ -150,10 +141,8 @@ def benchmark_discovery(
 def _benchmark_real(folder: Path, workers: int | None, scheduler: str | None,
                     json_file: Path | None) -> None:
     from fam_bundle_ros.benchmarks import discovery_real
-    with progress_bar('benchmark-discovery') as tick:
-        result = discovery_real.benchmark(
-            folder, workers, scheduler=scheduler,
-            progress=lambda done, every: tick(done / every, f'{done} of {every}'))
+    with counter('benchmark-discovery') as tick:
+        result = discovery_real.benchmark(folder, workers, scheduler=scheduler, progress=tick)
     table(('measurement', 'kept away', 'verdict', 'effects', 'error (N)', 'effects alone (N)',
            'empirical (N)', 'ratio'),
           [(row['data'], row['away'], row['verdict'].replace('_', ' '), ', '.join(row['effects']),
@@ -178,8 +167,7 @@ def bench(
                                          min=0.001, max=10.0)] = 1.0,
     warm: Annotated[bool, typer.Option('--warm', help='Measure nothing: fill the cache of '
                                        'compiled code.')] = False,
-    out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
-                                             'page (HTML).')] = None,
+    out: PageFile = None,
     json_file: JsonFile = None,
 ) -> None:
     """
@@ -225,8 +213,7 @@ def _cells(result: Any) -> list[tuple[Any, ...]]:
     """Return a row of the table for each figure."""
     if result.skipped:
         return [(result.row.name, 'not measured', *[''] * 7)]
-    return [(result.row.name, figure.what, figure.value, figure.unit, figure.beside or '',
-             figure.peer, figure.ratio or '', figure.asked, figure.verdict)
+    return [(result.row.name, *('' if cell is None else cell for cell in figure.cells))
             for figure in result.figures]
 
 

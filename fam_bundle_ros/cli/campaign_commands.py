@@ -11,11 +11,11 @@ import typer
 from fam_bundle_ros.cli.common import (
     AllowPython,
     console,
+    counter,
     JsonFile,
     ModelOption,
     muscle_of,
     Odds,
-    progress_bar,
     save_json,
     SchedulerOption,
     show_muscle,
@@ -24,16 +24,10 @@ from fam_bundle_ros.cli.common import (
     WorkersOption,
     wrote,
 )
-from fam_bundle_ros.cli.data_commands import PANEL
 from fam_bundle_ros.resources import model_path
 
 #: Lines of failed recordings that are printed; the page has all.
 _MOST = 10
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('campaign', rich_help_panel=PANEL)(campaign)
 
 
 def campaign(
@@ -70,22 +64,20 @@ def campaign(
     from fam_bundle_ros.discovery import Choices
     from fam_bundle_ros.report.campaign_page import campaign_page
     from fam_bundle_ros.report.page import write_page
-    with progress_bar('campaign') as tick:
+    with counter('campaign') as tick:
         result = run_campaign(
             folder, model, out, recipe=recipe, specimens=specimens, pattern=pattern,
             choices=Choices(unexplained=unexplained, odds=odds), allow_python=allow_python,
-            workers=workers, scheduler=scheduler,
-            progress=lambda done, every, file: tick(done / every, f'{done} of {every}, {file}'))
+            workers=workers, scheduler=scheduler, progress=tick)
     show_muscle(result.model)
     known = len(result.recordings) - result.computed
-    console.print(escape(str(result).splitlines()[0])
+    console.print(escape(result.summary)
                   + (f'; {known} needed no work this time' if known else ''), soft_wrap=True)
     table(('effect', 'muscles that lack it', 'of', 'tied'),
           [(share.effect, share.muscles, share.of, share.tied) for share in result.shares],
           numeric=(1, 2, 3))
-    for line in str(result).splitlines()[1:]:
-        if ' is missing in ' not in line:
-            console.print(escape(line), soft_wrap=True)
+    for found in (*result.clear_contrasts, *result.clear_trends):
+        console.print(escape(str(found)), soft_wrap=True)
     for row in result.failed[:_MOST]:
         console.print(f"failed: {escape(row['file'])}: {escape(row['error'])}", soft_wrap=True)
     if len(result.failed) > _MOST:

@@ -21,6 +21,7 @@ import typer
 
 from fam_bundle_ros import palette
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.report.numbers import shown
 from fam_bundle_ros.resources import data_path, model_path
 
 #: A pipe or a file has no width: wide enough that no row of a table is folded for it.
@@ -47,6 +48,15 @@ Unexplained = Annotated[float, typer.Option(
     "law is normal, as a share of the force's standard deviation.")]
 Odds = Annotated[float, typer.Option('--odds', min=1.0, help='Sets of effects at most so many '
                                      'times less probable than the best are ties.')]
+PageFile = Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write '
+                                               'the page (HTML).')]
+Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace of '
+                                        'the bundle.')]
+ControllerModel = Annotated[str | None, typer.Option(
+    '--model', '-m', metavar='MODEL', help='Model of the controller, and of the simulated rig.')]
+PlantModel = Annotated[str | None, typer.Option(
+    '--plant-model', metavar='MODEL', help='Model of the simulated rig: a hidden effect.')]
+Names = Annotated[str, typer.Option(help='Names with commas between, or all.')]
 ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help='Model file, or '
                                           'a name that ships.')]
 
@@ -214,10 +224,22 @@ def quantity(text: str, like: str, option: str) -> float:
         raise InputError(f'{option}: {error}') from error
 
 
+def yaml_to_write(path: Path, what: str = 'model') -> None:
+    """Raise InputError for a path that does not end as YAML does."""
+    if path.suffix not in ('.yaml', '.yml'):
+        raise InputError(f'{path}: expected the name of a {what} file (.yaml) to write')
+
+
+def ask_leave(question: str, yes: bool) -> None:
+    """Ask before air goes in, unless ``yes``; InputError where the answer is no."""
+    if not (yes or typer.confirm(question)):
+        raise InputError('no leave: nothing was done')
+
+
 def save_json(path: Path | None, result: Any) -> None:
     """Write the result where ``--json`` asks for it."""
     if path is not None:
-        from fam_bundle_ros.report.files import write_json
+        from fam_bundle_ros.jsonfile import write_json
         write_json(path, result)
         wrote(path)
 
@@ -253,16 +275,11 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ''
     console.print(grid)
 
 
-def shown(value: Any) -> str:
-    """Return a cell's text."""
-    if value is None or (isinstance(value, float) and value != value):
-        return '–'
-    if isinstance(value, bool):
-        return 'yes' if value else 'no'
-    if isinstance(value, float):
-        from fam_bundle_ros.report.numbers import number
-        return number(value)
-    return str(value)
+def parameter_table(parameters: Iterable[Any]) -> None:
+    """Print estimates with their 95 % intervals."""
+    table(('parameter', 'value', 'unit', '95 % interval', 'note'),
+          [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}', e.flag)
+           for e in parameters], numeric=(1,))
 
 
 @contextmanager
@@ -287,6 +304,14 @@ def progress_bar(words: str) -> Iterator[Callable[..., None]]:
             bar.update(task, completed=share, description=f'{words}: {what}' if what else words)
 
         yield tick
+
+
+@contextmanager
+def counter(words: str) -> Iterator[Callable[..., None]]:
+    """Show a `progress_bar`; yields a function of how many are done, of how many, and a word."""
+    with progress_bar(words) as tick:
+        yield lambda done, every, what='': tick(
+            done / every, f'{done} of {every}{f", {what}" if what else ""}')
 
 
 def effect_name(name: str) -> Text:

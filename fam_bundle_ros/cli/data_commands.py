@@ -18,6 +18,8 @@ from fam_bundle_ros.cli.common import (
     notes,
     Odds,
     open_model,
+    PageFile,
+    parameter_table,
     progress_bar,
     read_data,
     Reading,
@@ -27,26 +29,15 @@ from fam_bundle_ros.cli.common import (
     table,
     Unexplained,
     wrote,
+    yaml_to_write,
 )
 from fam_bundle_ros.cli.specimens import diagnose_table
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
 
-PANEL = 'Discovery'
-
 DataArgument = Annotated[str, typer.Argument(metavar='DATA', help='Log (CSV or text, .xlsx, '
                                              '.lvm, .tdms, .mat, .parquet), ROS 2 bag, or '
                                              'the name of data that ships.')]
-PageFile = Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write '
-                                               'the page (HTML).')]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('compare', rich_help_panel=PANEL)(compare)
-    app.command('diagnose', rich_help_panel=PANEL)(diagnose)
-    app.command('convert', rich_help_panel=PANEL)(convert)
-    app.command('workbench', rich_help_panel=PANEL)(workbench)
 
 
 @reads_data
@@ -124,8 +115,8 @@ def diagnose(
     bundle = open_model(model, allow_python)
     choices = discovery.Choices(unexplained=unexplained, odds=odds)
     for what, file in (('model', model_out), ('protocol', protocol_out)):
-        if file is not None and file.suffix not in ('.yaml', '.yml'):
-            raise InputError(f'{file}: expected the name of a {what} file (.yaml) to write')
+        if file is not None:
+            yaml_to_write(file, what)
     if specimens is not None:
         for option, file in (('--out', out), ('--protocol-out', protocol_out)):
             if file is not None:
@@ -165,9 +156,7 @@ def diagnose(
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
     if result.parameters:
-        table(('parameter', 'value', 'unit', '95 % interval', 'note'),
-              [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}',
-                e.flag) for e in result.parameters], numeric=(1,))
+        parameter_table(result.parameters)
     if result.shapes_left and result.verdict in ('unexplained', 'partial'):
         console.print('the error that is left looks like', style='bold')
         for shape in result.shapes_left:

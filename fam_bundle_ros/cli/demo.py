@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command `demo`: the whole story on simulated hardware, told by the numbers of its runs."""
+"""The command `demo`: closed loop on simulated hardware, a better model, and a report."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -45,7 +45,7 @@ def demo(
     A force and a strain trajectory that recruit the second motor unit and release it, then a
     model of a measured muscle that gets better step by step.
     """
-    # the nodes of the demo are nobody else's business
+    # other machines need not see the nodes of the demo
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     begin = time.perf_counter()
     with _fresh_folder(out) as folder, _steps() as step:
@@ -106,9 +106,9 @@ def _improve(step: Step) -> Any:
 
 def _write(folder: Path, runs: list[Any], diagnosis: Any, bundle: Any, seed: int,
            begin: float) -> dict[str, Any]:
+    from fam_bundle_ros.jsonfile import write_json
     from fam_bundle_ros.plant import RigConfig
     from fam_bundle_ros.report.demo_page import demo_metrics, demo_page
-    from fam_bundle_ros.report.files import write_json
     from fam_bundle_ros.report.page import write_page
     from fam_bundle_ros.report.paper import paper_figures
     found = demo_metrics(runs, diagnosis, bundle, RigConfig(), time.perf_counter() - begin, seed)

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from fam_bundle_ros.cli.bench_commands import PANEL, pick
+from fam_bundle_ros.cli.bench_commands import pick
 from fam_bundle_ros.cli.common import (
+    counter,
     JsonFile,
-    progress_bar,
+    Names,
     save_json,
     SchedulerOption,
     table,
@@ -20,15 +21,10 @@ from fam_bundle_ros.cli.common import (
 from fam_bundle_ros.errors import InputError
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('benchmark-faults', rich_help_panel=PANEL)(benchmark_faults)
-
-
 def benchmark_faults(
     faults: Annotated[str, typer.Option(help='Names with commas between, all, or none.')] = 'all',
-    phases: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
-    policies: Annotated[str, typer.Option(help='Names with commas between, or all.')] = 'all',
+    phases: Names = 'all',
+    policies: Names = 'all',
     work: Annotated[float, typer.Option(help='Minutes of work in which nothing is wrong, for '
                                         'false alarms.', min=0.0)] = 4.0,
     ros: Annotated[bool, typer.Option('--ros', help='Also kill, stop and restart each node, one '
@@ -63,9 +59,8 @@ def benchmark_faults(
              *benchmark.work_cases(work, policy_names[-1], seed)]
     if not cases:
         raise InputError('--faults none and --work 0: nothing to run')
-    with progress_bar('benchmark-faults') as tick:
-        rows = run_cases(cases, workers,
-                         lambda done, every, what: tick(done / every, what), scheduler)
+    with counter('benchmark-faults') as tick:
+        rows = run_cases(cases, workers, tick, scheduler)
     result = result_of(cases, rows)
     table(tables.FAULT_HEAD, [tables.fault_cells(line) for line in result['faults']],
           title=f'{len(rows)} runs, the worst fault first', numeric=range(1, 13))
@@ -73,9 +68,8 @@ def benchmark_faults(
           numeric=range(1, 5))
     if ros:
         from fam_bundle_ros.nodes.fault_processes import run_processes
-        with progress_bar('nodes killed and stopped') as tick:
-            result['processes'] = run_processes(
-                lambda done, every, what: tick(done / every, what))
+        with counter('nodes killed and stopped') as tick:
+            result['processes'] = run_processes(tick)
         table(tables.PROCESS_HEAD, [tables.process_cells(row) for row in result['processes']],
               title='one process a node, in wall time', numeric=(3, 4, 5, 6))
     if out is not None:

@@ -16,6 +16,8 @@ from fam_bundle_ros.cli.common import (
     muscle_of,
     notes,
     open_model,
+    PageFile,
+    parameter_table,
     read_data,
     Reading,
     reads_data,
@@ -23,19 +25,14 @@ from fam_bundle_ros.cli.common import (
     show_muscle,
     table,
     wrote,
+    yaml_to_write,
 )
-from fam_bundle_ros.cli.data_commands import DataArgument, PageFile, PANEL
+from fam_bundle_ros.cli.data_commands import DataArgument
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
 
 #: More effects than this have too many orders to be shown.
 _MOST_ORDERED = 3
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('add', rich_help_panel=PANEL)(add)
-    app.command('ladder', rich_help_panel=PANEL)(ladder)
 
 
 @reads_data
@@ -75,8 +72,7 @@ def add(
                              'take from it')
         library = open_model(source, allow_python)
         wanted = [library.effect(effect) for effect in wanted]
-    if out.suffix not in ('.yaml', '.yml'):
-        raise InputError(f'{out}: expected the name of a model file (.yaml) to write')
+    yaml_to_write(out)
     swaps = {}
     for text in replacing or []:
         old, sign, new = text.partition('=')
@@ -97,9 +93,7 @@ def add(
     console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
                   f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on data left out; '
                   f'noise floor {result.noise.value:.3g} N', soft_wrap=True)
-    table(('parameter', 'value', 'unit', '95 % interval', 'note'),
-          [(e.key, f'{e.value:.4g}', e.unit, f'{e.interval[0]:.4g} to {e.interval[1]:.4g}', e.flag)
-           for e in result.parameters], numeric=(1,))
+    parameter_table(result.parameters)
     wrote(out)
     save_json(json_file, {**result.to_dict(), 'out': out, 'muscle': muscle_of(result.model),
                           'data': measured.to_dict()})

@@ -10,11 +10,15 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     AllowPython,
+    ask_leave,
     console,
+    ControllerModel,
     JsonFile,
+    Namespace,
     notes,
     open_model,
     PAPER,
+    PlantModel,
     progress_bar,
     save_json,
     show_muscle,
@@ -23,7 +27,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.errors import InputError
 
-#: So many segments are listed; of more the first and the last.
+#: Segments that are listed; of more the first ones and the last.
 _LISTED = 20
 
 
@@ -32,18 +36,15 @@ def measure(
                                             'of one that ships, such as spie2021.')],
     out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='New CSV for the '
                                       'recording.')] = Path('measured.csv'),
-    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model of '
-                                              'the controller, and of the simulated rig.')] = None,
-    plant_model: Annotated[str | None, typer.Option(metavar='MODEL', help='Model of the '
-                                                    'simulated rig: a hidden effect.')] = None,
+    model: ControllerModel = None,
+    plant_model: PlantModel = None,
     rig: Annotated[bool, typer.Option('--rig', help='Use the bundle that runs already, a rig and '
                                       'its controller, instead of a simulated one.')] = False,
     resume: Annotated[bool, typer.Option('--resume', help='Go on with an experiment that did not '
                                          'end: complete segments are kept.')] = False,
     dry_run: Annotated[bool, typer.Option('--dry-run', help='Only say what would be done, and '
                                           'how long it takes.')] = False,
-    namespace: Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace '
-                                           'of the bundle.')] = 'bundle',
+    namespace: Namespace = 'bundle',
     seed: Annotated[int, typer.Option(help='Of the noise of the simulated rig.', min=0)] = 0,
     yes: Annotated[bool, typer.Option('--yes', help='With --rig: do not ask.')] = False,
     json_file: JsonFile = None,
@@ -80,7 +81,8 @@ def measure(
         save_json(json_file, result)
         return
     if rig:
-        _ask_leave(plan, yes)
+        ask_leave(f'Now the muscles are filled, up to {max(plan.highest) / 1e3:.0f} kPa, and '
+                  'moved: is everybody away from them and the stop button at hand?', yes)
     try:
         with progress_bar('measure') as tick:
             drive(plan, out, bundle, plant_model=plant, rig=rig, resume=resume,
@@ -116,11 +118,3 @@ def _announce(plan: Any, done: frozenset[int], rig: bool) -> dict[str, Any]:
                   + ('' if rig else ' (a simulated rig takes less)'), soft_wrap=True)
     table(('segment', 'from', 'what'), rows)
     return {'protocol': plan.name, 'segments': len(planned), 'done': len(done), 'seconds': left}
-
-
-def _ask_leave(plan: Any, yes: bool) -> None:
-    """Ask before air goes in."""
-    text = (f'Now the muscles are filled, up to {max(plan.highest) / 1e3:.0f} kPa, and moved: is '
-            'everybody away from them and the stop button at hand?')
-    if not (yes or typer.confirm(text)):
-        raise InputError('no leave: nothing was done')

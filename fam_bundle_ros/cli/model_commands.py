@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that need a model only: `new-model`, `map`, `effects`, `tune`."""
+"""Commands that need a model only: `map`, `effects`, `tune`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,23 +23,13 @@ from fam_bundle_ros.cli.common import (
     table,
     wrote,
 )
-from fam_bundle_ros.cli.new_model import new_model
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import model_path
 from fam_bundle_ros.units import spaced
 
-PANEL = 'Model'
 ChosenModel = Annotated[str | None, typer.Argument(metavar='[MODEL]', help='Model file, or a name '
                                                    'that ships; by default the bundle of the '
                                                    'paper, and that is said.')]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('new-model', rich_help_panel=PANEL)(new_model)
-    app.command('map', rich_help_panel=PANEL)(draw_map)
-    app.command('effects', rich_help_panel=PANEL)(effects)
-    app.command('tune', rich_help_panel=PANEL)(tune)
 
 
 def draw_map(

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command `new-model`: a model file of one's own muscle, by options or by questions."""
+"""The command `new-model`: a model file of the user's own muscle, by options or questions."""
 
 from pathlib import Path
 import sys
@@ -9,10 +9,16 @@ from typing import Annotated
 from rich.markup import escape
 import typer
 
-from fam_bundle_ros.cli.common import console, JsonFile, notes, save_json, table, wrote
+from fam_bundle_ros.cli.common import (
+    console,
+    JsonFile,
+    notes,
+    save_json,
+    table,
+    wrote,
+    yaml_to_write,
+)
 from fam_bundle_ros.errors import InputError
-
-_KINDS = ('.yaml', '.yml')
 
 
 def new_model(
@@ -62,8 +68,7 @@ def new_model(
         return
     if out is None:
         raise InputError('new-model: no OUT; expected the name of the model file (.yaml) to write')
-    if out.suffix not in _KINDS:
-        raise InputError(f'{out}: expected the name of a model file (.yaml) to write')
+    yaml_to_write(out)
     if out.exists() and not force:
         raise InputError(f'{out}: is there already; expected another name, or --force')
     given = {'radius': radius, 'length': length, 'braid_angle': braid_angle,

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that speak ROS 2: `demo`, `run`, `measure`, `record`, `check-rig`."""
+"""Commands that speak ROS 2: `run`, `record`, `check-rig`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,10 +10,14 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     AllowPython,
+    ask_leave,
     console,
+    ControllerModel,
     JsonFile,
+    Namespace,
     open_model,
     PAPER,
+    PlantModel,
     progress_bar,
     quantity,
     save_json,
@@ -21,33 +25,14 @@ from fam_bundle_ros.cli.common import (
     table,
     wrote,
 )
-from fam_bundle_ros.cli.demo import demo
-from fam_bundle_ros.cli.measure_command import measure
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path, model_path
-
-PANEL = 'Rig and ROS 2'
-
-Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace of '
-                                        'the bundle.')]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command('demo', rich_help_panel=PANEL)(demo)
-    app.command('run', rich_help_panel=PANEL, context_settings={
-        'allow_extra_args': True, 'ignore_unknown_options': True})(run)
-    app.command('measure', rich_help_panel=PANEL)(measure)
-    app.command('record', rich_help_panel=PANEL)(record)
-    app.command('check-rig', rich_help_panel=PANEL)(check_rig)
 
 
 def run(
     context: typer.Context,
-    model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model of '
-                                              'the controller, and of the simulated rig.')] = None,
-    plant_model: Annotated[str | None, typer.Option(metavar='MODEL', help='Model of the '
-                                                    'simulated rig: a hidden effect.')] = None,
+    model: ControllerModel = None,
+    plant_model: PlantModel = None,
     trajectory: Annotated[str | None, typer.Option('--trajectory', '-t', metavar='FILE',
                                                    help='Trajectory file, or one that ships.'
                                                    )] = None,
@@ -160,7 +145,9 @@ def check_rig(
     result: dict[str, Any] = {'ok': all(finding.ok for finding in findings),
                               'findings': findings}
     if active and model is not None and result['ok']:
-        _ask_leave(low, yes)
+        ask_leave('Now the valves are opened one at a time, up to the supply: is the regulator '
+                  f'at {low / 1e3:.0f} kPa, is everybody away from the muscles, are hoses tied '
+                  'down and the stop button at hand?', yes)
         from fam_bundle_ros.nodes.rig_probe import probe_rig
         with progress_bar('check-rig --active') as tick:
             probe = probe_rig(bundle, low, namespace=namespace.strip('/'), tube_volume=tube,
@@ -180,15 +167,6 @@ def _show(findings: Any) -> None:
     styles = {'ok': 'green', 'note': 'yellow', 'FAIL': 'bold red'}
     table(('', 'what', 'seen'), [(Text(finding.verdict, style=styles[finding.verdict]),
                                   finding.what, finding.detail) for finding in findings])
-
-
-def _ask_leave(supply: float, yes: bool) -> None:
-    """Ask before air goes in."""
-    text = (f'Now the valves are opened one at a time, up to the supply: is the regulator at '
-            f'{supply / 1e3:.0f} kPa, is everybody away from the muscles, are hoses tied down and '
-            'the stop button at hand?')
-    if not (yes or typer.confirm(text)):
-        raise InputError('no leave: nothing was opened')
 
 
 def _write_rig(out: Path, model: str, supply: float, parameters: dict[str, Any]) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.data.measurement import build, MAX_ROWS, Measurement
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
 _GAP_PERIODS = 20.0
@@ -48,17 +49,14 @@ def read_bag(path: Path, *, rest_length: float | None = None,
     InputError
         Where rosbags is not installed, the bag cannot be read, or a topic is missing.
     """
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import get_typestore, Stores
-    except ImportError as error:
-        raise InputError(f'{path.name}: reading a bag needs the package rosbags; install the '
-                         'extra `tools`') from error
+    reading, types = (library(f'rosbags.{module}', f'{path.name}: reading a bag')
+                      for module in ('highlevel', 'typesys'))
     label = name or path.name
     if path.is_dir() and not (path / 'metadata.yaml').is_file():
         raise InputError(f'{label}: a folder without metadata.yaml; expected a ROS 2 bag or a CSV')
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        with reading.AnyReader([path], default_typestore=types.get_typestore(
+                types.Stores.ROS2_JAZZY)) as reader:
             topics = _topics(label, reader.connections)
             series = _collect(label, reader, topics)
     except InputError:

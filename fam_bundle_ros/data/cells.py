@@ -11,8 +11,8 @@ import warnings
 import numpy as np
 
 from fam_bundle_ros.data.formats.layout import is_blank, is_number
-from fam_bundle_ros.data.formats.table import pandas_of
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 _CLOCK = re.compile(r'(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+)?)\s*([AaPp][Mm])?')
 _DAY = 86400.0
@@ -95,7 +95,7 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
         # the clock starts anew at midnight
         values[filled] = clock + _DAY * np.cumsum(np.diff(clock, prepend=clock[:1]) < -_DAY / 2)
         return values
-    pandas = pandas_of(name)
+    pandas = library('pandas', f'{name}: reading it')
     cells = [re.sub(r'(?<=\d),(?=\d)', '.', text[i]) for i in filled]
     for how in ({'format': 'ISO8601'}, {'dayfirst': _day_first(cells)},
                 {'format': 'mixed', 'dayfirst': _day_first(cells)}):

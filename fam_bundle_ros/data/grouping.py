@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Groups of samples that people think in: isobars, strain bins, directions, blocks of a log."""
+"""Groups of samples that people think in: isobars, strain bins, reversals."""
 
 from __future__ import annotations
 
@@ -49,33 +49,6 @@ def strain_bins(strain: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]
         middle = (levels[1:] + levels[:-1]) / 2
         edges = np.concatenate([[levels[0] - 1e-6], middle, [levels[-1] + 1e-6]])
     return np.clip(np.searchsorted(edges, strain, side='right') - 1, 0, len(edges) - 2), edges
-
-
-def blocks(measurement: Measurement) -> dict[str, np.ndarray]:
-    """
-    Return the ways to leave data out: name of the scheme to a block label per sample (T,) int.
-
-    `isobar`, `strain`, `trial`, `direction`, `time`: those that the data offers.
-    """
-    schemes: dict[str, np.ndarray] = {}
-    unit = varying_unit(measurement)
-    level, means = pressure_levels(measurement.pressure[:, unit])
-    if len(means) >= 3:
-        schemes['isobar'] = merge(level, 8)
-    trials = len(measurement.trial_names)
-    if trials >= 3:
-        schemes['trial'] = merge(measurement.trial, 8)
-    if measurement.is_static:
-        bins, edges = strain_bins(measurement.strain, 6)
-        if len(edges) > 3:
-            schemes['strain'] = bins
-        return schemes
-    if len(np.unique(measurement.direction[measurement.direction != 0])) == 2:
-        schemes['direction'] = (measurement.direction > 0).astype(int)
-    if trials < 8:
-        rows = np.arange(len(measurement))
-        schemes['time'] = np.minimum(rows * 8 // len(rows), 7)
-    return schemes
 
 
 def merge(labels: np.ndarray, most: int) -> np.ndarray:

@@ -223,12 +223,16 @@ def counted(number: int, noun: str) -> str:
 
 
 def file_digest(path: str | Path) -> str:
-    """Return a file's SHA-256 in hex, read in pieces."""
-    digest = hashlib.sha256()
-    with open(path, 'rb') as stream:
-        for piece in iter(lambda: stream.read(1 << 20), b''):
-            digest.update(piece)
-    return digest.hexdigest()
+    """Return the SHA-256 of a file, or of all files of a folder with their names, in hex."""
+    path = Path(path)
+    if not path.is_dir():
+        with path.open('rb') as stream:
+            return hashlib.file_digest(stream, 'sha256').hexdigest()
+    whole = hashlib.sha256()
+    for file in sorted(path.rglob('*')):
+        if file.is_file():
+            whole.update(f'{file.relative_to(path)} {file_digest(file)}\n'.encode())
+    return whole.hexdigest()
 
 
 def write_csv(measurement: Measurement, path: str | Path,

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
-import json
 from typing import Any
 
 import numpy as np
@@ -29,9 +28,10 @@ from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of
 from fam_bundle_ros.discovery.predict import matched, predict
-from fam_bundle_ros.discovery.result import finite, Recommended
+from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.jsonfile import to_json
 from fam_bundle_ros.model import Bundle, catalogue, Effect
 from fam_bundle_ros.told import Told
 
@@ -95,7 +95,7 @@ class Added(Told):
 
     def to_json(self) -> str:
         """Return `to_dict` as JSON."""
-        return json.dumps(finite(self.to_dict()), indent=1)
+        return to_json(self.to_dict())
 
     def to_frame(self) -> Any:
         """Return the parameters as a pandas DataFrame."""
@@ -249,7 +249,7 @@ class Ladder(Told):
 
     def to_json(self) -> str:
         """Return `to_dict` as JSON."""
-        return json.dumps(finite(self.to_dict()), indent=1)
+        return to_json(self.to_dict())
 
     def to_frame(self) -> Any:
         """Return the steps as a pandas DataFrame."""

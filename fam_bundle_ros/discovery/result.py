@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-import json
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.locate import Region
 from fam_bundle_ros.discovery.posterior import LikelySet
 from fam_bundle_ros.discovery.templates import Template
+from fam_bundle_ros.jsonfile import to_json
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
 
@@ -292,7 +292,7 @@ class Diagnosis(Told):
 
     def to_json(self) -> str:
         """Return `to_dict` as JSON (numbers that are not finite become null)."""
-        return json.dumps(finite(self.to_dict()), indent=1)
+        return to_json(self.to_dict())
 
     def to_frame(self) -> Any:
         """Return the ranking as a pandas DataFrame."""
@@ -307,18 +307,3 @@ class Diagnosis(Told):
         """Return the plotly figure of the candidates (extra `tools`)."""
         from fam_bundle_ros.discovery import figures
         return figures.diagnosis(self)
-
-
-def finite(value: Any) -> Any:
-    """Return a tree with numpy numbers made plain and numbers that are not finite made None."""
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(item) for item in value]
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return value

@@ -25,6 +25,7 @@ from fam_bundle_ros.data.protocol import save_protocol
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.processes import environment, own_stdout
 
 __all__ = ['Done', 'Worker']
 
@@ -81,12 +82,9 @@ class Worker:
         self.share, self.words = 0.0, 'starting'
         self._files = Path(folder) / f'{name}.json', Path(folder) / f'{name}.model.yaml'
         job = pickle.dumps((model, data, *map(str, self._files), choices))
-        # one thread: the other cores are for what runs beside it
-        environment = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1',
-                       'PYTHONPATH': os.pathsep.join(part for part in sys.path if part)}
         # a session of its own: Ctrl-C in a terminal is for who started it
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'fam_bundle_ros.discovery.worker'], env=environment,
+            [sys.executable, '-m', 'fam_bundle_ros.discovery.worker'], env=environment(),
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -171,9 +169,7 @@ def run(model: Bundle, data: Measurement, file: str, model_file: str,
 
 def main() -> None:
     """Do the job on standard input."""
-    # whatever a library prints must not get among the lines
-    out = os.fdopen(os.dup(sys.stdout.fileno()), 'w', buffering=1)
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    out = own_stdout()
 
     def tell(share: float, words: str) -> None:
         out.write(json.dumps({'share': share, 'words': words}) + '\n')

@@ -38,9 +38,11 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, String, UInt8
 from std_srvs.srv import SetBool, Trigger
 
+from fam_bundle_ros.jsonfile import plain
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.processes import own_stdout
 
 #: s between two samples, looks at the orders, and looks at who is there.
 _PERIOD, _POLL, _LOOK = 0.1, 0.05, 1.0
@@ -228,23 +230,13 @@ class LiveFeed(BundleNode):
         self._tell({'kind': 'answer', 'name': name, 'success': success, 'message': message})
 
 
-def finite(value: Any) -> Any:
-    """Return None for numbers that are not finite: JSON has none."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, list):
-        return [finite(item) for item in value]
-    return value
-
-
 def main(args: list[str] | None = None) -> int:
     """Run the node; the exit status."""
-    out = os.fdopen(os.dup(sys.stdout.fileno()), 'w', buffering=1)
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    out = own_stdout()
 
     def tell(record: dict[str, Any]) -> None:
         try:
-            out.write(json.dumps({key: finite(value) for key, value in record.items()}) + '\n')
+            out.write(json.dumps(plain(record)) + '\n')
         except BrokenPipeError:
             pass  # nobody reads any more: standard input ends too
 

@@ -9,7 +9,8 @@ from fam_bundle_ros.benchmarks.speed import Result
 from fam_bundle_ros.report.page import Page, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
-_COLUMNS = ('what', 'measured', 'unit', 'beside', 'of', 'ratio', 'to reach', '')
+#: Of `Figure.cells`.
+FIGURE_HEAD = ('what', 'measured', 'unit', 'beside', 'of', 'ratio', 'to reach', '')
 
 
 def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
@@ -27,8 +28,8 @@ def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
     reached = sum(figure.reached is True for figure in asked)
     sections = [
         Section(f'{result.row.name}: {result.row.what}', '; '.join(result.remarks), [
-            Table(_COLUMNS, [(f.what, f.value, f.unit, f.beside, f.peer, f.ratio, f.asked,
-                              f.verdict) for f in result.figures])] if result.figures else [])
+            Table(FIGURE_HEAD, [figure.cells for figure in result.figures])]
+                if result.figures else [])
         for result in results]
     return Page('How fast the parts run',
                 f'{reached} of {len(asked)} figures are reached. Ratios were measured in one run '

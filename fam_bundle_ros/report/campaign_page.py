@@ -13,8 +13,7 @@ from fam_bundle_ros.campaign.trends import LEAST
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report import campaign_figures as figures
 from fam_bundle_ros.report.map_page import effects_table, units_table
-from fam_bundle_ros.report.page import Headline, Page, Section, Table
-from fam_bundle_ros.report.picture import Picture
+from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
 __all__ = ['campaign_page']

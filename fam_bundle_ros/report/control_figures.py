@@ -14,7 +14,7 @@ from fam_bundle_ros.report.paper import force_strain_space
 from fam_bundle_ros.report.paper_plots import state_regions
 from fam_bundle_ros.simulation import Log
 
-__all__ = ['air', 'compared', 'run', 'track']
+__all__ = ['compared', 'run', 'track']
 
 #: More points than this in one line only slow the page down.
 MOST_POINTS = 2500
@@ -38,25 +38,24 @@ def run(log: Log) -> go.Figure:
     time, scale = log.time[keep], _scale(log.kind)
     reached = (log.force if log.kind == 'force' else log.strain)[keep] * scale
     what = 'force (N)' if log.kind == 'force' else 'strain (%)'
-    drawing.add_trace(plotting.line(time, reached, 'reached', palette.CONTROLLERS[0], width=2.2,
-                                    hovertemplate='%{y:.2f}'), row=1, col=1)
-    drawing.add_trace(plotting.line(time, log.reference[keep] * scale, 'asked for',
-                                    plotting.INK, 'dash', 1.3, hovertemplate='%{y:.2f}'),
-                      row=1, col=1)
-    drawing.add_trace(plotting.line(time, log.error[keep] * scale, 'error',
-                                    palette.CONTROLLERS[0], width=1.3, showlegend=False,
-                                    hovertemplate='%{y:.3f}'), row=2, col=1)
+
+    def add(row: int, values: Any, name: str, colour: Any, dash: str = 'solid', width: float = 2.0,
+            hover: str = '%{y:.2f}', **more: Any) -> None:
+        drawing.add_trace(plotting.line(time, values, name, colour, dash, width,
+                                        hovertemplate=hover, **more), row=row, col=1)
+
+    add(1, reached, 'reached', palette.CONTROLLERS[0], width=2.2)
+    add(1, log.reference[keep] * scale, 'asked for', plotting.INK, 'dash', 1.3)
+    add(2, log.error[keep] * scale, 'error', palette.CONTROLLERS[0], width=1.3,
+        hover='%{y:.3f}', showlegend=False)
     drawing.add_hline(0.0, row=2, col=1, line={'color': palette.NEUTRAL['faint'].light,
                                                'width': 1})
     for unit in range(log.pressure.shape[1]):
-        colour = palette.recruitment_state(unit + 1)
-        name = f'MU{unit + 1}'
-        drawing.add_trace(plotting.line(time, log.pressure[keep, unit] / 1e3, name, colour,
-                                        width=2.0, legendgroup=name,
-                                        hovertemplate='%{y:.1f} kPa'), row=3, col=1)
-        drawing.add_trace(plotting.line(time, log.setpoint[keep, unit] / 1e3, f'{name} asked for',
-                                        colour, 'dot', 1.2, legendgroup=name, showlegend=False,
-                                        hovertemplate='%{y:.1f} kPa'), row=3, col=1)
+        colour, name = palette.recruitment_state(unit + 1), f'MU{unit + 1}'
+        add(3, log.pressure[keep, unit] / 1e3, name, colour, hover='%{y:.1f} kPa',
+            legendgroup=name)
+        add(3, log.setpoint[keep, unit] / 1e3, f'{name} asked for', colour, 'dot', 1.2,
+            '%{y:.1f} kPa', legendgroup=name, showlegend=False)
     _strip(drawing, log, keep)
     for row, title in ((1, what), (2, f'error ({what.partition("(")[2]}'), (3, 'pressure (kPa)'),
                        (4, 'state')):
@@ -93,11 +92,11 @@ def _strip(drawing: go.Figure, log: Log, keep: Any) -> None:
                          row=4, col=1)
 
 
-def track(log: Log, model: Bundle, reading: str = 'included') -> go.Figure:
+def track(log: Log, model: Bundle) -> go.Figure:
     """Draw the force-strain track over the regions of the recruitment states."""
     space = force_strain_space(model)
     drawing = plotting.figure('strain', 'force of the bundle (N)', height=460)
-    for trace in state_regions(space, reading):
+    for trace in state_regions(space, 'included'):
         drawing.add_trace(trace)
     keep = _thin(len(log.time))
     drawing.add_trace(plotting.line(log.strain[keep], log.force[keep], 'track', plotting.INK,
@@ -111,17 +110,8 @@ def track(log: Log, model: Bundle, reading: str = 'included') -> go.Figure:
     return drawing
 
 
-def compared(logs: Mapping[str, Log], window: tuple[float, float] | None = None) -> go.Figure:
-    """
-    Draw the same trajectory under several controllers: tracking above, error below.
-
-    Parameters
-    ----------
-    logs : mapping of str to Log
-        By the name that the legend shows; of one trajectory.
-    window : (float, float), s, optional
-        Stretch of time that is shown.
-    """
+def compared(logs: Mapping[str, Log]) -> go.Figure:
+    """Draw one trajectory under several controllers, by their names: tracking, error below."""
     first = next(iter(logs.values()))
     scale = _scale(first.kind)
     drawing = make_subplots(2, 1, shared_xaxes=True, row_heights=[0.6, 0.4],
@@ -143,18 +133,7 @@ def compared(logs: Mapping[str, Log], window: tuple[float, float] | None = None)
     drawing.update_yaxes(title_text=f'{first.kind} {unit}', row=1, col=1)
     drawing.update_yaxes(title_text=f'error {unit}', row=2, col=1)
     drawing.update_xaxes(title_text='time (s)', row=2, col=1)
-    drawing.update_xaxes(range=list(window or (float(first.time[0]), float(first.time[-1]))))
-    return drawing
-
-
-def air(logs: Mapping[str, Log]) -> go.Figure:
-    """Draw the air drawn from the supply over time (mg), one line per controller by its name."""
-    drawing = plotting.figure('time (s)', 'air drawn (mg)', height=320)
-    for k, (name, log) in zip(reversed(range(len(logs))), logs.items(), strict=True):
-        keep = _thin(len(log.time))
-        drawing.add_trace(plotting.line(log.time[keep], 1e6 * log.air[keep], name,
-                                        palette.CONTROLLERS[k % 4], width=1.8,
-                                        hovertemplate='%{y:.1f} mg'))
+    drawing.update_xaxes(range=[float(first.time[0]), float(first.time[-1])])
     return drawing
 
 

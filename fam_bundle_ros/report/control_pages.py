@@ -15,20 +15,18 @@ from fam_bundle_ros.report.control_tables import (
     plant_cells,
     PLANT_HEAD,
 )
-from fam_bundle_ros.report.page import Headline, Page, Section, Table
-from fam_bundle_ros.report.picture import Picture
+from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.simulation import Log
 
 __all__ = ['benchmark_page', 'run_pictures']
 
 
-def run_pictures(log: Log, model: Bundle, key: str, title: str, words: str = '') -> list[Picture]:
+def run_pictures(log: Log, model: Bundle, key: str, title: str) -> list[Picture]:
     """Return a run over time and its track over the regions of the recruitment states."""
     return [
         Picture(f'{key}-run', f'{title}: over time', control_figures.run(log),
-                f'{words} Tinted and below: the recruitment state. Dotted: pressures asked '
-                'for.'.strip()),
+                'Tinted and below: the recruitment state. Dotted: pressures asked for.'),
         Picture(f'{key}-track', f'{title}: over the regions of the recruitment states',
                 control_figures.track(log, model),
                 'The line is the run. Hatched: forces that both states can give; holding there '

@@ -13,8 +13,7 @@ from fam_bundle_ros.discovery import answer_figures, Comparison, Diagnosis, figu
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report.map_page import effects_table, units_table
-from fam_bundle_ros.report.page import Headline, Page, Section, Table
-from fam_bundle_ros.report.picture import Picture
+from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
 __all__ = ['comparison_page', 'comparison_sections', 'diagnosis_page', 'diagnosis_sections',
@@ -39,19 +38,32 @@ def comparison_page(result: Comparison, model: Bundle, files: Files = ()) -> Pag
 
 def comparison_sections(result: Comparison, model: Bundle) -> list[Section]:
     """Return measured against model, residual maps, loops, tables and noise."""
-    words = {'pressure': 'By pressure', 'strain': 'By strain', 'region': 'By region',
-             'direction': 'By direction', 'rate': 'By speed', 'motor_unit': 'By motor unit',
-             'trial': 'By trial'}
-    tables = [_error_table(words.get(name, name), rows)
+    words = {'rate': 'by speed', 'motor_unit': 'by motor unit'}
+    tables = [Table((words.get(name, f'by {name}'), 'rows', 'error (N)', 'mean (N)',
+                     'beyond noise'),
+                    [(row['label'], row['samples'], row['error_N'], row['bias_N'],
+                      row['beyond_noise']) for row in rows])
               for name, rows in result.tables.items() if len(rows) > 1]
+    noise = result.noise
     return [
         Section('Measured and model', '', _comparison_pictures(result, model)),
-        Section('Where it fails', _where(result),
+        Section('Where it fails', 'Regions whose error is beyond noise, largest first. The share '
+                'is of the squared error beyond noise; regions can overlap.',
                 [Table(('region', 'error (N)', 'mean (N)', 'share (%)', 'rows'),
                        [(r.where, r.error_N, r.bias_N, 100.0 * r.share, r.samples)
-                        for r in result.located])] if result.located else []),
+                        for r in result.located])]) if result.located else
+        Section('Where it fails', 'No region stands out of the noise.'),
         Section('Error in numbers', '', tables),
-        Section('Noise', _noise_words(result), [_noise_table(result)]),
+        Section('Noise', f'The floor is {noise.value:.3g} N, from {noise.basis}. {noise.note}'
+                f'\n\nLack of fit {result.lack_of_fit:.3g}: mean square of the cell means over '
+                'what noise alone would leave; about 1 for a model that is right.', [
+                    Table(('way', 'noise (N)', 'what it sees'), [
+                        ('second differences', noise.differences,
+                         'white noise between neighbours'),
+                        ('repeats', noise.repeats,
+                         'all that does not repeat at the same strain and pressure'),
+                        ('visits', noise.visits,
+                         'noise that lasts: means of whole visits to a cell')])]),
     ]
 
 
@@ -100,7 +112,8 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
             [(('effect', c.effect), c.family, round(c.probability, 2), c.error_N,
               '; '.join(f'{e.key.partition(".")[2]} {e.value:.4g} {e.unit}'.rstrip()
                         for e in c.parameters), c.reason) for c in result.ranking]))
-    ties = ' '.join(f'These data cannot tell {_either(group)} apart.' for group in result.tied)
+    ties = ' '.join(f'These data cannot tell {", ".join(group[:-1])} and {group[-1]} apart.'
+                    for group in result.tied)
     notes = '\n\n'.join(result.notes)
     sections = [Section('What is missing', f'{ties}\n\nNext: {result.next_experiment}', shown)]
     if result.shapes_left and result.verdict in ('unexplained', 'partial'):
@@ -265,40 +278,8 @@ def _comparison_lead(result: Comparison) -> str:
             f'It fails most at: {worst.where} ({worst.error_N:.3g} N rms).')
 
 
-def _where(result: Comparison) -> str:
-    if not result.located:
-        return 'No region stands out of the noise.'
-    return ('Regions whose error is beyond noise, largest first. The share is of the squared '
-            'error beyond noise; regions can overlap.')
-
-
-def _error_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
-    return Table((title.lower(), 'rows', 'error (N)', 'mean (N)', 'beyond noise'),
-                 [(row['label'], row['samples'], row['error_N'], row['bias_N'],
-                   row['beyond_noise']) for row in rows])
-
-
-def _noise_words(result: Comparison) -> str:
-    noise = result.noise
-    return (f'The floor is {noise.value:.3g} N, from {noise.basis}. {noise.note}\n\nLack of fit '
-            f'{result.lack_of_fit:.3g}: mean square of the cell means over what noise alone '
-            'would leave; about 1 for a model that is right.')
-
-
-def _noise_table(result: Comparison) -> Table:
-    noise = result.noise
-    return Table(('way', 'noise (N)', 'what it sees'), [
-        ('second differences', noise.differences, 'white noise between neighbours'),
-        ('repeats', noise.repeats, 'all that does not repeat at the same strain and pressure'),
-        ('visits', noise.visits, 'noise that lasts: means of whole visits to a cell')])
-
-
 def _data_rows(result: Comparison) -> list[tuple[str, str]]:
     data = result.measurement
     rows = [('data', str(data).splitlines()[0])]
     rows += [('note on the data', note) for note in (*result.slips, *data.notes)]
     return rows
-
-
-def _either(group: Sequence[str]) -> str:
-    return f'{", ".join(group[:-1])} and {group[-1]}'

@@ -7,8 +7,8 @@ from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper import readings
-from fam_bundle_ros.report.picture import Picture
 
 __all__ = ['muscle_pictures']
 

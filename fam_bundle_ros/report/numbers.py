@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numbers as tables show them, on the page and in the terminal."""
 
-__all__ = ['number']
+from typing import Any
+
+__all__ = ['number', 'shown']
 
 
 def number(value: float) -> str:
@@ -17,3 +19,19 @@ def number(value: float) -> str:
     if value and (abs(value) >= 1e6 or abs(value) < 1e-4):
         return f'{value:.3g}'
     return f'{value:.0f}' if abs(value) >= 1000.0 else f'{value:.3g}'
+
+
+def shown(value: Any) -> str:
+    """
+    Return what a cell of a table shows; a dash where there is no value.
+
+    Examples
+    --------
+    >>> shown(0.5), shown(7), shown(True), shown(None), shown(float('nan'))
+    ('0.5', '7', 'yes', '–', '–')
+    """
+    if value is None or (isinstance(value, float) and value != value):
+        return '–'
+    if isinstance(value, bool):
+        return 'yes' if value else 'no'
+    return number(value) if isinstance(value, float) else str(value)

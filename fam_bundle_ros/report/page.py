@@ -22,21 +22,42 @@ from typing import Any
 import fam_bundle_ros
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.atomic import write_whole
-from fam_bundle_ros.report.numbers import number
-from fam_bundle_ros.report.picture import Picture
+from fam_bundle_ros.report.numbers import shown
 
-__all__ = ['Headline', 'Page', 'Section', 'Table', 'render', 'write_page']
+__all__ = ['Headline', 'Page', 'Picture', 'render', 'Section', 'Table', 'write_page']
 
 _ASSETS = Path(__file__).parent / 'assets'
 
 
 @dataclass(frozen=True)
 class Headline:
-    """One number that the reader is to take away: what, how much, and a word on it."""
+    """A headline number with its name and a note."""
 
     name: str
     value: str
     note: str = ''
+
+
+@dataclass(frozen=True)
+class Picture:
+    """
+    A drawing with its title and caption.
+
+    Attributes
+    ----------
+    key : str
+        Short name: the anchor on the page.
+    title : str
+        What is shown, and where in the paper, if it is.
+    drawing : plotly.graph_objects.Figure
+    caption : str
+        Where each curve comes from, and what to see.
+    """
+
+    key: str
+    title: str
+    drawing: Any
+    caption: str
 
 
 @dataclass(frozen=True)
@@ -196,7 +217,7 @@ def _table(table: Table) -> str:
 
     head = ''.join(cell('th', escape(str(name)), right)
                    for name, right in zip(table.columns, numeric, strict=True))
-    body = ''.join('<tr>' + ''.join(cell('td', _shown(value), right)
+    body = ''.join('<tr>' + ''.join(cell('td', _cell(value), right)
                                     for value, right in zip(row, numeric, strict=True)) + '</tr>'
                    for row in rows)
     caption = f'<caption>{escape(table.caption)}</caption>' if table.caption else ''
@@ -208,19 +229,11 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _shown(value: Any) -> str:
-    if value is None or (isinstance(value, float) and value != value):
-        return '–'
-    if isinstance(value, bool):
-        return 'yes' if value else 'no'
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, float):
-        return number(value)
+def _cell(value: Any) -> str:
     if isinstance(value, tuple) and len(value) == 2 and value[0] in ('effect', 'state'):
         kind, key = value
         colour = palette.effect(key) if kind == 'effect' else palette.recruitment_state(key)
         name = key if kind == 'effect' else f'RS{key}'
         return (f'<span class="named"><span class="swatch" style="background:{colour.light}">'
                 f'</span>{escape(str(name))}</span>')
-    return escape(str(value))
+    return escape(shown(value))

@@ -160,9 +160,9 @@ def paper_figures(bundle: Bundle, points: int = 401) -> PaperFigures:
                         _free_strain(models, points) if bundle.n > 1 else None)
 
 
-def force_strain_space(bundle: Bundle, points: int = 401) -> ForceStrainSpace:
+def force_strain_space(bundle: Bundle) -> ForceStrainSpace:
     """Return what each recruitment state can give at every strain (figure 3) alone."""
-    return _space(readings(bundle), points)
+    return _space(readings(bundle), 401)
 
 
 def _isobars(models, points):

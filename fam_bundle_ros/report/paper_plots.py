@@ -7,8 +7,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper import ForceStrainSpace, FreeStrain, Isobars, PaperFigures
-from fam_bundle_ros.report.picture import Picture
 
 __all__ = ['force_strain_space', 'free_strain', 'isobars', 'map_pictures', 'state_regions']
 

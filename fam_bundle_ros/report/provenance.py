@@ -3,12 +3,12 @@
 """What went into a result: files with their hashes, versions, the machine's Python."""
 
 from collections.abc import Sequence
-import hashlib
 from importlib import metadata
 from pathlib import Path
 import platform
 
 import fam_bundle_ros
+from fam_bundle_ros.data.measurement import file_digest
 
 __all__ = ['file_entry', 'provenance']
 
@@ -17,14 +17,7 @@ _PACKAGES = ('numpy', 'scipy', 'plotly', 'control')
 
 def file_entry(path: str | Path) -> str:
     """Return a file's name with the SHA-256 of its content (of a folder: of all its files)."""
-    path = Path(path)
-    digest = hashlib.sha256()
-    for file in sorted(path.rglob('*')) if path.is_dir() else [path]:
-        if file.is_file():
-            with file.open('rb') as stream:
-                while block := stream.read(1 << 20):
-                    digest.update(block)
-    return f'{path.name}, sha256 {digest.hexdigest()[:16]}…'
+    return f'{Path(path).name}, sha256 {file_digest(path)[:16]}…'
 
 
 def provenance(files: Sequence[tuple[str, str | Path]] = (),

@@ -1,11 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A case on the page: the answer so far, the ladder, the figures, and the panel beside them."""
+"""An open case on the page: answer, ladder of models, figures, and the panel beside them."""
 
 import asyncio
 from typing import Any, TYPE_CHECKING
-
-from nicegui import ui
 
 from fam_bundle_ros import palette
 from fam_bundle_ros.discovery.figures import has_isobars
@@ -69,12 +67,14 @@ class CaseView:
         with self.answer:
             if session.case is not None:
                 parts.text('span', f'{session.case.title} · {session.case.origin}', 'muted small')
-                parts.text('span', f'Model {muscle_words(session.now.model)}',
-                           'muted small').mark('muscle-words')
-            parts.text('h1', self._said()).mark('headline')
+                parts.text('span', f'Model {muscle_words(session.now.model)}', 'muted small',
+                           'muscle-words')
+            parts.text('h1', self._said(), mark='headline')
             with parts.box('div', 'answer-row'):
                 if self.job is not None:
-                    self._busy()
+                    with parts.box('div', 'busy', 'busy'):
+                        parts.progress(self.job)
+                        parts.button('Cancel', self.job.cancel, mark='cancel')
                     return
                 self._next()
                 if len(session.steps) > 1:
@@ -108,7 +108,7 @@ class CaseView:
             parts.button(said, self.do_all, 'main-action', 'next-add')
             command = session.command()
             if command:
-                parts.text('code', command, 'command small').mark('command').props(
+                parts.text('code', command, 'command small', 'command').props(
                     'title="the same in a terminal"')
         elif session.asks_recalibration:
             parts.button('Recalibrate the model', self.recalibrate, 'main-action', 'recalibrate')
@@ -123,23 +123,8 @@ class CaseView:
         else:
             parts.button('What is missing?', self.diagnose, 'main-action', 'diagnose')
 
-    def _busy(self) -> None:
-        job = self.job
-        assert job is not None
-        with parts.box('div', 'busy').mark('busy'):
-            with parts.box('div', 'bar').props('role=progressbar aria-label=progress'):
-                filled = parts.box('i').style('width: 2%')
-            said = parts.text('span', f'{parts.words(job.words)} …', 'muted small')
-            parts.button('Cancel', job.cancel, mark='cancel')
-
-        def move() -> None:
-            filled.style(f'width: {100 * max(job.share, 0.02):.0f}%')
-            said.set_text(f'{parts.words(job.words)} …')
-
-        ui.timer(0.2, move)
-
     def draw_ladder(self) -> None:
-        """Draw one rung per step, the noise floor across all."""
+        """Draw the error after each step, and the noise floor across all."""
         session = self.session
         most = max(step.error_N for step in session.steps)
         shade = 'dark' if self.page.dark else 'light'
@@ -151,7 +136,7 @@ class CaseView:
                     colour = palette.effect(step.effect) if step.effect else (
                         palette.NEUTRAL['faint'])
                     last = ' now' if k == len(session.steps) - 1 else ''
-                    with parts.box('li', f'rung{last}').mark(f'rung:{k}'):
+                    with parts.box('li', f'rung{last}', f'rung:{k}'):
                         parts.text('span', 'model as it came' if k == 0
                                    else parts.words(step.label), 'name')
                         with parts.box('span', 'track'):
@@ -217,7 +202,7 @@ class CaseView:
         return None if figure is None else drawings.for_page(figure, self.page.dark)
 
     def _redraw(self, move_ms: int) -> None:
-        """Let the curves move to what is so now; the other figures are drawn anew."""
+        """Move the curves to the present model; the other figures are drawn anew."""
         drawn = self._drawn(move_ms) if self.tab == 'curves' else None
         if drawn is None:
             self.draw_figure()
@@ -297,7 +282,7 @@ class CaseView:
         await self._refit(change.label, '' if change.removes else change.effect, *now)
 
     async def do_all(self) -> None:
-        """Do everything that the diagnosis says, one rung after the other."""
+        """Do everything that the diagnosis says, one step after the other."""
         for change in self.session.asked():
             steps = len(self.session.steps)
             await self.change(change)

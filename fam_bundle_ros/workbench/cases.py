@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What can be looked at: a measurement with the model that one starts from, and the examples."""
+"""Cases of the workbench: a measurement with a model to start from; and the examples that ship."""
 
 from dataclasses import dataclass
 

@@ -1,14 +1,17 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What can be done to a model: add an effect, replace one, leave one out; and the same as text."""
+"""Changes of a model: add an effect, replace one, leave one out; and the same as a command."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import shlex
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from fam_bundle_ros.model import catalogue, Effect
 from fam_bundle_ros.workbench.cases import Case
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.workbench.session import Step
 
 __all__ = ['after', 'Change', 'command', 'Since']
 
@@ -16,21 +19,10 @@ __all__ = ['after', 'Change', 'command', 'Since']
 Since = tuple[tuple[Effect, ...], dict[str, str], tuple[str, ...]]
 
 
-class _Step(Protocol):
-    @property
-    def added(self) -> tuple[Effect, ...]: ...
-
-    @property
-    def replaced(self) -> Mapping[str, str]: ...
-
-    @property
-    def removed(self) -> tuple[str, ...]: ...
-
-
 @dataclass(frozen=True)
 class Change:
     """
-    One thing to do to the model: an effect to add, to put in another's place, or to leave out.
+    One change of the model: an effect to add, to replace another with, or to leave out.
 
     Attributes
     ----------
@@ -47,27 +39,27 @@ class Change:
 
     @property
     def label(self) -> str:
-        """Name of the rung."""
+        """Name of the step."""
         if self.removes:
             return f'no {self.effect}'
         return f'{self.effect} for {self.replaces}' if self.replaces else f'+ {self.effect}'
 
     @property
     def option(self) -> str:
-        """What it is on the command line of ``fam_bundle add``."""
+        """The same as an argument of ``fam_bundle add``."""
         if self.removes:
             return f'--remove {self.effect}'
         return f'--replace {self.replaces}={self.effect}' if self.replaces else self.effect
 
 
-def after(step: _Step, change: Change, effect: Effect | None = None) -> Since:
+def after(step: 'Step', change: Change, effect: Effect | None = None) -> Since:
     """
-    Return what is other than in the first model after one more change.
+    Return all changes since the first model, with one more.
 
     Parameters
     ----------
     step : Step
-        What was done so far.
+        Changes so far.
     change : Change
     effect : Effect, optional
         The one that comes, at the value to start from; by default as the catalogue has it.
@@ -75,7 +67,7 @@ def after(step: _Step, change: Change, effect: Effect | None = None) -> Since:
     added, replaced, removed = list(step.added), dict(step.replaced), list(step.removed)
     gone = change.effect if change.removes else change.replaces
     if gone and gone not in {e.name for e in added}:
-        # of the first model, perhaps replaced before: the refit knows it by its first name
+        # an effect of the first model, perhaps replaced before: the refit takes its first name
         first = next((old for old, new in replaced.items() if new == gone), gone)
         replaced.pop(first, None)
         if change.removes:
@@ -89,9 +81,9 @@ def after(step: _Step, change: Change, effect: Effect | None = None) -> Since:
     return tuple(added), replaced, tuple(removed)
 
 
-def command(case: Case, step: _Step, asked: Sequence[Change]) -> str:
+def command(case: Case, step: 'Step', asked: Sequence[Change]) -> str:
     """
-    Return the command that makes the same model from the first; '' with an effect of one's own.
+    Return the command that makes the same model from the first; '' with a formula of the user.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The figures of the page: what discovery's figures show, with selection, zoom, rows and movement.
+The figures of the page: those of discovery, with selection, zoom, row numbers and transitions.
 
 `for_page` makes a figure the dict that a browser takes, in the colours of its theme. Points are
 thinned here, for drawing only.
@@ -27,7 +27,7 @@ __all__ = ['CONFIG', 'for_page', 'loops', 'main_figure', 'maps']
 
 #: More points than this in one figure make a page slow.
 MOST_POINTS = 3000
-#: A flat list: with the nested one of modeBarButtons Plotly.react never comes to an end.
+#: A flat list: with the nested list of modeBarButtons Plotly.react does not return.
 CONFIG = {'displaylogo': False, 'responsive': True, 'modeBarButtonsToRemove': [
     'select2d', 'lasso2d', 'zoomIn2d', 'zoomOut2d', 'autoScale2d']}
 _BEFORE = palette.NEUTRAL['faint'].light
@@ -56,7 +56,7 @@ def for_page(drawing: go.Figure | dict[str, Any], dark: bool, move_ms: int = 0) 
                       text)
     figure = json.loads(text)
     layout = figure['layout']
-    # a drawing fills the box that the page has for it
+    # the figure fills its box on the page
     layout.pop('height', None)
     layout.update(autosize=True, margin={'l': 56, 'r': 12, 't': layout['margin'].get('t', 30),
                                          'b': 44})
@@ -152,7 +152,7 @@ def loops(session: Session) -> go.Figure | None:
 
 def _isobar(session: Session, x: np.ndarray, rows: np.ndarray, colour: str, over_time: bool,
             ) -> list[dict[str, Any]]:
-    """Return one isobar: model before, model, measured, error; as many traces in every state."""
+    """Return the traces of one isobar: model before, model, measured, error; always four."""
     data, residual, prediction = session.data, session.residual(), session.now.prediction
     before = (session.before or session.now).prediction
     lines = [{'type': 'scatter', 'mode': 'lines', 'name': name, 'hoverinfo': 'skip',
@@ -188,7 +188,7 @@ def _path(data, x, values, rows, over_time):
 
 
 def _plain(values: np.ndarray) -> list[float | None]:
-    """Return numbers as JSON takes them, to a tenth of what a screen can show."""
+    """Return numbers for JSON (None for nan), rounded to what a screen can show."""
     return [None if v != v else v for v in np.round(values, 5).tolist()]
 
 

@@ -1,14 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The force-strain space of a bundle, to play with: what the paper says, in a minute.
+The force-strain space of a bundle with a point that sliders move.
 
 Sliders set the strain and each motor unit's pressure; the figures show where that is among the
 recruitment states, how the next unit first pushes back, and how the free strain dips.
 """
 
-from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 import json
 from typing import Any
 
@@ -23,14 +22,6 @@ from fam_bundle_ros.resources import config_path
 __all__ = ['Explorer', 'paper_explorer']
 
 _HERE = palette.NEUTRAL['ink'].light
-
-
-@dataclass(frozen=True)
-class _Curve:
-    """Force over the next unit's pressure at one strain."""
-
-    pressure: np.ndarray
-    force: np.ndarray
 
 
 class Explorer:
@@ -66,22 +57,22 @@ class Explorer:
         """Force of the bundle here, N."""
         return float(self.bundle.force(self.strain, self.pressure))
 
+    @property
+    def unit(self) -> int:
+        """Motor unit that is filled next, from 1; the last one where all are on."""
+        return min(max(self.state, 1) + 1, self.bundle.n)
+
     def overlap(self) -> Overlap | None:
-        """Return the overlap of the present state with the next, None at the last."""
-        state = max(self.state, 1)
-        lower = state - 1 if state == self.bundle.n and state > 1 else state
-        return self.bundle.overlap(self.strain, lower) if lower < self.bundle.n else None
+        """Return the overlap of the states before and with this unit, None for a single one."""
+        return self.bundle.overlap(self.strain, self.unit - 1) if self.unit > 1 else None
 
     def sentences(self) -> list[str]:
-        """Return what is to be seen here, in words."""
-        state, force = self.state, self.force
-        n = self.bundle.n
-        told = [f'RS{state}: {max(state, 0)} of {n} motor units on, {force:.1f} N at '
-                f'{100 * self.strain:.1f} % strain.']
-        overlap = self.overlap()
+        """Return in words what the figures show here."""
+        told = [f'RS{self.state}: {self.state} of {self.bundle.n} motor units on, '
+                f'{self.force:.1f} N at {100 * self.strain:.1f} % strain.']
+        unit, overlap = self.unit, self.overlap()
         if overlap is None:
             return told
-        unit = min(max(state, 1) + 1, n) if state < n else n
         onset = overlap.onset_pressure
         if overlap.dip > 0.05:
             back = f'It is back at {onset / 1e3:.0f} kPa, its onset pressure.' \
@@ -112,57 +103,51 @@ class Explorer:
 
     def space_figure(self) -> dict[str, Any]:
         """Draw the regions of the recruitment states with the present point and its strain."""
-        figure = json.loads(self._space())
+        figure = json.loads(self._space)
         figure['data'][-2].update(x=[self.strain, self.strain])
         figure['data'][-1].update(x=[self.strain], y=[self.force])
         return figure
 
+    @cached_property
     def _space(self) -> str:
-        if not hasattr(self, '_space_text'):
-            space = self.paper.space
-            drawing = plotting.figure('strain', 'force of the bundle (N)', height=420)
-            for trace in state_regions(space, 'included'):
-                drawing.add_trace(trace)
-            top = 1.04 * float(space.high['included'].max())
-            drawing.add_trace(plotting.line([0, 0], [0, top], 'here', _HERE, 'dot', 1.2,
-                                            showlegend=False, hoverinfo='skip'))
-            drawing.add_trace(plotting.points([0], [0], 'this bundle, here', _HERE, 13,
-                                              'diamond', hovertemplate='%{y:.1f} N at %{x:.3f}'))
-            drawing.update_yaxes(range=[min(0.0, 0.0), top])
-            drawing.update_xaxes(range=[0.0, self.highest_strain])
-            self._space_text: str = drawing.to_json()
-        return self._space_text
+        space = self.paper.space
+        drawing = plotting.figure('strain', 'force of the bundle (N)', height=420)
+        for trace in state_regions(space, 'included'):
+            drawing.add_trace(trace)
+        top = 1.04 * float(space.high['included'].max())
+        drawing.add_trace(plotting.line([0, 0], [0, top], 'here', _HERE, 'dot', 1.2,
+                                        showlegend=False, hoverinfo='skip'))
+        drawing.add_trace(plotting.points([0], [0], 'this bundle, here', _HERE, 13,
+                                          'diamond', hovertemplate='%{y:.1f} N at %{x:.3f}'))
+        drawing.update_yaxes(range=[0.0, top])
+        drawing.update_xaxes(range=[0.0, self.highest_strain])
+        return drawing.to_json()
 
     def crossing_figure(self) -> dict[str, Any]:
         """Draw the force at this strain while the next unit fills, with its dip and onset."""
-        state = max(self.state, 1)
-        unit = min(state + 1, self.bundle.n) if state < self.bundle.n else self.bundle.n
-        curve = self._curve(unit)
+        unit = self.unit
+        pressure = np.linspace(0.0, self.bundle.max_pressure[unit - 1], 161)
+        force = self.bundle.force(self.strain, self.bundle.state_pressures(unit, pressure))
         colour = palette.recruitment_state(unit).light
         figure = json.loads(_empty(f'pressure of MU{unit} (kPa)', 'force at this strain (N)'))
-        x = curve.pressure / 1e3
+        x = pressure / 1e3
         figure['data'] = [
-            {'type': 'scatter', 'mode': 'lines', 'x': x.tolist(), 'y': curve.force.tolist(),
+            {'type': 'scatter', 'mode': 'lines', 'x': x.tolist(), 'y': force.tolist(),
              'line': {'color': colour, 'width': 2.4}, 'name': f'MU{unit} fills',
              'hovertemplate': '%{y:.1f} N at %{x:.0f} kPa<extra></extra>'},
             {'type': 'scatter', 'mode': 'lines', 'x': [0, float(x[-1])],
-             'y': [float(curve.force[0])] * 2, 'hoverinfo': 'skip',
+             'y': [float(force[0])] * 2, 'hoverinfo': 'skip',
              'line': {'color': _HERE, 'width': 1, 'dash': 'dot'}},
             {'type': 'scatter', 'mode': 'markers', 'x': [self.pressure[unit - 1] / 1e3],
-             'y': [float(np.interp(self.pressure[unit - 1], curve.pressure, curve.force))],
+             'y': [float(np.interp(self.pressure[unit - 1], pressure, force))],
              'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}, 'hoverinfo': 'skip'}]
         onset = self.bundle.onset_pressure(self.strain, unit)
         if np.isfinite(onset) and onset > 0:
             figure['layout']['annotations'] = [{
-                'x': onset / 1e3, 'y': float(curve.force[0]), 'ax': 0, 'ay': -28, 'arrowhead': 0,
+                'x': onset / 1e3, 'y': float(force[0]), 'ax': 0, 'ay': -28, 'arrowhead': 0,
                 'text': f'onset {onset / 1e3:.0f} kPa', 'showarrow': True, 'arrowcolor': _HERE,
                 'font': {'size': 12, 'color': _HERE}}]
         return figure
-
-    def _curve(self, unit: int) -> _Curve:
-        pressure = np.linspace(0.0, self.bundle.max_pressure[unit - 1], 161)
-        return _Curve(pressure, self.bundle.force(
-            self.strain, self.bundle.state_pressures(unit, pressure)))
 
     def free_strain_figure(self) -> dict[str, Any]:
         """Draw the free strain while the second unit fills, with the present pressure."""

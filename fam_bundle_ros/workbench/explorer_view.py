@@ -5,8 +5,6 @@
 from collections.abc import Callable
 from typing import Any, TYPE_CHECKING
 
-from nicegui import ui
-
 from fam_bundle_ros import palette
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.workbench import drawings, parts
@@ -27,8 +25,8 @@ class ExplorerView:
         with parts.box('div', 'explorer'):
             with parts.box('div', 'wide'):
                 parts.text('h1', 'Which recruitment state can hold this force at this strain?')
-                parts.text('span', f'{said}Model {muscle_words(explorer.bundle)}', 'muted small'
-                           ).mark('muscle-words')
+                parts.text('span', f'{said}Model {muscle_words(explorer.bundle)}', 'muted small',
+                           'muscle-words')
             with parts.box('div'):
                 self.space = parts.plot(self._of(explorer.space_figure()),
                                         'force-strain space with the recruitment states')
@@ -69,9 +67,8 @@ class ExplorerView:
         with parts.box('label'):
             parts.text('span', label)
             number = parts.text('b', shown.format(value), 'num')
-            slider = ui.element('input').mark(f'slider:{mark}')
-            slider._props.update(type='range', min=low, max=high, step=step, defaultValue=value,
-                                 **{'data-mark': f'slider:{mark}'})
+            slider = parts.box('input', '', f'slider:{mark}')
+            slider._props.update(type='range', min=low, max=high, step=step, defaultValue=value)
             if colour is not None:
                 slider.style(f'accent-color: {colour.dark if self.page.dark else colour.light}')
             slider.on('input', changed, throttle=0.08, js_handler='(e) => emit(e.target.value)')

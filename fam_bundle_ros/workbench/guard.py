@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Who may talk to the page, and how much: host names, token, origin, size; and what it may load.
+Access to the page: host names, token, origin, size of uploads, and what the page may load.
 
 A plain ASGI layer in front of everything, web sockets and uploads included.
 """
@@ -126,7 +126,7 @@ async def _refuse(scope: Scope, send: Send, status: int, body: bytes) -> None:
 
 
 def _counted(receive: Receive, most: int) -> Receive:
-    """Stop a body that says it is short and is not."""
+    """Stop a body that is longer than its header says."""
     total = 0
 
     async def limited() -> MutableMapping[str, Any]:
@@ -142,7 +142,7 @@ def _counted(receive: Receive, most: int) -> Receive:
 
 
 def _protected(send: Send) -> Send:
-    """Add what the browser is to keep to."""
+    """Add the security headers."""
     async def with_headers(message: MutableMapping[str, Any]) -> None:
         if message['type'] == 'http.response.start':
             message['headers'] = [*message.get('headers', []), *_HEADERS]

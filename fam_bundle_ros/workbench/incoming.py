@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A measurement on its way in: its first rows, what each column is taken for, and the user's word.
+A measurement before it is opened: first rows, recognised columns, and the user's corrections.
 
-Plain Python; the page draws what is here. Whatever is changed, `Incoming.look` reads the whole
-file again with it, so that nothing is called good that is then refused.
+Plain Python; the page draws it. After each change `Incoming.look` reads the whole file again, so
+that the page accepts exactly what can be read.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +19,6 @@ from fam_bundle_ros.data.reading import Preview, preview
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.vocabulary import likes, recognise
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.workbench.muscle import MuscleForm
 
 __all__ = ['Column', 'Incoming', 'QUANTITY_WORDS', 'UNITS']
@@ -37,7 +36,7 @@ UNITS = {'N': ('N', 'kN', 'mN', 'lbf', 'kgf', 'gf'),
          '1/s': ('1/s', '%/s')}
 
 
-#: What messages say to type on a command line -> where it is on the page.
+#: Hints of messages for the command line -> the same for the page.
 _FIELDS = ((r' \(--rest-length, rest_length, or (?:a|its) model\)', ': the Length of your muscle'),
            (r'; (?:tell it|expected it told)\b.*--columns.*', '; choose it in the table'),
            (r'; expected one, or to be told,.*', '; choose one in the table'),
@@ -93,6 +92,8 @@ class Incoming:
         What the user said: quantity to column, as in a recipe.
     drop_bad : bool
         Whether rows with words among the numbers are left out.
+    file : str
+        Its path on this machine; empty for an upload.
     """
 
     name: str
@@ -103,6 +104,7 @@ class Incoming:
     told: dict[str, str] = field(default_factory=dict)
     sha256: str = ''
     drop_bad: bool = False
+    file: str = ''
 
     def __post_init__(self) -> None:
         if self.table is not None and self.muscle.base is None:
@@ -111,7 +113,7 @@ class Incoming:
             self.muscle.values['muscles'] = ', '.join(['1'] * max(pressures, 1))
 
     def again(self) -> 'Incoming':
-        """Return the same file to be told anew, so that this one stays as it is."""
+        """Return a copy to be changed; this one stays as it is."""
         other = copy(self)
         other.told, other.muscle = dict(self.told), deepcopy(self.muscle)
         return other
@@ -177,7 +179,7 @@ class Incoming:
     def change(self, column: Column, among: Sequence[Column], quantity: str | None = None,
                unit: str | None = None, turned: bool | None = None) -> None:
         """
-        Take the user's word for one column of several: what it is, its unit, its sign.
+        Set what one column of several is: its quantity, unit, sign.
 
         A quantity that another column had goes from that to this one.
         """
@@ -187,7 +189,7 @@ class Incoming:
         if not new:
             return
         if new.startswith('pressure'):
-            # one pressure that is told rules out the others, unless they are told too
+            # one pressure that is set rules out the others, unless they are set too
             for other in among:
                 if other.quantity.startswith('pressure') and other.header != column.header and (
                         other.quantity != new):
@@ -219,10 +221,6 @@ class Incoming:
         if seen.measurement is None:
             raise InputError(seen.problem)
         return seen.measurement
-
-    def bundle(self) -> Bundle:
-        """Return the model to begin with; InputError says what is still missing."""
-        return self.muscle.bundle()
 
     def plain(self, seen: Preview) -> bool:
         """Return whether every column is named by its quantity and unit: nothing to be asked."""

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a browser sends in -> a measurement or a model.
+Makes measurements and models of the files that a browser uploads.
 
-Nothing that comes from a browser names a place on the disk: a file's name is a label, its content
-lies for a moment in a private folder under a name of our own, and model files that would read
-other files are refused.
+Nothing that comes from a browser is used as a path: a file's name is only shown, its content is
+stored for a moment in a private folder under a fixed name, and model files that would read other
+files are refused.
 """
 
 from collections.abc import Iterator
@@ -24,14 +24,15 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, loads_model
 from fam_bundle_ros.workbench.incoming import Incoming
 
-__all__ = ['DATA_SUFFIXES', 'MAX_UPLOAD', 'MODEL_SUFFIXES', 'incoming_from_bytes',
-           'incoming_from_path', 'label', 'measurement_from_bytes', 'model_from_bytes', 'what_is']
+__all__ = ['incoming_from_bytes', 'incoming_from_path', 'is_model', 'label', 'MAX_UPLOAD',
+           'model_from_bytes', 'TAKEN']
 
 #: Largest file that the page takes, bytes; larger logs are read by the command line.
 MAX_UPLOAD = 100 << 20
 _MAX_MODEL = 1 << 20
-DATA_SUFFIXES = SUFFIXES
-MODEL_SUFFIXES = ('.yaml', '.yml')
+_MODELS = ('.yaml', '.yml')
+#: Endings of the files that the page takes.
+TAKEN = (*SUFFIXES, *_MODELS)
 
 
 def label(name: str) -> str:
@@ -47,39 +48,14 @@ def label(name: str) -> str:
     return re.sub(r'[^\w .()+-]', '_', last)[:80].strip(' .') or 'upload'
 
 
-def what_is(name: str) -> str:
-    """Return 'data' or 'model' by the ending of a file's name; InputError for any other."""
+def is_model(name: str) -> bool:
+    """Return whether a file is a model by its ending, else data; InputError for other endings."""
     suffix = Path(label(name)).suffix.lower()
-    if suffix in DATA_SUFFIXES:
-        return 'data'
-    if suffix in MODEL_SUFFIXES:
-        return 'model'
-    raise InputError(f"{label(name)}: its ending '{suffix}' is not known; expected a measurement "
-                     f"({', '.join(DATA_SUFFIXES)}) or a model file ({', '.join(MODEL_SUFFIXES)})")
-
-
-def measurement_from_bytes(name: str, content: bytes, *, rest_length: float | None = None,
-                           ) -> Measurement:
-    """
-    Return the measurement that an uploaded CSV or bag holds.
-
-    Parameters
-    ----------
-    name : str
-        As the browser gave it; used as a label, and its ending as the kind of file.
-    content : bytes
-    rest_length : float, m, optional
-        Needed where the file gives contractions as lengths.
-
-    Raises
-    ------
-    InputError
-        For what cannot be read; the message names the file as the user knows it.
-    """
-    shown = label(name)
-    _limit(shown, content, MAX_UPLOAD)
-    with _stored(shown, content) as path:
-        return read_measurement(path, rest_length=rest_length, name=shown)
+    if suffix not in TAKEN:
+        raise InputError(f"{label(name)}: its ending '{suffix}' is not known; expected a "
+                         f"measurement ({', '.join(SUFFIXES)}) or a model file "
+                         f"({', '.join(_MODELS)})")
+    return suffix in _MODELS
 
 
 @contextmanager
@@ -87,7 +63,7 @@ def _stored(shown: str, content: bytes) -> Iterator[Path]:
     """Lend a private file with an upload's content; errors speak of it by the user's name."""
     suffix = Path(shown).suffix.lower()
     with tempfile.TemporaryDirectory(prefix='fam_bundle_upload_') as folder:
-        path = Path(folder) / f'upload{suffix if suffix in DATA_SUFFIXES else ".csv"}'
+        path = Path(folder) / f'upload{suffix if suffix in SUFFIXES else ".csv"}'
         path.write_bytes(content)
         try:
             yield path
@@ -98,7 +74,13 @@ def _stored(shown: str, content: bytes) -> Iterator[Path]:
 
 def incoming_from_bytes(name: str, content: bytes) -> Incoming:
     """
-    Return an uploaded file with its table, before it is told what each column is.
+    Return an uploaded file with its table, before the user says what each column is.
+
+    Parameters
+    ----------
+    name : str
+        As the browser gave it: a label, whose ending is the kind of file.
+    content : bytes
 
     Raises
     ------
@@ -107,9 +89,13 @@ def incoming_from_bytes(name: str, content: bytes) -> Incoming:
     """
     shown = label(name)
     _limit(shown, content, MAX_UPLOAD)
+
+    def read_bag(rest_length: float | None) -> Measurement:
+        with _stored(shown, content) as path:
+            return read_measurement(path, rest_length=rest_length, name=shown)
+
     if Path(shown).suffix.lower() in ('.mcap', '.db3'):
-        return Incoming(shown, 'your own file', read_bag=lambda rest: measurement_from_bytes(
-            name, content, rest_length=rest))
+        return Incoming(shown, 'your own file', read_bag=read_bag)
     with _stored(shown, content) as path:
         return incoming_from_path(path, shown)
 
@@ -117,11 +103,12 @@ def incoming_from_bytes(name: str, content: bytes) -> Incoming:
 def incoming_from_path(path: Path, name: str = '') -> Incoming:
     """Return a file of this machine with its table; InputError where it is none."""
     shown = name or path.name
+    file = '' if name else str(path)
     if is_bag(path):
         return Incoming(shown, 'your own file', read_bag=lambda rest: read_measurement(
-            path, rest_length=rest, name=shown))
+            path, rest_length=rest, name=shown), file=file)
     return Incoming(shown, 'your own file', replace(read_table(path), name=shown),
-                    sha256=file_digest(path))
+                    sha256=file_digest(path), file=file)
 
 
 def model_from_bytes(name: str, content: bytes) -> Bundle:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A file on its way in: its first rows, what each column is taken for, and whose muscle it is."""
+"""A file before it is opened: its first rows, what each column is, and the muscle."""
 
 from typing import TYPE_CHECKING
 
@@ -24,8 +24,8 @@ class IntakeView:
             with parts.box('section', 'intake-head'):
                 self.kind = parts.text('span', '', 'muted small')
                 parts.text('h1', 'Is this how the file is meant?')
-                self.state = parts.box('div', 'state').props('role=status aria-live=polite')
-                self.state.mark('intake:state')
+                self.state = parts.box('div', 'state', 'intake:state').props(
+                    'role=status aria-live=polite')
             with parts.box('section', 'columns'):
                 self.table = parts.box('div', 'map-box').props(
                     'tabindex=0 role=region aria-label="first rows of the file"')
@@ -130,7 +130,7 @@ class IntakeView:
         self.draw()
 
     def _draw_constants(self) -> None:
-        """Offer constants for what a file may not hold: the pressure of an isobar, the rate."""
+        """Offer constants for what a file may lack: the pressure of an isobar, the sample rate."""
         if self.incoming.table is None:
             return
         has = {taken.quantity.partition('.')[0] for taken in self.incoming.look().taken}

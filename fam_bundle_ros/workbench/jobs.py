@@ -1,15 +1,15 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Long work in a process of its own, with progress, cancel, and no page that stands still."""
+"""Long work in a process of its own, with progress and cancel; the page stays responsive."""
 
 import asyncio
 from collections.abc import Callable
-import os
 import pickle
 import sys
 from typing import Any
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.processes import environment
 from fam_bundle_ros.workbench.worker import LENGTH
 
 __all__ = ['Cancelled', 'Job', 'WorkerError']
@@ -55,11 +55,8 @@ class Job:
         WorkerError
             When the worker broke down.
         """
-        # one thread: the other core is for the page
-        environment = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1',
-                       'PYTHONPATH': os.pathsep.join(p for p in sys.path if p)}
         self._process = await asyncio.create_subprocess_exec(
-            sys.executable, '-m', 'fam_bundle_ros.workbench.worker', env=environment,
+            sys.executable, '-m', 'fam_bundle_ros.workbench.worker', env=environment(),
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, limit=1 << 30)
         try:
             if self._cancelled:

@@ -11,13 +11,14 @@ import asyncio
 from importlib.util import find_spec
 from pathlib import Path
 import re
+import signal
 import sys
 import tempfile
 
 from fam_bundle_ros.discovery import Measurement, read_measurement
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['available', 'LONGEST', 'record']
+__all__ = ['available', 'check_namespace', 'end', 'LONGEST', 'record']
 
 #: Longest recording, s.
 LONGEST = 600.0
@@ -26,6 +27,24 @@ LONGEST = 600.0
 def available() -> bool:
     """Return whether this Python has ROS."""
     return find_spec('rclpy') is not None
+
+
+def check_namespace(name: str) -> None:
+    """Raise InputError for a name that is no ROS namespace."""
+    if not re.fullmatch(r'(/[A-Za-z_]\w*){1,8}', name):
+        raise InputError(f"namespace '{name[:60]}': expected a ROS name such as /bundle")
+
+
+async def end(process: asyncio.subprocess.Process | None, patience: float) -> None:
+    """End a process as Ctrl-C does; kill it where it has not ended after ``patience`` seconds."""
+    if process is None or process.returncode is not None:
+        return
+    process.send_signal(signal.SIGINT)
+    try:
+        await asyncio.wait_for(process.wait(), patience)
+    except TimeoutError:
+        process.kill()
+        await process.wait()
 
 
 async def record(seconds: float, namespace: str = '/bundle') -> Measurement:
@@ -39,8 +58,7 @@ async def record(seconds: float, namespace: str = '/bundle') -> Measurement:
     """
     if not 1.0 <= seconds <= LONGEST:
         raise InputError(f'recording time is {seconds:g} s; expected 1 to {LONGEST:g} s')
-    if not re.fullmatch(r'(/[A-Za-z_]\w*){1,8}', namespace):
-        raise InputError(f"namespace '{namespace[:60]}': expected a ROS name such as /bundle")
+    check_namespace(namespace)
     with tempfile.TemporaryDirectory(prefix='fam_bundle_live_') as folder:
         bag = Path(folder) / 'bag'
         process = await asyncio.create_subprocess_exec(

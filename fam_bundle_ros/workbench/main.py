@@ -62,7 +62,7 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
                          "'fam_bundle_ros[web,tools]'") from error
 
     register(first)
-    hosts = (*LOCAL, host) if host in LOCAL else ()
+    hosts = LOCAL if host in LOCAL else ()
     app.add_middleware(Guard, hosts=hosts, token=token or '', max_body=MAX_UPLOAD + (1 << 20))
     address = f'http://{f"[{host}]" if ":" in host else host}:{port}/'
     if host not in LOCAL:
@@ -79,7 +79,7 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
 
 def first_case(data: str | Path | None, model: str | Path | None) -> Case | Incoming | None:
     """
-    Return what to open with, None for the start page; InputError for files that do not do.
+    Return what to open with, None for the start page; InputError for files that cannot be used.
 
     Without a model, or where a column is in doubt, the page asks before anything is computed.
     """

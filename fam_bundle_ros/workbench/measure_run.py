@@ -11,30 +11,28 @@ import asyncio
 from collections import deque
 from dataclasses import dataclass
 from datetime import datetime
-import os
 from pathlib import Path
 import re
 import signal
 import sys
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.processes import ENDS_WITH_STDIN, environment
 from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.workbench import live
 
 __all__ = ['FOLDER', 'MeasureRun', 'Order', 'model_file']
 
 #: Where the recordings go, below the working directory.
 FOLDER = 'fam_bundle_measurements'
-#: s that it gets to vent and to switch the controller off.
+#: s to vent and to switch the controller off, before it is killed.
 _FAREWELL = 12.0
 #: Lines of its error output that are kept.
 _LINES = 12
 _PROGRESS = re.compile(r'measure: (\d+) %(?:, (.*))?')
 _STOPPED = 'stopped and vented: '
-#: The command as it is; only how often it says how far it is differs.
-_COMMAND = """
-import os, signal, sys, threading
-threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.SIGINT)),
-                 daemon=True).start()
+#: The command, with more frequent lines of progress.
+_COMMAND = f"""{ENDS_WITH_STDIN}
 from fam_bundle_ros.cli import common, main
 common.SAY = 0.4
 sys.exit(main())
@@ -108,7 +106,7 @@ class MeasureRun:
 
     @property
     def kept(self) -> bool:
-        """Whether segments of one that ended early are there, to go on with."""
+        """Whether there are segments of a measurement that ended early, to resume."""
         return not self._running and self.order is not None and bool(
             self.failure) and Path(f'{self.order.out}.parts').is_dir()
 
@@ -142,12 +140,10 @@ class MeasureRun:
 
     async def _talk(self, order: Order) -> tuple[int, list[str]]:
         # FORCE_COLOR would make a bar of the lines
-        environment = {key: value for key, value in os.environ.items() if key != 'FORCE_COLOR'}
-        environment.update(OMP_NUM_THREADS='1',
-                           PYTHONPATH=os.pathsep.join(part for part in sys.path if part))
+        variables = {key: value for key, value in environment().items() if key != 'FORCE_COLOR'}
         # a session of its own: Ctrl-C in a terminal is for the workbench, which ends it
         process = self._process = await asyncio.create_subprocess_exec(
-            sys.executable, '-c', _COMMAND, *order.arguments, env=environment,
+            sys.executable, '-c', _COMMAND, *order.arguments, env=variables,
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE, start_new_session=True)
         assert process.stderr is not None
@@ -168,16 +164,8 @@ class MeasureRun:
         if not self._running:
             return
         self._stopped, self.words = True, 'stopping and venting ...'
-        process = self._process
-        if process is None or process.returncode is not None:
-            return
-        process.send_signal(signal.SIGINT)
-        try:
-            await asyncio.wait_for(process.wait(), _FAREWELL)
-        except TimeoutError:
-            # the controller vents when its references no longer come
-            process.kill()
-            await process.wait()
+        # where it is killed the controller vents: its references no longer come
+        await live.end(self._process, _FAREWELL)
 
 
 def reason(lines: list[str]) -> str:
@@ -189,12 +177,12 @@ def reason(lines: list[str]) -> str:
     >>> reason(['stopped and vented: force is 450 N', '2 of 3 segments are kept in x', 'more'])
     'stopped and vented: force is 450 N'
     >>> reason(['fam_bundle: no samples of a bundle under /bundle']), reason([])
-    ('no samples of a bundle under /bundle', 'it ended without a word')
+    ('no samples of a bundle under /bundle', 'it ended without a message')
     """
     for line in lines:
         if line.startswith(_STOPPED):
             return line
-    return lines[-1].removeprefix('fam_bundle: ') if lines else 'it ended without a word'
+    return lines[-1].removeprefix('fam_bundle: ') if lines else 'it ended without a message'
 
 
 def model_file(told: str) -> str:

@@ -1,8 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The part "Measure" of the page "Live": an experiment is chosen, driven, stopped and opened."""
+"""The part "Measure" of the page "Live": choose, run, stop an experiment; open its recording."""
 
-import asyncio
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +42,7 @@ class MeasureView:
         self.page, self.rig = page, rig
         self._chosen, self._typed, self._model = _FIRST, '', ''
         self._protocol: Protocol | None = None
-        #: What there is a question about.
+        #: What the user is asked to confirm.
         self._asked: Order | None = None
         self._shown: dict[str, Any] = {}
         self._refilled = ''
@@ -55,10 +54,9 @@ class MeasureView:
             self.path.set_visibility(False)
             self.model = parts.typed('Model of the controller', '', self._type_model,
                                      mark='live:model', hint='the one that model_monitor has')
-            self.takes = parts.text('p', '', 'muted small').mark('live:takes')
+            self.takes = parts.text('p', '', 'muted small', 'live:takes')
             self.buttons = parts.box('div', 'row')
-            self.said = parts.text('p', '', 'small').mark('live:measured').props('role=status')
-            self.said._props['data-mark'] = 'live:measured'
+            self.said = parts.text('p', '', 'small', 'live:measured').props('role=status')
         self._fill_choice()
         self._reckon()
 
@@ -129,7 +127,7 @@ class MeasureView:
             self._want(lambda: replace(before, resume=True))
 
     def _want(self, order: Callable[[], Order]) -> None:
-        """Begin; on a rig that is real only after a question."""
+        """Begin; on a real rig only after a question."""
         self.rig.measure_failure = ''
         try:
             made = order()
@@ -142,7 +140,7 @@ class MeasureView:
         self.look()
 
     def _confirm(self) -> None:
-        """Begin what the question was about."""
+        """Begin what was confirmed."""
         asked, self._asked = self._asked, None
         if asked is not None:
             try:
@@ -183,7 +181,7 @@ class MeasureView:
             self.page.session.take(incoming)
 
         self.page.view = 'find'
-        await self.page.guarded(lambda: asyncio.to_thread(read))
+        await self.page.guarded(read)
 
     # --- what it shows -------------------------------------------------------------------------
 

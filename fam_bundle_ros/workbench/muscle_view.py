@@ -37,7 +37,7 @@ class MuscleView:
                              form.part, self._part, 'muscle:part', 'field wide')
             self.fields = parts.box('div', 'form')
             self.sources = parts.box('div', 'muted small')
-            self.said = parts.text('p', '', 'small').props('role=status').mark('muscle:said')
+            self.said = parts.text('p', '', 'small', 'muscle:said').props('role=status')
         self._draw_fields()
         self.look()
 
@@ -77,7 +77,7 @@ class MuscleView:
         self.on_change()
 
     def look(self) -> None:
-        """Say what is missing, and where values are from that nobody typed."""
+        """Show what is missing, and the source of values that were not typed."""
         problem = self.form.problem
         self.said.set_text(problem[:1].upper() + problem[1:])
         self.sources.clear()

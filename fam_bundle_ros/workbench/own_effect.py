@@ -26,7 +26,7 @@ PLACES = {'force': 'a force (N), elastic', 'loss': 'a force (N), lost or delayed
 
 @dataclass
 class Field:
-    """A parameter as typed: ``5 N*s``; empty bounds mean ten times as much either way."""
+    """A parameter as typed: ``5 N*s``; empty bounds: from 0 to ten times the value."""
 
     value: str = ''
     lower: str = ''

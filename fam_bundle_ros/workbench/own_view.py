@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The form for an effect of one's own: type, and see at once what it does."""
+"""The form for an effect of the user's own, with what it would do as it is typed."""
 
 from typing import TYPE_CHECKING
 
@@ -36,9 +36,10 @@ class OwnEffectDialog:
                 parts.typed('Formula', draft.formula, self._formula, 'wide', 'own-formula', True,
                             '-k * strain_rate')
                 parts.typed('Name', draft.name, self._name, mark='own-name')
-                self._places()
+                parts.choose('The formula gives', list(PLACES.items()), draft.place, self._place,
+                             'own-place')
             self.fields = parts.box('div')
-            self.said = parts.text('p', '', 'said').props('role=status').mark('own-said')
+            self.said = parts.text('p', '', 'said', 'own-said').props('role=status')
             self.sketch = parts.box('div')
             with parts.box('div', 'row'):
                 parts.button('Add and refit', self._add, 'main-action', 'own-add')
@@ -49,18 +50,6 @@ class OwnEffectDialog:
     def open(self) -> None:
         """Show the form."""
         self.dialog.open()
-
-    def _places(self) -> None:
-        with parts.box('label', 'field'):
-            parts.text('span', 'The formula gives')
-            select = parts.box('select').mark('own-place')
-            select.on('change', lambda event: self._place(str(event.args)),
-                      js_handler='(e) => emit(e.target.value)')
-            with select:
-                for key, said in PLACES.items():
-                    option = parts.text('option', said).props(f'value={key}')
-                    if key == self.draft.place:
-                        option.props('selected')
 
     def _draw_fields(self) -> None:
         self.fields.clear()

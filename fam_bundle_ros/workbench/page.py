@@ -5,7 +5,6 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 from copy import deepcopy
-from dataclasses import replace
 from typing import Any
 
 from nicegui import app, ui
@@ -44,15 +43,15 @@ def root(first: Case | Incoming | None = None, view: str = 'find'
         ui.add_css(parts.style())
         await ui.context.client.connected()
         if not ui.context.client.has_socket_connection:
-            return  # something that fetches pages but runs none
-        # a tab keeps its work when it is loaded again; two tabs never share it
+            return  # a client that runs no scripts
+        # a tab keeps its session when it is loaded again; two tabs never share one
         kept = app.storage.tab
         fresh = 'session' not in kept
         session = kept.setdefault('session', Session())
         page = Page(session)
         page.view = view
         if fresh and isinstance(first, Incoming):
-            session.incoming = deepcopy(first)  # what one tab types is not another's
+            session.incoming = deepcopy(first)  # tabs do not share what is typed
         elif fresh and first is not None:
             session.open(first)
         await page.look()
@@ -78,9 +77,11 @@ class Page:
         self.explorer: Explorer | None = None
         self.case_view: CaseView | None = None
         self.rig_view: RigView | None = None
+        #: Files that are dropped together arrive at the same time.
+        self._files = asyncio.Lock()
 
     async def look(self) -> None:
-        """Ask the browser whether it is dark, narrow, and wants things to move."""
+        """Ask the browser whether it is dark or narrow, and whether animation is wanted."""
         try:
             self.dark, still, self.narrow = await ui.run_javascript(_LOOK, timeout=3.0)
         except (TimeoutError, TypeError, ValueError):
@@ -94,7 +95,7 @@ class Page:
             self.top = parts.box('header', 'top')
             self.messages = parts.box('div').props('role=alert aria-live=assertive')
             self.content = parts.box('main').props('id=content')
-            # fetches the drawing library while the user still reads
+            # loads the plotting library in advance
             with parts.box('div').style('display: none'):
                 ui.plotly({'data': [], 'layout': {}})
         self.show()
@@ -131,7 +132,7 @@ class Page:
         if self.session.case is not None:
             return self.session.now.model
         if incoming is not None and not incoming.muscle.problem:
-            return incoming.bundle()
+            return incoming.muscle.bundle()
         return self.pending_model
 
     def _draw_top(self) -> None:
@@ -176,25 +177,28 @@ class Page:
 
     async def open_example(self, key: str) -> None:
         """Open an example that ships."""
-        await self.guarded(lambda: asyncio.to_thread(lambda: self.session.open(load_example(key))))
+        await self.guarded(lambda: self.session.open(load_example(key)))
 
     async def take_file(self, name: str, content: bytes) -> None:
-        """Take an uploaded file: a measurement opens a case, a model changes the one to start."""
-        async def take() -> None:
-            if intake.what_is(name) == 'model':
-                model = await asyncio.to_thread(intake.model_from_bytes, name, content)
-                self._take_model(model)
-                return
-            await self._take(await asyncio.to_thread(intake.incoming_from_bytes, name, content))
+        """Take an uploaded file, a measurement or the model to start from, in any order."""
+        def take() -> None:
+            incoming = self.session.incoming
+            if intake.is_model(name):
+                self.pending_model = intake.model_from_bytes(name, content)
+            else:
+                incoming = intake.incoming_from_bytes(name, content)
+            self._take(incoming)
 
-        await self.guarded(take)
+        async with self._files:
+            await self.guarded(take)
 
-    async def _take(self, incoming: Incoming) -> None:
-        """Show what a file was taken for; open it where nothing is left to be asked."""
-        if self.pending_model is not None:
-            incoming.muscle = MuscleForm.of(self.pending_model)
-            if incoming.plain(await asyncio.to_thread(incoming.look)):
-                await asyncio.to_thread(self.session.take, incoming)
+    def _take(self, incoming: Incoming | None) -> None:
+        """Open a file where its columns are clear and its model is there, else ask."""
+        model = self.pending_model
+        if incoming is not None and model is not None:
+            incoming.muscle = MuscleForm.of(model)
+            if incoming.plain(incoming.look()):
+                self.session.take(incoming)
                 self.pending_model = None
                 return
         self.session.incoming = incoming
@@ -204,7 +208,7 @@ class Page:
         incoming = self.session.incoming
         if incoming is None:
             return
-        if await self.guarded(lambda: asyncio.to_thread(self.session.take, incoming)):
+        if await self.guarded(lambda: self.session.take(incoming)):
             self.pending_model = None
 
     def ask_columns(self) -> None:
@@ -222,34 +226,35 @@ class Page:
     #: A model that was dropped before its data.
     pending_model: Bundle | None = None
 
-    def _take_model(self, model: Any) -> None:
-        case = self.session.case
-        if case is None:
-            self.pending_model = model
-        else:
-            self.session.open(replace(case, model=model))
-
     async def record_live(self, seconds: float, namespace: str) -> None:
         """Take the live ROS graph for some seconds."""
         async def listen() -> None:
             data = await record(seconds, namespace)
-            incoming = Incoming(data.name, 'live ROS graph', read_bag=lambda rest: data)
-            if self.pending_model is None:
-                self.session.incoming = incoming
-                return
-            incoming.muscle = MuscleForm.of(self.pending_model)
-            await asyncio.to_thread(self.session.take, incoming)
+            await asyncio.to_thread(self._take, Incoming(
+                data.name, 'live ROS graph', read_bag=lambda rest: data))
 
         await self.guarded(listen)
 
-    async def guarded(self, work: Callable[[], Awaitable[Any]]) -> bool:
-        """Do something that may find bad input; show what was wrong on the page."""
+    async def guarded(self, work: Callable[[], Any]) -> bool:
+        """
+        Do something that may find bad input; show what was wrong on the page.
+
+        Parameters
+        ----------
+        work : callable
+            A coroutine function, or a plain function that is called in a thread.
+
+        Returns
+        -------
+        bool
+            Whether it was done.
+        """
         self.messages.clear()
         with self.messages:
             parts.box('div', 'loading').props('role=progressbar aria-label="reading the data"')
-        await asyncio.sleep(0.03)  # let it be seen before the work begins
+        await asyncio.sleep(0.03)  # lets the browser draw it before the work begins
         try:
-            await work()
+            await (work() if asyncio.iscoroutinefunction(work) else asyncio.to_thread(work))
         except InputError as error:
             self.tell(str(error))
             return False
@@ -259,6 +264,6 @@ class Page:
     def tell(self, said: str) -> None:
         """Show a message that stays until it is closed."""
         self.messages.clear()
-        with self.messages, parts.box('div', 'alert').mark('alert'):
+        with self.messages, parts.box('div', 'alert', 'alert'):
             parts.text('span', said, 'grow')
             parts.button('Close', self.messages.clear, mark='close-alert')

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Small pieces that every view of the page is made of: text, buttons, fields, plots, the style."""
+"""Elements that all views use: text, buttons, fields, plots, the style sheet."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -12,9 +12,10 @@ from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
 
 from fam_bundle_ros import palette, plotting
+from fam_bundle_ros.workbench.jobs import Job
 
-__all__ = ['box', 'button', 'choose', 'pick', 'plot', 'segments', 'sentence', 'style', 'swatch',
-           'text', 'typed', 'words']
+__all__ = ['box', 'button', 'choose', 'pick', 'plot', 'progress', 'segments', 'sentence', 'style',
+           'swatch', 'text', 'typed', 'words']
 
 _ASSETS = Path(__file__).parent / 'assets'
 
@@ -33,21 +34,35 @@ def style() -> str:
                             alarm_light=alarm.light, alarm_dark=alarm.dark)
 
 
-def box(tag: str, classes: str = '') -> ui.element:
-    """Return an element to put others into."""
-    return ui.element(tag).classes(classes)
+def box(tag: str, classes: str = '', mark: str = '') -> ui.element:
+    """Return an element to put others into; ``mark`` is what tests find it by."""
+    return _marked(ui.element(tag).classes(classes), mark)
 
 
-def text(tag: str, said: str, classes: str = '') -> TextElement:
+def text(tag: str, said: str, classes: str = '', mark: str = '') -> TextElement:
     """Return an element with text; whatever the text holds, it is never taken as HTML."""
-    return TextElement(tag=tag, text=said).classes(classes)
+    return _marked(TextElement(tag=tag, text=said).classes(classes), mark)
 
 
 def button(said: str, on_click: Callable[..., Any], classes: str = 'plain', mark: str = '',
            **props: str) -> TextElement:
-    """Return a button that the keyboard reaches; ``mark`` is what tests find it by."""
-    made = text('button', said, classes).props('type=button').on('click', on_click, args=[])
-    return _marked(made, mark, props)
+    """Return a button that the keyboard reaches."""
+    made = text('button', said, classes, mark).props('type=button').on('click', on_click, args=[])
+    made._props.update(props)
+    return made
+
+
+def progress(job: Job) -> tuple[TextElement, ui.timer]:
+    """Draw how far a job is; return the words beside the bar, and the timer that moves both."""
+    with box('div', 'bar').props('role=progressbar aria-label=progress'):
+        filled = box('i').style('width: 2%')
+    said = text('span', f'{words(job.words)} …', 'muted small')
+
+    def move() -> None:
+        filled.style(f'width: {100 * max(job.share, 0.02):.0f}%')
+        said.set_text(f'{words(job.words)} …')
+
+    return said, ui.timer(0.2, move)
 
 
 def segments(options: Sequence[tuple[str, str]], chosen: str, on_change: Callable[[str], Any],
@@ -70,8 +85,8 @@ def pick(label: str, options: Sequence[str], chosen: int | None,
 
     with box('label', 'pick') as made:
         text('span', label)
-        with box('select').on('change', changed, js_handler='(e) => emit(e.target.value)'
-                              ).mark(f'pick:{label}'):
+        with box('select', '', f'pick:{label}').on(
+                'change', changed, js_handler='(e) => emit(e.target.value)'):
             for value, said in enumerate([everything, *options], start=-1):
                 at = text('option', said).props(f'value={value}')
                 if value == (-1 if chosen is None else chosen):
@@ -90,11 +105,10 @@ def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,
     with box('label', classes) as made:
         if label:
             text('span', label)
-        with box('select').on('change', changed, js_handler='(e) => emit(e.target.value)'
-                              ) as select:
+        with box('select', '', mark).on(
+                'change', changed, js_handler='(e) => emit(e.target.value)') as select:
             if named:
                 select._props['aria-label'] = named
-            _marked(select, mark, {})
             for key, said in options:
                 at = text('option', said)
                 at._props['value'] = key
@@ -105,18 +119,15 @@ def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,
 
 def typed(label: str, value: str, on_change: Callable[[str], Any], classes: str = '',
           mark: str = '', code: bool = False, hint: str = '') -> ui.element:
-    """Return a text field with its label; every change is told after a short rest."""
+    """Return a text field with its label; changes are passed on after a short pause."""
     with box('label', f'field {classes}') as made:
         text('span', label)
-        field = ui.element('input').classes('code' if code else '')
-        # not `value`: the browser would set it back to that whenever it draws the page anew
+        field = box('input', 'code' if code else '', mark)
+        # not `value`: the browser would be set back to it at each redraw
         field._props.update(type='text', defaultValue=value, placeholder=hint, autocomplete='off',
                             spellcheck='false', maxlength='500')
         field.on('input', lambda event: on_change(str(event.args)[:500]), throttle=0.25,
                  leading_events=False, js_handler='(e) => emit(e.target.value)')
-        if mark:
-            field.mark(mark)
-            field._props['data-mark'] = mark
     return made
 
 
@@ -161,9 +172,8 @@ def plot(figure: dict[str, Any], label: str, classes: str = 'plot') -> ui.plotly
         return ui.plotly(figure)
 
 
-def _marked(made: Any, mark: str, props: dict[str, str]) -> Any:
-    for key, value in props.items():
-        made._props[key] = value
+def _marked(made: Any, mark: str) -> Any:
+    """Return an element with the mark by which tests and browsers find it."""
     if mark:
         made.mark(mark)
         made._props['data-mark'] = mark

@@ -11,29 +11,25 @@ import asyncio
 from collections import deque
 import json
 import math
-import os
-import re
-import signal
 import sys
 from typing import Any
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.processes import ENDS_WITH_STDIN, environment
 from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.workbench import live
 from fam_bundle_ros.workbench.measure_run import MeasureRun, Order
 
 __all__ = ['LiveRig', 'Record']
 
 #: s of samples that are kept, and over which the tracking error is taken.
 KEPT, MINUTE = 20.0, 60.0
-#: s that an order gets until it is answered, and a process to end.
+#: s to wait for an answer to an order, and for a process to end.
 _PATIENCE, _FAREWELL = 8.0, 5.0
 #: Bytes of a line: a diagnosis has many.
 _LONGEST = 1 << 24
-#: The simulated bundle, which ends with its standard input: that of a workbench that was killed.
-_BRINGUP = """
-import os, signal, sys, threading
-threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.SIGINT)),
-                 daemon=True).start()
+#: The simulated bundle.
+_BRINGUP = f"""{ENDS_WITH_STDIN}
 from fam_bundle_ros.nodes.bundle_bringup import main
 sys.exit(main())
 """
@@ -78,7 +74,7 @@ class Record:
         elif kind == 'state':
             self.state = record
             if record.get('file') != self._model:
-                # the error of the last minute begins anew with another model, this one too
+                # the tracking error begins anew with another model
                 self._model = str(record.get('file'))
                 self._tracking.clear()
         elif kind == 'graph':
@@ -139,7 +135,7 @@ class LiveRig:
 
     @property
     def simulated(self) -> bool:
-        """Whether the bundle that is heard is a simulated one, for sure."""
+        """Whether the bundle is certainly a simulated one."""
         return not self.failure and 'plant_simulator' in self.record.graph.get('nodes', ())
 
     async def listen(self, namespace: str) -> None:
@@ -151,15 +147,14 @@ class LiveRig:
         InputError
             For a name that is none.
         """
-        if not re.fullmatch(r'(/[A-Za-z_]\w*){1,8}', namespace):
-            raise InputError(f"namespace '{namespace[:60]}': expected a ROS name such as /bundle")
+        live.check_namespace(namespace)
         if self.listening and namespace == self.namespace:
             return
-        await self._end(self._feed)
+        await live.end(self._feed, _FAREWELL)
         self.namespace, self.record, self.failure = namespace, Record(), ''
         feed = self._feed = await asyncio.create_subprocess_exec(
             sys.executable, '-m', 'fam_bundle_ros.nodes.live_feed', '--ros-args', '-r',
-            f'__ns:={namespace}', env=_environment(), stdin=asyncio.subprocess.PIPE,
+            f'__ns:={namespace}', env=environment(), stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE, limit=_LONGEST,
             start_new_session=True)
         self._reader = asyncio.create_task(self._read(feed))
@@ -172,13 +167,13 @@ class LiveRig:
                  for part in ('--params-file', str(config_path(name)))]
         self._simulation = await asyncio.create_subprocess_exec(
             sys.executable, '-c', _BRINGUP, '--ros-args', *files, '-r',
-            f'__ns:={self.namespace}', env=_environment(), stdin=asyncio.subprocess.PIPE,
+            f'__ns:={self.namespace}', env=environment(), stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
             start_new_session=True)
 
     async def stop_simulation(self) -> None:
         """End the simulated bundle that was started here."""
-        await self._end(self._simulation)
+        await live.end(self._simulation, _FAREWELL)
 
     async def order(self, **order: Any) -> str:
         """
@@ -211,7 +206,7 @@ class LiveRig:
 
     def measure(self, order: Order) -> None:
         """
-        Begin to measure; `measurement` says how it goes on, whoever looks.
+        Begin to measure; all tabs find its state in `measurement`.
 
         Raises
         ------
@@ -230,12 +225,13 @@ class LiveRig:
             self._measuring.cancel()
         if self._reader is not None:
             self._reader.cancel()
-        await asyncio.gather(self._end(self._feed), self._end(self._simulation))
+        await asyncio.gather(*(live.end(process, _FAREWELL)
+                               for process in (self._feed, self._simulation)))
 
     # --- inside --------------------------------------------------------------------------------
 
     async def _measure(self, order: Order) -> None:
-        """Measure; a simulated bundle that was at work is switched on again afterwards."""
+        """Measure; a simulated bundle that was enabled is enabled again afterwards."""
         again = self.simulated and bool(self.record.now.get('supply'))
         try:
             await self.measurement.run(order)
@@ -259,19 +255,3 @@ class LiveRig:
         last = (await said).decode(errors='replace').strip().splitlines()[-1:] or ['it ended']
         if feed is self._feed:
             self.failure = f'the listener has stopped: {last[0]}'
-
-    @staticmethod
-    async def _end(process: asyncio.subprocess.Process | None) -> None:
-        if process is None or process.returncode is not None:
-            return
-        process.send_signal(signal.SIGINT)
-        try:
-            await asyncio.wait_for(process.wait(), _FAREWELL)
-        except TimeoutError:
-            process.kill()
-            await process.wait()
-
-
-def _environment() -> dict[str, str]:
-    return {**os.environ, 'OMP_NUM_THREADS': '1',
-            'PYTHONPATH': os.pathsep.join(part for part in sys.path if part)}

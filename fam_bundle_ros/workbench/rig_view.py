@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The page "Live": a running bundle, what its model says, and how far that is off.
+The page "Live": a running bundle, the prediction of its model, and the error.
 
 Asks what is missing while the bundle runs, brings the better model into use, and takes it back.
 """
@@ -39,8 +39,8 @@ class RigView:
         self._shown: dict[str, Any] = {}
         with parts.box('div', 'case live'):
             with parts.box('div', 'answer').props('aria-live=polite'):
-                self.head = parts.text('h1', 'Listening ...').mark('live:head')
-                self.detail = parts.text('p', '', 'muted').mark('live:detail')
+                self.head = parts.text('h1', 'Listening ...', mark='live:head')
+                self.detail = parts.text('p', '', 'muted', 'live:detail')
             with parts.box('div', 'figs'):
                 self.plot = parts.plot(drawings.for_page(live_figure([], None), page.dark),
                                        'force, residual, pressures and strain of the last seconds')
@@ -64,8 +64,7 @@ class RigView:
     @staticmethod
     def _meter(key: str, said: str) -> Any:
         with parts.box('div', f'meter {key}'):
-            value = parts.text('b', '-', 'num').mark(f'live:{key}')
-            value._props['data-mark'] = f'live:{key}'
+            value = parts.text('b', '-', 'num', f'live:{key}')
             parts.text('span', said, 'muted small')
         return value
 
@@ -78,9 +77,8 @@ class RigView:
                                       'main-action small', 'live:apply'),
                 'back': parts.button('Back', lambda: self._order(call='restore_model'), 'plain',
                                      'live:back')}
-        self.busy = parts.text('span', '', 'muted small').mark('live:busy')
-        self.told = parts.text('p', '', 'small').mark('live:told').props('role=status')
-        self.told._props['data-mark'] = 'live:told'
+        self.busy = parts.text('span', '', 'muted small', 'live:busy')
+        self.told = parts.text('p', '', 'small', 'live:told').props('role=status')
 
     def _source(self) -> None:
         with parts.box('section', 'side'):
@@ -214,7 +212,7 @@ class RigView:
         with self.found, parts.box('section'):
             title = ', '.join(parts.words(name) for name in effects)
             parts.text('h2', f'Found: {title}' if title else parts.sentence(
-                diagnosis['verdict'])).mark('live:found')
+                diagnosis['verdict']), mark='live:found')
             parts.text('p', parts.sentence(diagnosis['summary']), 'small')
             error = diagnosis['error_N']
             parts.text('p', f"On the memory {newton(error['model'])} with the model as it was, "
@@ -223,7 +221,7 @@ class RigView:
                 said = candidate['refusal'] or (
                     f"Apply brings {newton(candidate['present_N'])} down to "
                     f"{newton(candidate['error_N'])}.")
-                parts.text('p', said, 'small').mark('live:candidate')
+                parts.text('p', said, 'small', 'live:candidate')
             parts.text('p', f"Next: {diagnosis['next_experiment']}", 'muted small')
             parts.text('code', diagnosis['model_file'], 'command small')
 

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One user's work: a case, the models on the way to a better one, what was asked, what is selected.
+One user's session: a case, the models so far, the last diagnosis, the selection.
 
 Plain Python without a browser; the page only shows what is here and calls these methods.
 """
@@ -43,7 +43,7 @@ class Refit:
 @dataclass(frozen=True)
 class Step:
     """
-    One rung of the ladder.
+    One model of the ladder.
 
     Attributes
     ----------
@@ -155,9 +155,9 @@ class Session:
 
     def take(self, incoming: Incoming) -> None:
         """Open a file as its columns and its muscle are told; InputError says what is missing."""
-        data, model = incoming.measurement(), incoming.bundle()
+        data, model = incoming.measurement(), incoming.muscle.bundle()
         self.open(Case(data.name, incoming.origin, data, model,
-                       (data.name, f'{model.name}.model.yaml'), incoming))
+                       (incoming.file or data.name, f'{model.name}.model.yaml'), incoming))
 
     def close(self) -> None:
         """Forget the case."""
@@ -282,11 +282,11 @@ class Session:
                 *(Change(row.effect) for row in self.missing())]
 
     def command(self) -> str:
-        """Return what does the same in a terminal; '' where an effect is the user's own."""
+        """Return the command that does the same; '' where an effect is the user's own."""
         return '' if self.case is None else changes.command(self.case, self.now, self.asked())
 
     def with_change(self, change: Change, effect: Effect | None = None) -> changes.Since:
-        """Return what is other than in the first model after one more change."""
+        """Return all changes since the first model, with one more."""
         new = effect or (None if change.replaces or change.removes
                          else self.candidate_effect(change.effect))
         return changes.after(self.now, change, new)
@@ -319,7 +319,7 @@ class Session:
 
     def advance(self, label: str, refit: Refit, added: tuple[Effect, ...], effect: str = '',
                 replaced: Mapping[str, str] | None = None, removed: tuple[str, ...] = ()) -> Step:
-        """Put a refitted model on the ladder and return the new step."""
+        """Add a refitted model to the ladder and return the new step."""
         model = refit.model
         comparison = compare(model, self.data)
         self.steps.append(Step(label, model.named(model.name, error=comparison.error_N),
@@ -339,7 +339,7 @@ class Session:
 
 def short(value: float) -> str:
     """
-    Return a number as the page shows it: two digits that matter, three from a hundred on.
+    Return a number as the page shows it: two significant digits, whole from ten on.
 
     Examples
     --------

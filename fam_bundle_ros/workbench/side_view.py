@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The panel beside the figures: where the model fails, what is missing, what to take home."""
+"""The panel beside the figures: where the model fails, what is missing, downloads."""
 
 import asyncio
 from dataclasses import replace
@@ -60,11 +60,10 @@ class SideView:
                 parts.text('p', 'Nowhere: no region stands out of the noise.', 'muted small')
             for k, region in enumerate(session.regions):
                 chosen = session.selection.region == k
-                made = parts.box('button', 'region').props(
+                made = parts.box('button', 'region', f'region:{k}').props(
                     f'type=button aria-pressed={"true" if chosen else "false"}')
                 made.on('click', lambda k=k, chosen=chosen: self.case.zoom(None if chosen else k),
-                        args=[]).mark(f'region:{k}')
-                made._props['data-mark'] = f'region:{k}'
+                        args=[])
                 with made:
                     parts.text('span', region.where[:1].upper() + region.where[1:])
                     parts.text('b', f'{short(region.error_N)} N', 'num')
@@ -78,7 +77,7 @@ class SideView:
         session, found = self.session, self.session.diagnosis
         assert found is not None
         choices = session.choices()
-        with parts.box('section').mark('learned'):
+        with parts.box('section', '', 'learned'):
             later = len(session.steps) > session.diagnosed_at
             parts.text('h2', 'What was found' if later else {
                 'recalibrate': 'What to correct', 'unexplained': 'What the error looks like',
@@ -112,8 +111,8 @@ class SideView:
     def _choice(self, choice: Choice) -> None:
         c = choice.candidate
         shade = 'dark' if self.case.page.dark else 'light'
-        with parts.box('article', 'choice found' if choice.found else 'choice').mark(
-                f'choice:{choice.effect}'):
+        with parts.box('article', 'choice found' if choice.found else 'choice',
+                       f'choice:{choice.effect}'):
             with parts.box('div', 'head'):
                 parts.swatch(choice.effect, self.case.page.dark)
                 parts.text('b', parts.sentence(c.effect)[:-1])
@@ -145,11 +144,11 @@ class SideView:
                            + ', '.join(parts.words(name) for name in choice.rivals) + '.', 'tie')
 
     def _swap(self, candidate: Candidate) -> None:
-        """Draw an effect that takes another's place, or one to do without."""
+        """Draw an effect that replaces another, or one to leave out."""
         change = Change(candidate.shape, candidate.replaces, candidate.removes)
         inside = {effect.name for effect in self.session.now.model.effects}
         done = change.effect not in inside if change.removes else change.effect in inside
-        with parts.box('article', 'choice found').mark(f'choice:{change.effect}'):
+        with parts.box('article', 'choice found', f'choice:{change.effect}'):
             with parts.box('div', 'head'):
                 parts.swatch(change.effect, self.case.page.dark)
                 parts.text('b', f'No {parts.words(change.effect)}' if change.removes else
@@ -211,15 +210,14 @@ class SideView:
             self.form_of = case
             self.form = source.muscle if source is not None else MuscleForm.of(case.model)
         form = self.form
-        with parts.box('section'), parts.box('details').mark('muscle') as box:
+        with parts.box('section'), parts.box('details', '', 'muscle') as box:
             if self.muscle_open:
                 box.props('open')
             box.on('toggle', lambda event: setattr(self, 'muscle_open', bool(event.args)),
                    js_handler='(e) => emit(e.target.open)')
-            summary = parts.text('summary', 'Your muscle')
-            summary._props['data-mark'] = 'muscle:open'
+            parts.text('summary', 'Your muscle', mark='muscle:open')
             view = MuscleView(form, lambda: self._would_be(form), self.case.page.tell)
-            self.would = parts.text('p', '', 'small').props('role=status').mark('muscle:would')
+            self.would = parts.text('p', '', 'small', 'muscle:would').props('role=status')
             with parts.box('div', 'row'):
                 parts.button('Use it', self._use_muscle, 'main-action small', 'muscle:use')
                 parts.button('Save as a model file', view.save, mark='muscle:save')
@@ -255,7 +253,7 @@ class SideView:
             else:
                 self.session.open(replace(case, model=form.bundle()))
 
-        await self.case.page.guarded(lambda: asyncio.to_thread(use))
+        await self.case.page.guarded(use)
 
     # --- taking home ---------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The first thing a user sees: one example to begin with, a place to drop files, more examples."""
+"""The first view: one example to begin with, a place to drop files, more examples."""
 
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,7 @@ class StartView:
                 parts.button('Open the example', lambda: self.page.open_example(example.key),
                              'main-action', 'open-first')
                 parts.text('span', parts.sentence(example.origin), 'muted small')
-            # drawn by hand: the error falls step by step
+            # a sketch of the error that falls
             ui.html(self._sketch(), sanitize=False)
 
     def _sketch(self) -> str:
@@ -71,11 +71,11 @@ class StartView:
             upload = ui.upload(label='Drop a measurement or a model file, or press +',
                                multiple=True, auto_upload=True, max_file_size=intake.MAX_UPLOAD,
                                on_upload=self._uploaded, on_rejected=self._rejected)
-            upload.props(f'accept="{",".join((*intake.DATA_SUFFIXES, *intake.MODEL_SUFFIXES))}" '
+            upload.props(f'accept="{",".join(intake.TAKEN)}" '
                          'flat bordered hide-upload-btn').mark('upload')
             if self.page.pending_model is not None:
                 parts.text('p', f'Model {self.page.pending_model.name} is ready: now drop the '
-                           'measurement.', 'small').mark('model-ready')
+                           'measurement.', 'small', 'model-ready')
             else:
                 parts.text('p', 'Drop the model file first if you have one; otherwise the page '
                            'asks for your muscle.', 'muted small')
@@ -95,10 +95,8 @@ class StartView:
             button = parts.button('Take 20 s of the live ROS graph', listen, mark='live')
 
     def _example(self, example) -> None:
-        with parts.box('button', 'card example').props('type=button').on(
-                'click', lambda: self.page.open_example(example.key), args=[]
-        ).mark(f'example:{example.key}') as card:
-            card._props['data-mark'] = f'example:{example.key}'
+        with parts.box('button', 'card example', f'example:{example.key}').props('type=button').on(
+                'click', lambda: self.page.open_example(example.key), args=[]):
             parts.text('b', example.title)
             parts.text('span', example.question, 'small')
             parts.text('span', example.origin[:1].upper() + example.origin[1:], 'muted small')
@@ -108,5 +106,4 @@ class StartView:
 
     def _rejected(self) -> None:
         self.page.tell(f'this file is not taken: expected one of '
-                       f'{", ".join((*intake.DATA_SUFFIXES, *intake.MODEL_SUFFIXES))} of at most '
-                       f'{intake.MAX_UPLOAD >> 20} MB')
+                       f'{", ".join(intake.TAKEN)} of at most {intake.MAX_UPLOAD >> 20} MB')

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a user takes home: the model file, the data with prediction and residual, the report."""
+"""Downloads: the model file, the data with prediction and residual, the report."""
 
 from pathlib import Path
 import tempfile
@@ -21,7 +21,7 @@ __all__ = ['csv_text', 'file_stem', 'model_text', 'report_text']
 
 
 def file_stem(session: Session) -> str:
-    """Return a name for downloads: the case's title in letters that every disk takes."""
+    """Return a name for downloads: the case's title in ASCII letters and digits."""
     title = session.case.title if session.case else 'model'
     return '_'.join(''.join(c if c.isascii() and c.isalnum() else ' ' for c in title.lower())
                     .split()) or 'model'

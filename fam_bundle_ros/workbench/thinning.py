@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Fewer points for drawing, never for fitting: what sticks out stays in."""
+"""Fewer points for drawing (not for fitting); extremes are kept."""
 
 import numpy as np
 

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-"Try it on the controller": one task, one simulated muscle, two models in the controller's head.
+"Try it on the controller": one task on one simulated muscle, with the old and the new model.
 
-The simulated muscle is the better model, the nearest thing to the real one that there is here; the
-controller believes once the old model, once the new one.
+The simulated muscle is the new model, the best description of the real one here; the controller
+has the old model in one run and the new one in the other.
 """
 
 from collections.abc import Callable
@@ -25,21 +25,18 @@ __all__ = ['ControllerTrial', 'controller_trial', 'figure']
 
 @dataclass(frozen=True)
 class Track:
-    """One run: time (s), force (N), recruitment state, and its error after the first second."""
+    """One run: time (T,), s, force (T,), N, and the rms error after the first second, N."""
 
-    name: str
     time: np.ndarray
     force: np.ndarray
-    state: np.ndarray
     error_N: float
 
 
 @dataclass(frozen=True)
 class ControllerTrial:
-    """The task (reference in N over the time of ``old``) and both tracks."""
+    """The task (reference (T,), N, over the time of ``old``; words) and both tracks."""
 
     reference: np.ndarray
-    strain: np.ndarray
     old: Track
     new: Track
     words: str
@@ -53,7 +50,7 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
     Parameters
     ----------
     old, new : Bundle
-        What the controller believes; the simulated muscle is ``new``.
+        Models of the controller; the simulated muscle is ``new``.
     seconds : float
         Length of the task.
     progress : callable
@@ -73,30 +70,27 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
     for k, (model, name) in enumerate(((old, 'the old model'), (new, 'the new model'))):
         def told(t: float, k: int = k, name: str = name) -> None:
             share = (t + 1.0) / (seconds + 1.0)
-            progress(0.5 * (k + min(max(share, 0.0), 1.0)), f'the controller believes {name}')
+            progress(0.5 * (k + min(max(share, 0.0), 1.0)), f'the controller has {name}')
 
         told(-1.0)
         runs.append(ClosedLoop(new, model, seed=1).run(task, told))
-    tracks = [Track(name, log.time, log.force, log.state,
-                    rms(log.error[log.time > 1.0]))
-              for log, name in zip(runs, ('old model', 'new model'))]
+    before, after = (Track(log.time, log.force, rms(log.error[log.time > 1.0])) for log in runs)
     words = (f'The task: hold {level:.0f} N while the strain swings between {100 * low:.0f} and '
              f'{100 * high:.0f} % every two seconds. The simulated muscle is the new model, '
              f'{muscle_words(new)}.')
-    return ControllerTrial(runs[0].reference, runs[0].strain, tracks[0], tracks[1], words)
+    return ControllerTrial(runs[0].reference, before, after, words)
 
 
 def figure(trial: ControllerTrial, effect: str = ''):
     """Draw both tracks and what was asked; the new one in the colour of the effect added."""
     drawing = plotting.figure('time (s)', 'force (N)', height=340)
     keep = slice(None, None, max(1, len(trial.old.time) // 1200))
-    drawing.add_trace(plotting.line(
-        trial.old.time[keep], trial.old.force[keep], f'old model, {trial.old.error_N:.2f} N rms',
-        palette.NEUTRAL['faint'], 'solid', 1.6, hovertemplate='%{y:.1f} N at %{x:.2f} s'))
-    drawing.add_trace(plotting.line(
-        trial.new.time[keep], trial.new.force[keep], f'new model, {trial.new.error_N:.2f} N rms',
-        palette.effect(effect or 'mesh'), 'solid', 2.2,
-        hovertemplate='%{y:.1f} N at %{x:.2f} s'))
+    for track, name, colour, width in (
+            (trial.old, 'old', palette.NEUTRAL['faint'], 1.6),
+            (trial.new, 'new', palette.effect(effect or 'mesh'), 2.2)):
+        drawing.add_trace(plotting.line(
+            track.time[keep], track.force[keep], f'{name} model, {track.error_N:.2f} N rms',
+            colour, width=width, hovertemplate='%{y:.1f} N at %{x:.2f} s'))
     drawing.add_trace(plotting.line(
         trial.old.time[keep], trial.reference[keep], 'asked', palette.NEUTRAL['ink'], 'dot', 1.4,
         hoverinfo='skip'))

@@ -36,17 +36,8 @@ class TrialDialog:
         session = self.case.session
         job = Job(worker.trial_job, session.steps[0].model, session.now.model, _SECONDS)
         self.dialog.on('hide', job.cancel, args=[])
-        with self.body:
-            with parts.box('div', 'busy'):
-                with parts.box('div', 'bar').props('role=progressbar aria-label=progress'):
-                    filled = parts.box('i').style('width: 2%')
-                said = parts.text('span', '', 'muted small')
-
-            def move() -> None:
-                filled.style(f'width: {100 * max(job.share, 0.02):.0f}%')
-                said.set_text(f'{job.words} …')
-
-            timer = ui.timer(0.2, move)
+        with self.body, parts.box('div', 'busy'):
+            said, timer = parts.progress(job)
         self.dialog.open()
         try:
             result = await job.run()
@@ -64,7 +55,7 @@ class TrialDialog:
             old, new = result.old.error_N, result.new.error_N
             share = f'{100 * (1 - new / old):.0f} % less' if new < old else 'no less'
             parts.text('p', f'Tracking error {old:.2f} N with the old model, {new:.2f} N with the '
-                       f'new one: {share}.').mark('trial-result')
+                       f'new one: {share}.', mark='trial-result')
             parts.plot(drawings.for_page(
                 trial.figure(result, session.now.effect), self.case.page.dark), 'force over time')
             parts.text('p', result.words, 'muted small')

@@ -9,13 +9,13 @@ package's own: nothing that a browser sent is unpickled.
 """
 
 from collections.abc import Callable
-import os
 import pickle
 import struct
 import sys
-from typing import Any, BinaryIO
+from typing import Any
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.processes import own_stdout
 
 __all__ = ['LENGTH', 'diagnose_job', 'refit_job', 'trial_job']
 
@@ -54,9 +54,7 @@ def trial_job(progress: Progress, old: Any, new: Any, seconds: float) -> Any:
 
 def main() -> None:
     """Do the one job that standard input names."""
-    # whatever a library prints must not get into the messages
-    out: BinaryIO = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    out = own_stdout('wb')
 
     def send(kind: str, content: Any) -> None:
         message = pickle.dumps((kind, content))

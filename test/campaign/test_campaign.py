@@ -12,10 +12,11 @@ import pandas
 import pytest
 
 from fam_bundle_ros.campaign import job, run_campaign
-from fam_bundle_ros.campaign.recordings import digest, find, Recording
+from fam_bundle_ros.campaign.recordings import find, Recording
 from fam_bundle_ros.campaign.store import Store
 from fam_bundle_ros.campaign.tables import parameter_rows
 from fam_bundle_ros.data import Recipe
+from fam_bundle_ros.data.measurement import file_digest
 from fam_bundle_ros.discovery import Choices
 from fam_bundle_ros.errors import InputError
 
@@ -146,7 +147,7 @@ def test_an_error_of_the_machine_is_tried_again_and_one_of_the_data_is_not(lab, 
     assert 'expected every worker to see' in job.run(gone)['error']
     empty = tmp_path / 'empty.csv'
     empty.touch()
-    broken = job.Job('x.csv', str(empty), digest(empty), there.model, (), Recipe(), Choices())
+    broken = job.Job('x.csv', str(empty), file_digest(empty), there.model, (), Recipe(), Choices())
     assert [job.run(each)['passing'] for each in (there, gone, broken)] == [True, True, False]
 
 

@@ -85,13 +85,13 @@ def test_rows_over_ros_hold_nodes_against_empty_ones(domain_id, graph, case):
 
 def test_diagnose_is_timed():
     """A log of one muscle with hidden friction takes some time."""
-    assert speed_studies.diagnose_seconds(500) > 0.0
+    assert speed_studies.diagnose_seconds(150) > 0.0
 
 
 def test_the_closed_loop_runs_without_numba_elsewhere():
     """The plain figures come from a process that has no numba, whatever this one has."""
     assert speed.elsewhere('fam_bundle_ros.kernels:numba', plain=True) is None
-    found = speed_loop.speeds(6, TINY, [('reversal_aware', 'orderly')], ['sine_0.5'], 0.0)
+    found = speed_loop.speeds(2, TINY, [('reversal_aware', 'orderly')], ['sine_0.5'], 0.0)
     assert list(found) == ['reversal_aware/orderly/sine_0.5']
 
 

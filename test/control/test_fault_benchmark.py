@@ -54,8 +54,9 @@ def test_fault_that_nobody_notices_and_that_changes_nothing_is_harmless():
 
 
 def test_noticed_and_vented_is_safe_with_times_from_the_fault():
-    """Times to detect and to be safe count from the moment at which the fault strikes."""
-    row = judge(BROKEN, run([(ONSET + 0.3, LATCH), (ONSET + 0.34, VENT)]), LIMITS)
+    """Times count from the fault; valves that exhaust before a notice are the task's own."""
+    row = judge(BROKEN, run([(0.1, VENT), (0.2, {'command': (0.0, 0.0)}),
+                             (ONSET + 0.3, LATCH), (ONSET + 0.34, VENT)]), LIMITS)
     assert row['verdict'] == 'safe'
     assert row['noticed'] == 'NO_RESPONSE'
     assert row['time_to_detect'] == pytest.approx(0.3, abs=1.1 * DT)

@@ -5,7 +5,8 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.benchmarks.least_air import filling_air, least_air
+from fam_bundle_ros.benchmarks.control_metrics import held_air
+from fam_bundle_ros.benchmarks.least_air import least_air
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
     GAS_CONSTANT,
@@ -37,7 +38,7 @@ def test_no_run_needs_less_than_the_least_air(paper_bundle):
     pressure = np.stack([first, second], axis=-1)
     force = paper_bundle.force(np.full(1601, 0.14), pressure)
     volume = float(paper_bundle.gas_volume(0.14)[0]) + 5e-6
-    drawn = filling_air(paper_bundle, pressure[0], 0.14) + np.maximum(
+    drawn = held_air(paper_bundle, pressure[0], 0.14, 5e-6) + np.maximum(
         np.diff(pressure, axis=0), 0.0).sum() * volume / (
             POLYTROPIC * GAS_CONSTANT * REFERENCE_TEMPERATURE)
     least = least_air(paper_bundle, time, force, np.full(1601, 0.14))
@@ -64,16 +65,16 @@ def test_units_that_widen_at_full_pressure_draw_what_fills_them(paper_bundle):
     volume = paper_bundle.gas_volume(strain)
     widened = (full + ATMOSPHERE) @ (volume[-1] - volume[0]) / (
         GAS_CONSTANT * REFERENCE_TEMPERATURE)
-    assert widened > 0.2 * filling_air(paper_bundle, full, strain[0])
+    assert widened > 0.2 * held_air(paper_bundle, full, strain[0], 5e-6)
     assert least_air(paper_bundle, time, force, strain) == pytest.approx(
-        filling_air(paper_bundle, full, strain[0]) + widened, rel=0.02)
+        held_air(paper_bundle, full, strain[0], 5e-6) + widened, rel=0.02)
 
 
 def test_a_force_out_of_reach_takes_the_nearest(paper_bundle):
     """More than the bundle has costs what its largest force costs."""
     time, full = np.linspace(0.0, 1.0, 101), paper_bundle.max_pressure
     assert least_air(paper_bundle, time, np.full(101, 1e4), np.full(101, 0.1)) == pytest.approx(
-        filling_air(paper_bundle, full, 0.1), rel=1e-6)
+        held_air(paper_bundle, full, 0.1, 5e-6), rel=1e-6)
 
 
 def test_a_force_below_that_at_rest_is_had_on_the_falling_branch(paper_bundle):
@@ -84,6 +85,6 @@ def test_a_force_below_that_at_rest_is_had_on_the_falling_branch(paper_bundle):
     force = paper_bundle.force(strain, np.stack([first, second], axis=-1))
     wanted = float(force[0, 0]) - 1.0
     cheapest = (first + second)[np.abs(force - wanted) < 0.02].min()
-    air = filling_air(paper_bundle, np.array([cheapest, 0.0]), strain)
+    air = held_air(paper_bundle, np.array([cheapest, 0.0]), strain, 5e-6)
     assert least_air(paper_bundle, time, np.full(101, wanted),
                      np.full(101, strain)) == pytest.approx(air, rel=0.03)

@@ -4,7 +4,7 @@
 
 import pytest
 
-from fam_bundle_ros.nodes.live_feed import finite, LiveFeed
+from fam_bundle_ros.nodes.live_feed import LiveFeed
 from fam_bundle_ros.nodes.model_monitor import ModelMonitor
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.profile import Points
@@ -49,9 +49,3 @@ def test_topics_become_records_and_orders_are_answered(graph, quiet, tmp_path):
     assert 'the pressure loop of mu1 is silent' in answer(call='enable')['message']
     # a dynamometer at rest, vented: neither strain nor pressure has changed
     assert not answer(call='diagnose')['success']
-
-
-def test_what_json_does_not_have_is_left_out():
-    """Numbers that are not finite become null."""
-    assert [finite(value) for value in (float('nan'), 1.0, 'a', [float('inf'), 2.0])] == [
-        None, 1.0, 'a', [None, 2.0]]

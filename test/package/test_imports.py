@@ -34,7 +34,8 @@ ALLOWED = {
             'benchmarks', 'campaign', 'workbench', *DRAWS},
 }
 # Modules that know nothing of physics and serve every layer.
-PLAIN = {'atomic', 'bagwriter', 'errors', 'kernels', 'mcapfile', 'resources', 'told', 'units'}
+PLAIN = {'atomic', 'bagwriter', 'errors', 'extras', 'jsonfile', 'kernels', 'mcapfile', 'processes',
+         'resources', 'told', 'units'}
 # Only nodes/ and the commands that start nodes may speak ROS.
 ROS = {'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'std_msgs', 'geometry_msgs',
        'sensor_msgs', 'trajectory_msgs', 'diagnostic_msgs', 'std_srvs', 'rosgraph_msgs',

@@ -13,6 +13,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 import fam_bundle_ros
+from fam_bundle_ros.extras import EXTRAS
 
 EXECUTABLES = {
     'bundle_bringup',
@@ -44,6 +45,16 @@ def setup(repository):
         cwd=repository, capture_output=True, text=True, check=True,
     ).stdout.split('\n')
     return dict(zip(fields, answer, strict=False))
+
+
+def test_every_optional_package_is_in_the_extra_that_messages_name(repository):
+    """`library` and the command line say what to install; setup.py installs it."""
+    extras, = (ast.literal_eval(node.value) for node in ast.walk(
+        ast.parse((repository / 'setup.py').read_text()))
+        if isinstance(node, ast.keyword) and node.arg == 'extras_require')
+    missing = [package for package, extra in EXTRAS.items()
+               if not any(entry.lower().startswith(package) for entry in extras[extra])]
+    assert missing == []
 
 
 def test_manifest_is_valid(repository):

@@ -9,8 +9,7 @@ import subprocess
 import pytest
 
 from fam_bundle_ros import palette, plotting
-from fam_bundle_ros.report.page import Headline, Page, render, Section, Table, write_page
-from fam_bundle_ros.report.picture import Picture
+from fam_bundle_ros.report.page import Headline, Page, Picture, render, Section, Table, write_page
 
 
 @pytest.fixture

@@ -14,9 +14,14 @@ CSV = config_path('data/examples/hidden_friction.csv').read_bytes()
 MODEL = config_path('data/examples/hidden_friction.model.yaml').read_bytes()
 
 
+def read(name, content):
+    """Return the measurement of an upload, as the page reads it."""
+    return intake.incoming_from_bytes(name, content).measurement()
+
+
 def test_a_csv_becomes_a_measurement_under_its_own_name():
     """The content is read, the name is a label."""
-    data = intake.measurement_from_bytes('my run.csv', CSV)
+    data = read('my run.csv', CSV)
     assert (data.name, len(data)) == ('my run.csv', 1260)
 
 
@@ -36,7 +41,7 @@ def test_a_name_with_a_path_touches_no_such_path(name, tmp_path, monkeypatch):
     monkeypatch.setattr(Path, 'write_bytes',
                         lambda self, content: opened.append(self) or write(self, content))
     try:
-        intake.measurement_from_bytes(name, CSV)
+        read(name, CSV)
     except InputError:
         pass
     assert opened
@@ -49,7 +54,7 @@ def test_a_name_with_a_path_touches_no_such_path(name, tmp_path, monkeypatch):
 def test_messages_name_the_file_as_the_user_knows_it():
     """An error speaks of the upload's name, never of the server's folders."""
     with pytest.raises(InputError, match='^mine.csv') as error:
-        intake.measurement_from_bytes('mine.csv', b'strain,pressure [kPa],force [N]\n1,2,x\n')
+        read('mine.csv', b'strain,pressure [kPa],force [N]\n1,2,x\n')
     assert 'tmp' not in str(error.value)
     with pytest.raises(InputError, match='^mine.yaml, line'):
         intake.model_from_bytes('mine.yaml', b'format: fam-bundle-model/1\nname: [')
@@ -61,7 +66,7 @@ def test_messages_name_the_file_as_the_user_knows_it():
 def test_garbage_fails_with_one_sentence(name, content):
     """What is no measurement is refused as bad input."""
     with pytest.raises(InputError):
-        intake.measurement_from_bytes(name, content)
+        read(name, content)
 
 
 @pytest.mark.parametrize('key', ['measured_surface', r'"measured\x5fsurface"',
@@ -83,14 +88,15 @@ def test_too_much_fails(monkeypatch):
     """A file above the limit is refused before it is read."""
     monkeypatch.setattr(intake, 'MAX_UPLOAD', 1000)
     with pytest.raises(InputError, match='at most'):
-        intake.measurement_from_bytes('big.csv', CSV)
+        read('big.csv', CSV)
     with pytest.raises(InputError, match='at most'):
         intake.model_from_bytes('big.yaml', b'#' * (2 << 20))
 
 
 def test_the_kind_is_told_by_the_ending():
     """CSV and bags are data, YAML is a model, the rest is refused by name."""
-    assert intake.what_is('A.CSV') == intake.what_is('x.mcap') == 'data'
-    assert intake.what_is('m.yml') == 'model'
+    assert not intake.is_model('A.CSV')
+    assert not intake.is_model('x.mcap')
+    assert intake.is_model('m.yml')
     with pytest.raises(InputError, match=r'\.exe'):
-        intake.what_is('x.exe')
+        intake.is_model('x.exe')

@@ -10,6 +10,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench.incoming import Incoming
 from fam_bundle_ros.workbench.main import first_case, run
+from fam_bundle_ros.workbench.session import Session
 
 
 @pytest.mark.parametrize('host', ['0.0.0.0', '192.168.1.5', '::'])
@@ -50,3 +51,12 @@ def test_a_file_opens_with_its_model():
     assert isinstance(asked, Incoming)
     assert asked.muscle.values == {'muscles': '1, 1'}
     assert first_case(None, None) is None
+
+
+def test_the_printed_command_finds_the_file_of_the_command_line():
+    """Also after its columns were asked for: its path, not its name."""
+    data = config_path('data/examples/hidden_friction.csv')
+    case = first_case(data, config_path('data/examples/hidden_friction.model.yaml'))
+    session = Session()
+    session.take(case.source.again())
+    assert f'--data {data} ' in session.command()

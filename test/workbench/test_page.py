@@ -149,6 +149,16 @@ async def test_a_model_dropped_first_is_used(user):
     await sees(user, '151 N')
 
 
+@pytest.mark.parametrize('endings', [('model.yaml', 'csv'), ('csv', 'model.yaml')])
+async def test_a_model_and_its_data_are_dropped_together(user, endings):
+    """Whichever comes first, nothing is asked."""
+    element, = user.find(marker='upload').elements
+    await element.handle_uploads([SmallFileUpload(
+        f'map.{ending}', 'text/csv', config_path(f'data/dmsp20_static_map.{ending}').read_bytes())
+        for ending in endings])
+    await sees(user, '151 N')
+
+
 async def test_the_muscle_is_edited_beside_the_plot(user):
     """Another radius changes the error that is foretold, and opens the case with it anew."""
     await open_first(user)

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.data.formats.table import library, pandas_of, plain_columns, Table, unique
+from fam_bundle_ros.data.formats.table import plain_columns, Table, unique
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 
 def _refused(path: Path, kind: str, error: Exception) -> InputError:
@@ -22,7 +23,7 @@ def _refused(path: Path, kind: str, error: Exception) -> InputError:
 
 def read_parquet(path: Path, sheet: str | None = None) -> Table:
     """Return the table of a parquet file; fields may carry a unit in their metadata."""
-    library('pyarrow', path.name)
+    library('pyarrow', f'{path.name}: reading it')
     import pyarrow.parquet
     try:
         return _of_arrow(path, 'parquet', pyarrow.parquet.read_table(path))
@@ -32,7 +33,7 @@ def read_parquet(path: Path, sheet: str | None = None) -> Table:
 
 def read_feather(path: Path, sheet: str | None = None) -> Table:
     """Return the table of a feather (Arrow) file."""
-    library('pyarrow', path.name)
+    library('pyarrow', f'{path.name}: reading it')
     import pyarrow.feather
     try:
         return _of_arrow(path, 'feather', pyarrow.feather.read_table(path))
@@ -41,7 +42,7 @@ def read_feather(path: Path, sheet: str | None = None) -> Table:
 
 
 def _of_arrow(path: Path, kind: str, table: Any) -> Table:
-    pandas_of(path.name)
+    library('pandas', f'{path.name}: reading it')
     units = {}
     for entry in table.schema:
         for key, value in (entry.metadata or {}).items():
@@ -83,7 +84,7 @@ def read_npy(path: Path, sheet: str | None = None) -> Table:
 
 def read_json(path: Path, sheet: str | None = None) -> Table:
     """Return the table of a JSON file: lists by name, or a list of records."""
-    pandas = pandas_of(path.name)
+    pandas = library('pandas', f'{path.name}: reading it')
     try:
         values = json.loads(path.read_text(encoding='utf-8-sig'))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.formats import layout
-from fam_bundle_ros.data.formats.table import library, pandas_of, Table, unique
+from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.formats.text import encoding_of
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 _END = '***End_of_Header***'
 
@@ -31,7 +32,7 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
     InputError
         For a file without channels or without rows.
     """
-    pandas = pandas_of(path.name)
+    pandas = library('pandas', f'{path.name}: reading it')
     lines = path.read_text(encoding=encoding_of(path), errors='replace').splitlines()
     general = dict(_header_line(line) for line in lines[:40] if line.strip())
     separator = {'Comma': ',', 'Tab': '\t'}.get(general.get('Separator', 'Tab'), '\t')
@@ -136,7 +137,7 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
     InputError
         Where npTDMS is missing, the file is damaged, or no group has channels of one length.
     """
-    nptdms = library('nptdms', path.name, 'npTDMS')
+    nptdms = library('nptdms', f'{path.name}: reading it')
     for logger in logging.root.manager.loggerDict:
         if logger.startswith('nptdms'):  # what is wrong is said below
             logging.getLogger(logger).setLevel(logging.CRITICAL)

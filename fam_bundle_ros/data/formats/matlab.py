@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.formats.arrays import of_arrays
-from fam_bundle_ros.data.formats.table import library, Table
+from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 _OPAQUE = ("holds a MATLAB table or timeseries, which only MATLAB reads; expected a struct: "
            "s = table2struct(T, 'ToScalar', true); save('log.mat', '-struct', 's')")
@@ -44,7 +45,7 @@ def read_mat(path: Path, sheet: str | None = None) -> Table:
 
 def read_hdf(path: Path, sheet: str | None = None) -> Table:
     """Return the table of a .mat file of version 7.3, or of another HDF5 file."""
-    h5py = library('h5py', path.name)
+    h5py = library('h5py', f'{path.name}: reading it')
     try:
         with h5py.File(path, 'r') as file:
             values = {key: _of_node(file, node, 0) for key, node in file.items()

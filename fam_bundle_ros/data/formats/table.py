@@ -51,26 +51,6 @@ class Table:
             object.__setattr__(self, 'rows', np.arange(1, count + 1))
 
 
-def pandas_of(name: str) -> Any:
-    """Return the module pandas, which reads what Python's standard library does not."""
-    try:
-        import pandas
-    except ImportError as error:
-        raise InputError(f'{name}: reading it needs the package pandas; install the extra '
-                         '`tools`') from error
-    return pandas
-
-
-def library(module: str, name: str, package: str = '') -> Any:
-    """Return an optional library; InputError names the extra to install."""
-    import importlib
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise InputError(f'{name}: reading it needs the package {package or module}; install the '
-                         'extra `files`') from error
-
-
 def check_size(path: Path) -> None:
     """Raise InputError for an empty or an oversized file."""
     size = path.stat().st_size

@@ -23,9 +23,10 @@ import numpy as np
 
 from fam_bundle_ros.data.formats import layout
 from fam_bundle_ros.data.formats.labelled import labelled
-from fam_bundle_ros.data.formats.table import check_size, pandas_of, Table, unique
+from fam_bundle_ros.data.formats.table import check_size, Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 #: Characters of a line, and lines that the layout is found on.
 _LONGEST, _SNIFFED = 1 << 16, 400
@@ -80,7 +81,7 @@ def encoding_of(path: Path) -> str:
 
 
 def _read(path: Path, encoding: str) -> Table:
-    pandas = pandas_of(path.name)
+    pandas = library('pandas', f'{path.name}: reading it')
     errors = 'replace' if encoding == 'cp1252' else 'strict'
     with open(path, encoding=encoding, errors=errors) as stream:
         lines = _lines(path.name, stream)

@@ -11,9 +11,10 @@ import zipfile
 import numpy as np
 
 from fam_bundle_ros.data.formats import arrays, layout
-from fam_bundle_ros.data.formats.table import library, MAX_BYTES, pandas_of, Table, unique
+from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.extras import library
 
 _SNIFFED = 400
 
@@ -46,8 +47,8 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     InputError
         For a damaged workbook, a sheet that is not there, and one without rows of numbers.
     """
-    pandas = pandas_of(path.name)
-    library('openpyxl', path.name)
+    pandas = library('pandas', f'{path.name}: reading it')
+    library('openpyxl', f'{path.name}: reading it')
     try:
         sheets = pandas.read_excel(path, sheet_name=None, header=None, dtype=object,
                                    engine='openpyxl', na_filter=False)

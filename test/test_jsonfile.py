@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from fam_bundle_ros.report.files import write_json
+from fam_bundle_ros.jsonfile import write_json
 
 
 def test_json_is_strict(tmp_path):

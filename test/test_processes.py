@@ -1,0 +1,29 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Processes that work for this one speak on a standard output of their own, and end with it."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from fam_bundle_ros.processes import ENDS_WITH_STDIN, environment
+
+
+@pytest.mark.parametrize(('mode', 'message'), [('w', "'told\\n'"), ('wb', "b'told\\n'")])
+def test_what_libraries_print_is_not_among_the_messages(mode, message):
+    """It goes to standard error; the message goes to standard output."""
+    done = subprocess.run(
+        [sys.executable, '-c', 'from fam_bundle_ros.processes import own_stdout\n'
+         f'out = own_stdout({mode!r})\nprint("a library", flush=True)\nout.write({message})'],
+        capture_output=True, text=True, check=True, env=environment())
+    assert (done.stdout, done.stderr) == ('told\n', 'a library\n')
+
+
+def test_it_gets_ctrl_c_when_its_input_is_closed():
+    """As when the process that started it was killed."""
+    process = subprocess.Popen([sys.executable, '-c', f'{ENDS_WITH_STDIN}\nsignal.pause()'],
+                               stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    process.communicate(timeout=30)
+    assert process.returncode == -signal.SIGINT
