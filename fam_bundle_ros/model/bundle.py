@@ -262,13 +262,13 @@ class Bundle:
         return (force * (1.0 + s.force_gain) + s.force_bias + s.force_drift * time,
                 strain * (1.0 + s.strain_gain) + s.strain_bias + s.strain_drift * time,
                 pressure * (1.0 + s.pressure_gain) + s.pressure_bias
-                + s.pressure_drift * np.expand_dims(time, -1))
+                + s.pressure_drift * np.asarray(time)[..., None])
 
     def felt(self, strain: Any, pressure: Any, time: Any = 0.0) -> tuple[Any, Any]:
         """Return the true strain and pressure for what the gauges show; see `readings`."""
         s = self.sensor_error
         return ((strain - s.strain_bias - s.strain_drift * time) / (1.0 + s.strain_gain),
-                (pressure - s.pressure_bias - s.pressure_drift * np.expand_dims(time, -1))
+                (pressure - s.pressure_bias - s.pressure_drift * np.asarray(time)[..., None])
                 / (1.0 + s.pressure_gain))
 
     def predict(self, motion: Motion) -> np.ndarray:
