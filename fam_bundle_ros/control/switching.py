@@ -225,11 +225,14 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     state, force = machine.state, demand.force
     limit, crossing = table.top[state], table.crossing[state]
     # A unit that cannot add force at this strain is no help.
-    if table.top[state + 1] - limit < max(_LITTLE, demand.uncertainty):
+    added = table.top[state + 1] - limit
+    if added < _LITTLE:
         return NONE
     if force > recruit:
         return FROM_REST if state == 0 else BEYOND
-    if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0 or machine.wary):
+    # Ahead of need it must add more than is in doubt.
+    if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0 or machine.wary
+            or added < demand.uncertainty):
         return NONE
     ahead = force + demand.rate * crossing_time(table, table.order[state], demand.rate,
                                                 settings.crossing_rate)

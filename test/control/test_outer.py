@@ -154,6 +154,24 @@ def test_strain_feedback_is_a_pid_behind_a_play(paper_bundle):
     assert loop.run(0.1 + 10.0 / 400.0, kind=STRAIN).force > calm + 9.0
 
 
+@pytest.mark.parametrize('felt', [-15.0, 15.0])
+def test_a_strain_that_is_right_asks_for_no_other_force(paper_bundle, felt):
+    """What friction holds is no error: a force unlike the model's does not move the demand."""
+    loop = Loop(paper_bundle, LoadModel(force=20.0, inertia=0.3))
+    begun = loop.run(0.1, force=20.0, believed=20.0, kind=STRAIN, duration=0.2).force
+    stuck = loop.run(0.1, force=20.0 + felt, believed=20.0, kind=STRAIN, duration=2.0).force
+    assert stuck == begun
+
+
+def test_a_load_that_the_integral_finds_is_no_doubt_of_the_demand(paper_bundle):
+    """While the demand grows by 50 N to lift a load, the margins of the state machine stay."""
+    loop = Loop(paper_bundle, LoadModel(force=20.0, inertia=0.3), strain_integral=2500.0)
+    begun = loop.run(0.1, force=20.0, believed=20.0, kind=STRAIN, duration=3.0).force
+    grown = loop.run(0.11, force=20.0, believed=20.0, kind=STRAIN, duration=2.0).force
+    assert grown > begun + 50.0
+    assert uncertainty(loop.settings, loop.state) < loop.settings.model_error + 1.0
+
+
 def test_pressures_are_worked_out_for_a_strain_within_reach(paper_bundle):
     """For the reference strain, but no further than ``strain_reach`` from the present one."""
     loop = Loop(paper_bundle, strain_reach=0.03)

@@ -54,6 +54,19 @@ def test_a_unit_that_adds_nothing_is_not_recruited(made):
     assert Machine(table, 1).tell(300.0)[1] == ''
 
 
+@pytest.mark.parametrize(('force', 'rate', 'recruited'), [(400.0, 0.0, True),
+                                                          (240.0, 100.0, False)])
+def test_a_demand_beyond_doubt_recruits_a_unit_that_adds_less_than_the_doubt(
+        made, force, rate, recruited):
+    """RS2 adds 50 N, the demand is sure to 100 N: beyond 346 N it comes, ahead of need not."""
+    table = made()
+    table.top[2] = table.top[1] + 50.0
+    machine = Machine(table, 1, margin=None)
+    why = machine.machine.update(DT, SimpleNamespace(table=table),
+                                 Demand(force, rate, uncertainty=100.0))
+    assert bool(why) == recruited
+
+
 @pytest.mark.parametrize(('force', 'released'), [(-7.9, False), (-8.1, True)])
 def test_a_force_that_the_state_cannot_give_releases_whatever_the_margins(made, force, released):
     """Two units push back with 8 N at least; a model that is 200 N off does not change that."""
