@@ -238,7 +238,10 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
                                                 settings.crossing_rate)
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE
-    return NONE if force + rise_within(demand, settings.horizon) <= recruit else AHEAD
+    # One standard deviation, a third of the margin, is enough: to be wrong costs air, to be late a
+    # dip that nothing can make up for any more.
+    level = limit + (recruit - limit) / 3.0
+    return NONE if force + rise_within(demand, settings.horizon) <= level else AHEAD
 
 
 def rise_within(demand: Any, horizon: float) -> float:

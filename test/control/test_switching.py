@@ -47,6 +47,13 @@ def test_the_next_unit_comes_when_it_is_needed_or_the_demand_heads_there(
     assert bool(why) == bool(said)
 
 
+@pytest.mark.parametrize(('slowing', 'recruited'), [(-769.0, True), (-806.0, False)])
+def test_ahead_of_need_one_standard_deviation_is_enough(made, slowing, recruited):
+    """A demand that will turn at 246.5 N, half the margin beyond RS1, is met before it is there."""
+    why = Machine(made(), 1).tell(240.0, 100.0, slowing)[1]
+    assert ('rising' in why) == recruited
+
+
 def test_a_unit_that_adds_nothing_is_not_recruited(made):
     """Beyond RS1 stays beyond where the next unit cannot pull."""
     table = made()
