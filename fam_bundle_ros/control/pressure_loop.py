@@ -210,7 +210,9 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     band = state.band
     # The spool follows late: what a wide opening let in besides says nothing of the dead band.
     band.wide = max(abs(opening), band.wide * math.exp(-dt / (_GONE * lag)))
-    small = 0.0 if opening == 0.0 or band.wide > doubt / CONDUCTANCE_DOUBT else math.copysign(dt, opening)
+    small = 0.0
+    if opening != 0.0 and band.wide < doubt / CONDUCTANCE_DOUBT:
+        small = math.copysign(dt, opening)
     send(state, (0.0 if at_rest else possible - state.integral) * dt, small)
     integrate(settings, state, error, rate, possible - wanted, dt, at_rest,
               _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))

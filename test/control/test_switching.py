@@ -49,7 +49,7 @@ def test_the_next_unit_comes_when_it_is_needed_or_the_demand_heads_there(
 
 @pytest.mark.parametrize(('slowing', 'recruited'), [(-769.0, True), (-806.0, False)])
 def test_ahead_of_need_one_standard_deviation_is_enough(made, slowing, recruited):
-    """A demand that will turn at 246.5 N, half the margin beyond RS1, is met before it is there."""
+    """A demand that will turn at 246.5 N, half the margin beyond RS1, is met in time."""
     why = Machine(made(), 1).tell(240.0, 100.0, slowing)[1]
     assert ('rising' in why) == recruited
 
