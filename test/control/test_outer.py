@@ -70,6 +70,17 @@ def test_noise_alone_is_not_corrected(paper_bundle):
             assert np.sqrt(np.mean(np.square(np.array(seen) - 40.0))) < 0.05
 
 
+def test_an_error_far_beyond_the_noise_is_met_at_once_after_a_quiet_time(paper_bundle):
+    """Friction turns by 6 N in noise of 2 N: within 50 ms half of it is asked for."""
+    loop, random = Loop(paper_bundle, delay=5e-3, lead_time=5e-3, force_gain=0.0), \
+        np.random.default_rng(2)
+    for force in random.normal(40.0, 2.0, 2500):
+        loop.run(40.0, force=float(force), believed=40.0)
+    asked = [loop.run(40.0, force=float(force), believed=40.0).force
+             for force in random.normal(34.0, 2.0, 25)]
+    assert np.mean(asked[15:]) - 40.0 > 3.0
+
+
 def test_what_the_pressures_do_not_give_is_integrated(paper_bundle):
     """A valve that sticks: force as the model says for the pressures, but not what was asked."""
     loop = Loop(paper_bundle)
