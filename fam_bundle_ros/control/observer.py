@@ -24,6 +24,8 @@ _LONG = 5.0
 #: Power must be so many times that of the noise before it counts: within a second the power of
 #: noise alone, of some 10 independent values, stays below.
 _CLEAR = 4.0
+#: Share of the present square that counts as power: above 0 from four standard deviations on.
+_AT_ONCE = _CLEAR / 16.0
 #: N: a change of this size may be noise, whatever was seen before.
 _USUAL = 0.1
 
@@ -118,7 +120,9 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     steady = state.patient * beyond_noise(state.patient_power, noise * slow / (2.0 - slow))
     left = state.quick - steady
     state.power += low_pass(dt, _LEARN_TIME) * (left * left - state.power)
-    state.weight = beyond_noise(state.power, noise * gain / (2.0 - gain))
+    # What four standard deviations of noise cannot be counts at once.
+    power = max(state.power, _AT_ONCE * left * left)
+    state.weight = beyond_noise(power, noise * gain / (2.0 - gain))
     if state.seen == 1:
         state.asked = believed
     state.asked += gain * (asked - state.asked)

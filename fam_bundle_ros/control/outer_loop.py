@@ -261,8 +261,9 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
         state.fade = 0.0
         state.integral += held - known - correction
         state.kept = correction = held - known
-        state.mean = correction
-    learn_correction(state, correction, dt)
+        state.mean = correction - state.integral
+    # The integral of a strain loop finds what the load needs; it is no doubt of the demand.
+    learn_correction(state, correction - (state.integral if kind == STRAIN else 0.0), dt)
     state.fade *= math.exp(-dt / settings.fade_time)
     target.feed_forward = known + state.fade
     target.force = state.demand = known + state.fade + correction
@@ -315,8 +316,8 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         integral = at_stiffness(settings, settings.strain_integral, stiffness)
         damping = at_stiffness(settings, settings.strain_damping, stiffness)
         integrate_error(state, integral * error * dt, saturated)
-        wanted = (state.integral + gain * error + damping * (rate - measurement.strain_rate)
-                  - state.observer.patient)
+        # The observer's slow part would be a second integral, which hunts against friction.
+        wanted = state.integral + gain * error + damping * (rate - measurement.strain_rate)
         still = quiet_band(settings, state, wanted, dt)
         state.kept = min(max(state.kept, wanted - still), wanted + still)
         correction = state.kept

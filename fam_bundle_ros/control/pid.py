@@ -91,7 +91,9 @@ class PidConfig:
         stays shut at rest. About three standard deviations of the filtered reading.
     filter_time : float, s
         Of the reading, before the derivative and the quiet band.
-    feed_forward, dead_band_compensation : bool
+    feed_forward : bool
+    dead_band_compensation : bool
+        Jump over the dead band: that of ``valve``, and what is learnt of it (`dead_band`).
     ceiling : float, Pa (gauge)
     reach : float, s
         The valve is opened so little that a command which is held for ``reach`` fills to

@@ -15,6 +15,7 @@ from collections import deque
 from dataclasses import dataclass
 import math
 
+from fam_bundle_ros.control.dead_band import dead_band_doubt
 from fam_bundle_ros.control.safety import kilopascals, NO_RESPONSE, UNEXPLAINED_PRESSURE
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
@@ -28,8 +29,6 @@ from fam_bundle_ros.model.pneumatics import (
 #: A conductance may be off by 30 %, and the air may be anywhere between isothermal (1) and
 #: adiabatic (1.4) where the model takes POLYTROPIC: least and largest of rate over model's rate.
 LEAST, MOST = 0.7 / POLYTROPIC, 1.3 * 1.4 / POLYTROPIC
-#: The dead band may be off by half of itself and this much more of the full command.
-_DEAD_BAND_DOUBT = 0.02
 #: s: leaks and temperature move a pressure with about this time constant and slower.
 _SLOW = 1.0
 #: Share of the largest pressure that is let in before a sensor is believed, and a sample more: a
@@ -132,7 +131,7 @@ class InflowWatch:
     def change(self, config: InflowConfig) -> None:
         """Go on with other settings."""
         self.config, valve = config, config.valve
-        doubt = 0.5 * valve.dead_band + _DEAD_BAND_DOUBT
+        doubt = dead_band_doubt(valve.dead_band)
         self._wide, self._narrow = (
             ValveFlow(valve.conductance, valve.critical_ratio, band)
             for band in (max(valve.dead_band - doubt, 0.0), valve.dead_band + doubt))

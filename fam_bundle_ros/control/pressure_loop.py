@@ -12,6 +12,14 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
+from fam_bundle_ros.control.dead_band import (
+    begin_readings,
+    command_of,
+    CONDUCTANCE_DOUBT,
+    dead_band_doubt,
+    DeadBandState,
+    learn_dead_band,
+)
 from fam_bundle_ros.model.pneumatics import (
     flow_for,
     pressure_rate,
@@ -32,6 +40,8 @@ _EMPTY = 1e3
 _LAG_DOUBT, _SAMPLE_DOUBT = 0.1, 0.5
 #: Places for rates that are on their way to the reading.
 _PLACES = 64
+#: A wide opening is over when so many lags from command to reading have passed.
+_GONE = 3.0
 #: Share of the valve's rate that leaks and slow errors may take. Feedback that asks for more and
 #: is not answered has met a fault, which the integral must not learn.
 _SLOW_SHARE = 0.05
@@ -94,8 +104,9 @@ class PidState:
         The setpoint within what the valve can do.
     sent : float, Pa
         Integral of the pressure rates that were commanded.
-    past_time, past_sent : list (64,), s and Pa
-        Ring of it over the lag from command to reading; ``head`` is the oldest of ``size``.
+    past_time, past_sent, past_open : list (64,), s, Pa and s
+        Ring of it, and of `DeadBandState.open`, over the lag from command to reading; ``head`` is
+        the oldest of ``size``.
     coming : float, Pa
         What commands will still change that the reading does not show yet.
     clock : float, s
@@ -118,10 +129,12 @@ class PidState:
     measured_rate: float = 0.0
     past_time: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
     past_sent: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
+    past_open: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
     head: int = 0
     size: int = 0
     clock: float = 0.0
     started: bool = False
+    band: DeadBandState = field(default_factory=DeadBandState)
     shown: PidDiagnostics = field(default_factory=PidDiagnostics)
 
 
@@ -153,24 +166,30 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     absolute = max(pressure + (state.coming if state.started else 0.0), 0.0) + settings.ambient
     filling = valve_flow(settings.valve, 1.0, absolute, source, settings.ambient)
     venting = valve_flow(settings.valve, -1.0, absolute, source, settings.ambient)
+    # What the muscle's motion does to the pressure with the valve shut.
+    drift = pressure_rate(absolute, volume, volume_rate, 0.0)
     fastest = pressure_rate(absolute, volume, volume_rate, filling)
     slowest = pressure_rate(absolute, volume, volume_rate, venting)
-    widest = 1.0
+    full, widest = fastest - drift, 1.0
     if settings.reach > 0.0:
         # A command that is held for longer than meant must not fill above the ceiling.
-        shut = pressure_rate(absolute, volume, volume_rate, 0.0)
-        allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, shut)
+        allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, drift)
         if fastest > allowed:
-            widest, fastest = (allowed - shut) / (fastest - shut), allowed
+            widest, fastest = (allowed - drift) / full, allowed
     if not state.started:
         start(settings, state, pressure, source, volume, volume_rate)
     rate = follow(settings, state, setpoint, pressure, dt, fastest, slowest)
+    lag = settings.flow_lag + dt
+    open_then = past_value(state, state.past_open, state.clock - lag)
     error = error_beyond_noise(settings, state, pressure, dt)
+    doubt = dead_band_doubt(settings.valve.dead_band)
+    learn_dead_band(state.band, doubt, pressure, state.sent - state.coming, open_then,
+                    state.integral, full, drift - slowest, _GONE * lag, dt)
     if setpoint <= 0.0 and state.followed <= _EMPTY:
         # Open to exhaust for good: a reading that is wrong must not shut the air in.
         state.integral = state.carried = 0.0
         state.command = -1.0
-        send(state, max(slowest * dt, -max(pressure + state.coming, 0.0)))
+        send(state, max(slowest * dt, -max(pressure + state.coming, 0.0)), 0.0)
         show(state, setpoint - pressure, slowest, slowest, False, False)
         return -1.0
     wanted = (settings.p * error - settings.d * state.measured_rate + state.integral
@@ -179,8 +198,6 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         wanted += settings.d * rate
         wanted += rate
     state.carried *= math.exp(-dt / _CARRY_TIME)
-    # What the muscle's motion does to the pressure with the valve shut.
-    drift = pressure_rate(absolute, volume, volume_rate, 0.0)
     at_rest = (error == 0.0 and abs(rate - drift) + abs(state.carried)
                < 0.2 * settings.p * settings.quiet_error)
     opening, possible = 0.0, 0.0
@@ -190,11 +207,19 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         opening = min(max(flow / max(limit, 1e-12), -1.0), widest)
         possible = min(max(wanted, slowest), fastest)
     # The integral makes up for what the model of the rate leaves out: it moves nothing.
-    send(state, (0.0 if at_rest else possible - state.integral) * dt)
+    band = state.band
+    # The spool follows late: what a wide opening let in besides says nothing of the dead band.
+    band.wide = max(abs(opening), band.wide * math.exp(-dt / (_GONE * lag)))
+    small = 0.0
+    if opening != 0.0 and band.wide < doubt / CONDUCTANCE_DOUBT:
+        small = math.copysign(dt, opening)
+    send(state, (0.0 if at_rest else possible - state.integral) * dt, small)
     integrate(settings, state, error, rate, possible - wanted, dt, at_rest,
               _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
-    state.command = (valve_command(settings.valve, opening) if settings.dead_band_compensation
-                     else opening)
+    state.command = opening
+    if settings.dead_band_compensation:
+        state.command = command_of(state.band, settings.valve.dead_band, opening,
+                                   valve_command(settings.valve, widest))
     show(state, setpoint - pressure, wanted, possible,
          not at_rest and abs(wanted - possible) > 1e-6 * abs(wanted), at_rest)
     return state.command
@@ -215,8 +240,9 @@ def start(settings: Any, state: Any, pressure: float, source: float, volume: flo
     """Begin at the pressure as it is, with the rate that continues the last command."""
     state.started = True
     state.followed = state.filtered = pressure
-    state.past_time[0] = state.past_sent[0] = 0.0
+    state.past_time[0] = state.past_sent[0] = state.past_open[0] = 0.0
     state.size = 1
+    begin_readings(state.band, pressure)
     opening = valve_opening(settings.valve, state.command)
     if opening != 0.0:
         absolute = pressure + settings.ambient
@@ -242,11 +268,18 @@ def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: floa
     return rate
 
 
-def send(state: Any, change: float) -> None:
-    """Note the pressure change (Pa) that the command of this tick will make."""
+def send(state: Any, change: float, small: float) -> None:
+    """
+    Note the pressure change (Pa) that the command of this tick will make.
+
+    ``small`` (s) is for how long it opens the valve so little that the dead band matters, below 0
+    to exhaust.
+    """
     state.sent += change
+    state.band.open += small
     last = (state.head + state.size - 1) % _PLACES
     state.past_time[last], state.past_sent[last] = state.clock, state.sent
+    state.past_open[last] = state.band.open
 
 
 def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
@@ -262,22 +295,25 @@ def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
     while size > 1 and times[(head + 1) % _PLACES] <= state.clock - lag - doubt:
         head, size = (head + 1) % _PLACES, size - 1
     state.head, state.size = head, size
-    state.coming = state.sent - sent_until(state, state.clock - lag)
-    first = state.sent - sent_until(state, state.clock - lag - doubt)
-    last = state.sent - sent_until(state, state.clock - lag + doubt)
+    sent = state.past_sent
+    state.coming = state.sent - past_value(state, sent, state.clock - lag)
+    first = state.sent - past_value(state, sent, state.clock - lag - doubt)
+    last = state.sent - past_value(state, sent, state.clock - lag + doubt)
     # Room for what this tick will send; at short sample times not every one has a place.
     end = head + size - 1
     near = size >= 2 and state.clock - times[(end - 1) % _PLACES] < lag / (_PLACES - 16)
     state.clock += dt
     if not near:
-        times[(end + 1) % _PLACES], state.past_sent[(end + 1) % _PLACES] = state.clock, state.sent
+        new = (end + 1) % _PLACES
+        times[new], state.past_sent[new] = state.clock, state.sent
+        state.past_open[new] = state.band.open
         state.size += 1
     return min(first, last, state.coming), max(first, last, state.coming)
 
 
-def sent_until(state: Any, time: float) -> float:
-    """Return what had been sent by a time (s), linear between samples, Pa."""
-    times, values = state.past_time, state.past_sent
+def past_value(state: Any, values: Any, time: float) -> float:
+    """Return what one of the rings held at a time (s), linear between samples."""
+    times = state.past_time
     k, end = state.head, state.head + state.size - 1
     while k < end and times[(k + 1) % _PLACES] <= time:
         k += 1

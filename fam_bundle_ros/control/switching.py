@@ -225,17 +225,23 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     state, force = machine.state, demand.force
     limit, crossing = table.top[state], table.crossing[state]
     # A unit that cannot add force at this strain is no help.
-    if table.top[state + 1] - limit < max(_LITTLE, demand.uncertainty):
+    added = table.top[state + 1] - limit
+    if added < _LITTLE:
         return NONE
     if force > recruit:
         return FROM_REST if state == 0 else BEYOND
-    if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0 or machine.wary):
+    # Ahead of need it must add more than is in doubt.
+    if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0 or machine.wary
+            or added < demand.uncertainty):
         return NONE
     ahead = force + demand.rate * crossing_time(table, table.order[state], demand.rate,
                                                 settings.crossing_rate)
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE
-    return NONE if force + rise_within(demand, settings.horizon) <= recruit else AHEAD
+    # One standard deviation, a third of the margin, is enough: to be wrong costs air, to be late a
+    # dip that nothing can make up for any more.
+    level = limit + (recruit - limit) / 3.0
+    return NONE if force + rise_within(demand, settings.horizon) <= level else AHEAD
 
 
 def rise_within(demand: Any, horizon: float) -> float:

@@ -27,7 +27,7 @@ SPECS = (
     Spec('feed_forward', _CONFIG.feed_forward,
          'meet moving setpoints and muscles by the chamber model', dynamic=True),
     Spec('dead_band_compensation', _CONFIG.dead_band_compensation,
-         'jump over the dead band of the valve', dynamic=True),
+         'jump over the dead band of the valve, and learn how wide it is', dynamic=True),
     Spec('quiet_error', _CONFIG.quiet_error, 'errors below it are left alone, Pa', 0.0, 1e5,
          dynamic=True),
     Spec('setpoint_rate', _CONFIG.setpoint_rate, 'largest rate of the setpoint, Pa/s', 1e3, 1e9,

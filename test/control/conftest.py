@@ -61,6 +61,7 @@ class Chamber:
         self.pressure, self.period = pressure, period
         self.pid = PressurePid(gains or PidGains(), config or PidConfig(flow_lag=1.5e-3))
         self.time = self.air = self._spool = self._speed = 0.0
+        self._late = [0.0] * round(delay / period * 10)
         self._random = random.Random(4)
         self.told_supply = supply
 
@@ -73,7 +74,8 @@ class Chamber:
             command = self.pid.update(wanted, reading, self.period, self.told_supply,
                                       self.volume)
             for _ in range(10):
-                self._advance(command, self.period / 10)
+                self._late.append(command)
+                self._advance(self._late.pop(0), self.period / 10)
                 rows.append((self.time, self.pressure, command))
         return rows
 

@@ -70,6 +70,17 @@ def test_noise_alone_is_not_corrected(paper_bundle):
             assert np.sqrt(np.mean(np.square(np.array(seen) - 40.0))) < 0.05
 
 
+def test_an_error_far_beyond_the_noise_is_met_at_once_after_a_quiet_time(paper_bundle):
+    """Friction turns by 6 N in noise of 2 N: within 50 ms half of it is asked for."""
+    loop, random = Loop(paper_bundle, delay=5e-3, lead_time=5e-3, force_gain=0.0), \
+        np.random.default_rng(2)
+    for force in random.normal(40.0, 2.0, 2500):
+        loop.run(40.0, force=float(force), believed=40.0)
+    asked = [loop.run(40.0, force=float(force), believed=40.0).force
+             for force in random.normal(34.0, 2.0, 25)]
+    assert np.mean(asked[15:]) - 40.0 > 3.0
+
+
 def test_what_the_pressures_do_not_give_is_integrated(paper_bundle):
     """A valve that sticks: force as the model says for the pressures, but not what was asked."""
     loop = Loop(paper_bundle)
@@ -152,6 +163,24 @@ def test_strain_feedback_is_a_pid_behind_a_play(paper_bundle):
     calm = loop.run(0.1, kind=STRAIN).force
     assert loop.run(0.1 + 0.1 / 400.0, kind=STRAIN).force == calm
     assert loop.run(0.1 + 10.0 / 400.0, kind=STRAIN).force > calm + 9.0
+
+
+@pytest.mark.parametrize('felt', [-15.0, 15.0])
+def test_a_strain_that_is_right_asks_for_no_other_force(paper_bundle, felt):
+    """What friction holds is no error: a force unlike the model's does not move the demand."""
+    loop = Loop(paper_bundle, LoadModel(force=20.0, inertia=0.3))
+    begun = loop.run(0.1, force=20.0, believed=20.0, kind=STRAIN, duration=0.2).force
+    stuck = loop.run(0.1, force=20.0 + felt, believed=20.0, kind=STRAIN, duration=2.0).force
+    assert stuck == begun
+
+
+def test_a_load_that_the_integral_finds_is_no_doubt_of_the_demand(paper_bundle):
+    """While the demand grows by 50 N to lift a load, the margins of the state machine stay."""
+    loop = Loop(paper_bundle, LoadModel(force=20.0, inertia=0.3), strain_integral=2500.0)
+    begun = loop.run(0.1, force=20.0, believed=20.0, kind=STRAIN, duration=3.0).force
+    grown = loop.run(0.11, force=20.0, believed=20.0, kind=STRAIN, duration=2.0).force
+    assert grown > begun + 50.0
+    assert uncertainty(loop.settings, loop.state) < loop.settings.model_error + 1.0
 
 
 def test_pressures_are_worked_out_for_a_strain_within_reach(paper_bundle):

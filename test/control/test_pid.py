@@ -50,6 +50,49 @@ def test_no_limit_cycle_at_rest_whatever_the_true_dead_band(chamber, dead_band):
     assert loop.air - before < 0.02 * before
 
 
+def slow_ramp(t):
+    """Return a setpoint that goes to and fro by 50 kPa/s between 150 and 250 kPa."""
+    return 150e3 + 50e3 * (2.0 - abs(t % 4.0 - 2.0))
+
+
+def worst_error(loop, duration):
+    """Return how far a chamber is from `slow_ramp` at most, Pa."""
+    return max(abs(p - slow_ramp(t)) for t, p, _ in loop.run(slow_ramp, duration))
+
+
+def test_a_dead_band_that_is_wider_than_told_is_learnt_on_the_move(chamber):
+    """The second time up and down the pressure turns round with half the error of the first."""
+    config = PidConfig(flow_lag=11.5e-3)
+    loop = chamber(dead_band=0.07, delay=10e-3, config=config, noise=100.0, period=2e-3,
+                   pressure=150e3, gains=PidGains(20.0, 60.0, 0.0))
+    first = worst_error(loop, 4.0)
+    assert worst_error(loop, 4.0) < 0.5 * first
+    loop.pid.reset()
+    assert worst_error(loop, 4.0) < 0.5 * first
+
+
+def test_of_a_dead_band_that_is_as_told_nothing_else_is_learnt(chamber):
+    """Neither noise nor wide openings move it by a tenth of itself, nor steps of a setpoint."""
+    loop = chamber(noise=100.0)
+    loop.run(slow_ramp, 4.0)
+    for k in range(20):
+        loop.run(100e3 + 100e3 * (k % 2), 0.1)
+    loop.run(lambda t: 200e3 + 2e3 * (t // 4e-3 % 50), 0.4)
+    assert max(abs(loop.pid.state.band.fill), abs(loop.pid.state.band.vent)) < 4e-3
+
+
+def test_a_pressure_that_never_answers_widens_the_dead_band_within_its_doubt(chamber):
+    """A dead sensor opens the valve by what a dead band may be off besides, no more."""
+    pid = PressurePid(config=CONFIG)
+    for _ in range(2000):
+        pid.update(101e3, 100e3, 2e-3)
+    assert pid.state.band.fill == pytest.approx(0.5 * 0.04 + 0.02)
+    gentle, learnt = (PressurePid(config=replace(CONFIG, ceiling=102e3, reach=0.1))
+                      for _ in range(2))
+    learnt.state.band.fill = 0.04
+    assert learnt.update(300e3, 100e3, 2e-3) < gentle.update(300e3, 100e3, 2e-3) + 1e-4
+
+
 def test_valve_stays_shut_at_rest_without_noise(chamber):
     """A reading within the quiet band asks for no flow at all."""
     loop = chamber(pressure=150e3)

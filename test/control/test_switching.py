@@ -47,11 +47,31 @@ def test_the_next_unit_comes_when_it_is_needed_or_the_demand_heads_there(
     assert bool(why) == bool(said)
 
 
+@pytest.mark.parametrize(('slowing', 'recruited'), [(-769.0, True), (-806.0, False)])
+def test_ahead_of_need_one_standard_deviation_is_enough(made, slowing, recruited):
+    """A demand that will turn at 246.5 N, half the margin beyond RS1, is met in time."""
+    why = Machine(made(), 1).tell(240.0, 100.0, slowing)[1]
+    assert ('rising' in why) == recruited
+
+
 def test_a_unit_that_adds_nothing_is_not_recruited(made):
     """Beyond RS1 stays beyond where the next unit cannot pull."""
     table = made()
     table.top[2] = table.top[1]
     assert Machine(table, 1).tell(300.0)[1] == ''
+
+
+@pytest.mark.parametrize(('force', 'rate', 'recruited'), [(400.0, 0.0, True),
+                                                          (240.0, 100.0, False)])
+def test_a_demand_beyond_doubt_recruits_a_unit_that_adds_less_than_the_doubt(
+        made, force, rate, recruited):
+    """RS2 adds 50 N, the demand is sure to 100 N: beyond 346 N it comes, ahead of need not."""
+    table = made()
+    table.top[2] = table.top[1] + 50.0
+    machine = Machine(table, 1, margin=None)
+    why = machine.machine.update(DT, SimpleNamespace(table=table),
+                                 Demand(force, rate, uncertainty=100.0))
+    assert bool(why) == recruited
 
 
 @pytest.mark.parametrize(('force', 'released'), [(-7.9, False), (-8.1, True)])

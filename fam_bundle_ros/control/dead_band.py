@@ -1,0 +1,122 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The dead band that a valve has, learnt from pressures that come late or early.
+
+The inverse of the valve jumps over the dead band that the loop was told. Where the true one, with
+the backlash of its spool, is wider, small openings let no air through at all. What is missing of
+the pressure that was sent widens the band of that side, what is too much narrows it (adaptive
+inverse of a dead zone: Tao and Kokotovic 1994, IEEE Trans. Autom. Control 39, 59). Kernels.
+"""
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+#: A dead band may be off by this share of itself and by this much more of the full command.
+DOUBT_SHARE, DOUBT = 0.5, 0.02
+#: A conductance may be off by so much: of wider openings than the doubt over this, it would be the
+#: conductance that is learnt.
+CONDUCTANCE_DOUBT = 0.3
+#: s: over which a side that is open learns.
+_LEARN_TIME = 0.1
+
+
+@dataclass
+class DeadBandState:
+    """
+    What was learnt of a valve.
+
+    Attributes
+    ----------
+    fill, vent : float
+        By how much the dead band of each side is wider than told, in commands.
+    reading, due : float, Pa
+        In the tick before: reading, and the pressure that was to be there by what was sent.
+    open, seen : float, s
+        Time that small openings to fill have lasted, less that of those to exhaust: so far, and
+        as far as the reading before showed it.
+    missing, share : float, Pa/s and 1
+        Filtered: rate that is missing, and time with small openings to fill less to exhaust.
+    wide : float
+        Size of the opening, as far as the spool may still be on its way back from it.
+    """
+
+    fill: float = 0.0
+    vent: float = 0.0
+    reading: float = 0.0
+    due: float = 0.0
+    open: float = 0.0
+    seen: float = 0.0
+    missing: float = 0.0
+    share: float = 0.0
+    wide: float = 0.0
+
+
+def dead_band_doubt(dead_band: float) -> float:
+    """Return by how much the dead band of a valve may be off, in commands."""
+    return DOUBT_SHARE * dead_band + DOUBT
+
+
+def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_then: float,
+                    slow: float, filling: float, venting: float, time: float, dt: float) -> None:
+    """
+    Learn from one reading.
+
+    Parameters
+    ----------
+    band : DeadBandState
+    most : float
+        Largest error of the told dead band, in commands.
+    pressure, due : float, Pa
+        Reading, and the sum of all changes that it should show by what was sent.
+    open_then : float, s
+        `DeadBandState.open` at the time of the last command that the reading can show.
+    slow : float, Pa/s
+        Rate that the loop's integral added besides.
+    filling, venting : float, Pa/s
+        What the valve does to the pressure fully open to either side, both above 0.
+    time : float, s
+        Of the filter.
+    dt : float, s
+    """
+    # Filtered alike: noise that opened the valve a little is gone from the next reading, as if
+    # the air had answered.
+    kept = math.exp(-dt / time)
+    missing = (due - band.due - (pressure - band.reading)) / dt + slow
+    band.missing = kept * band.missing + (1.0 - kept) * missing
+    band.share = kept * band.share + (1.0 - kept) * (open_then - band.seen) / dt
+    band.reading, band.due, band.seen = pressure, due, open_then
+    # A dead band that is wider by x takes the share x of the fully open valve's rate.
+    step = dt / _LEARN_TIME * band.share * band.missing
+    if band.share > 0.0 and filling > 0.0:
+        band.fill = min(max(band.fill + step / filling, -most), most)
+    elif band.share < 0.0 and venting > 0.0:
+        band.vent = min(max(band.vent + step / venting, -most), most)
+
+
+def begin_readings(band: Any, pressure: float) -> None:
+    """Begin at a reading (Pa), with what was learnt before."""
+    band.reading, band.due, band.open, band.seen = pressure, 0.0, 0.0, 0.0
+    band.missing = band.share = 0.0
+
+
+def command_of(band: Any, dead_band: float, opening: float, most: float) -> float:
+    """
+    Return the valve command for an opening, with the dead band as it was learnt.
+
+    Parameters
+    ----------
+    band : DeadBandState
+    dead_band : float
+        As told.
+    opening : float
+        -1 exhaust .. 0 closed .. 1 fill.
+    most : float
+        Largest command to fill.
+    """
+    if opening == 0.0:
+        return 0.0
+    width = max(dead_band + (band.fill if opening > 0.0 else band.vent), 0.0)
+    size = width + min(abs(opening), 1.0) * (1.0 - width)
+    return min(size, most) if opening > 0.0 else -size
