@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
+#: Share of the usual fast motion below which a motion counts as rest.
+CRAWL = 0.02
 
 
 def local_quadratic(time: np.ndarray, value: np.ndarray, half: int,
@@ -100,15 +102,18 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     going = np.ones(len(value), bool)
     bounds = np.flatnonzero(np.diff(trial)) + 1
     parts = np.split(np.arange(len(time)), bounds)
-    for window in (5, 9, 17, 33):
+    window, longest = 5, max(map(len, parts))
+    # a pressure that is held is its mean: hysteresis would else be seen to hold it
+    while going.any() and window < 2 * longest:
         fitted = np.empty(len(value))
         for rows in parts:
             fitted[rows] = _blocks(time[rows], value[rows], window // 2)[0]
-        fits = np.abs(fitted - best) <= 2.0 * spread
+        fits = np.abs(fitted - best) <= 2.5 * spread
         # a bend inside the window shows at its neighbours first
         going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
         best = np.where(going, fitted, best)
         spread = np.where(going, noise * 1.5 / np.sqrt(window), spread)
+        window = 2 * window - 1
     return best
 
 
@@ -195,7 +200,7 @@ def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.n
         Smallest travel that counts, in the unit of the signal.
     """
     fast = np.percentile(np.abs(rate), 90) if len(rate) else 0.0
-    threshold = max(3.0 * rate_noise, 0.02 * fast)
+    threshold = max(3.0 * rate_noise, CRAWL * fast)
     way = np.where(rate > threshold, 1, np.where(rate < -threshold, -1, 0))
     change = np.ones(len(way), bool)
     change[1:] = (np.diff(way) != 0) | (np.diff(trial) != 0)

@@ -25,7 +25,7 @@ from fam_bundle_ros.model import Bundle
 
 #: White misfits of the annealing, then where the discrepancy starts, as places on the grid.
 COOLING = (12, 10, 8)
-_FIRST = Hyper(even=7, odd=6, white=6, slow=6)
+_FIRST = Hyper(even=7, odd=6, white=6, slow=6, speed=6)
 #: Longest step of a fit, in widths of the priors.
 _LONGEST = 2.0
 #: A fit of the search stops when a step gains less (in chi2); evidence is told to about this.
@@ -238,7 +238,7 @@ class Fitter:
         for _ in range(6):
             before = h
             for axis in self.covariance.axes:
-                if axis in ('strain', 'pressure') and not (h.even or h.odd):
+                if axis in ('strain', 'pressure') and not (h.even or h.odd or h.speed):
                     continue
                 if axis == 'tau' and not h.slow:
                     continue
@@ -259,7 +259,8 @@ class Fitter:
     def first_hyper(self) -> Hyper:
         """Return where the discrepancy starts after the annealing: small."""
         axes = self.covariance.axes
-        return _FIRST._replace(**{axis: 0 for axis in ('odd', 'slow') if axis not in axes})
+        return _FIRST._replace(**{axis: 0 for axis in ('odd', 'slow', 'speed')
+                                  if axis not in axes})
 
     def fit(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
             start: Mapping[str, float] | None = None, hyper: Hyper | None = None,

@@ -203,6 +203,7 @@ def _with(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
     residual = fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[1]
     weights = solve_triangular(lower, part(residual), lower=True, trans=1, check_finite=False)
     direction = fitter.cells.direction[train]
-    even = covariance.structured(fit.hyper._replace(slow=0, odd=0))[:, train] @ weights
-    odd = covariance.structured(fit.hyper._replace(slow=0, odd=fit.hyper.odd, even=0), False)
+    # what a table over strain, pressure and direction can hold
+    even = covariance.structured(fit.hyper._replace(slow=0, speed=0, odd=0))[:, train] @ weights
+    odd = covariance.structured(fit.hyper._replace(slow=0, speed=0, even=0), False)
     return residual - even - fitter.cells.turn * (odd[:, train] @ (direction * weights))

@@ -22,6 +22,7 @@ from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.priors import Prior
 
 #: Geometry further than this from its nominal value is said.
 _TOLERANCES = 3.0
@@ -58,15 +59,22 @@ class Left:
         return float(np.hypot(self.smooth, self.rough))
 
 
-def what_is_left(covariance: Covariance, fit: Fit) -> Left:
-    """Return the size of the discrepancy that a set needs."""
+def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
+    """
+    Return the size of the discrepancy that a set needs.
+
+    Beside a discrepancy the parameters stay near their priors, and it makes up for them. What the
+    effects explain alone is not left to it: both parts together are no larger than the error of
+    ``physics``, the same set fitted without one.
+    """
     h = fit.hyper._replace(slow=0)
     rough = covariance.white_sd(fit.hyper)
     if h.is_white:
         return Left(0.0, rough)
     smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
                                                         fit.residual)
-    return Left(float(np.sqrt(np.mean(smooth ** 2))), rough)
+    most = max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0)
+    return Left(float(np.sqrt(min(np.mean(smooth ** 2), most))), rough)
 
 
 def small(cells: Cells) -> float:
@@ -77,7 +85,7 @@ def small(cells: Cells) -> float:
 def need_of_structure(fitter: Fitter, fit: Fit) -> float:
     """Return how many log units the smooth discrepancy gains over white and slow misfit."""
     best = -np.inf
-    h = fit.hyper._replace(even=0, odd=0)
+    h = fit.hyper._replace(even=0, odd=0, speed=0)
     for _ in range(3):
         before = h
         for axis in ('white', 'slow', 'tau'):
@@ -126,8 +134,9 @@ class Finding:
         return self.verdict in ('missing_effect', 'partial')
 
 
-def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
-          held: HeldOut, artefacts: Sequence[Artefact], inclusion: float) -> Finding:
+def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
+          found: Sequence[Change], held: HeldOut, artefacts: Sequence[Artefact],
+          inclusion: float) -> Finding:
     """
     Return the verdict.
 
@@ -136,8 +145,8 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     fitter : Fitter
     null, chosen : Fit
         The model with its own effects, and the chosen set, each with its discrepancy.
-    physics : Fit
-        The chosen set without one.
+    base, physics : Fit
+        The same without one.
     found : sequence of Change
         What was chosen; none where nothing earns a name.
     held : HeldOut
@@ -146,8 +155,8 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
         Prior probability that something is missing.
     """
     cells = fitter.cells
-    before = what_is_left(fitter.covariance, null)
-    after = what_is_left(fitter.covariance, chosen)
+    before = what_is_left(fitter.covariance, null, base)
+    after = what_is_left(fitter.covariance, chosen, physics)
     needed = need_of_structure(fitter, null)
     still = need_of_structure(fitter, chosen) if found else needed
     explained = 1.0 - still / max(needed, 1e-9)
@@ -199,7 +208,7 @@ def _refusals(physics: Fit, held: HeldOut) -> tuple[str, ...]:
 def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
     found = []
     for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound):
-        if bound and not prior.own and not _is_off(prior):
+        if bound and not prior.own and not _is_off(prior, u):
             found.append(f'{prior.key} is at its bound')
         if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES:
             found.append(f'{prior.key} has moved {u:+.1f} tolerances')
@@ -209,6 +218,7 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _is_off(prior) -> bool:
+def _is_off(prior: Prior, u: float) -> bool:
     """Return whether a bound merely switches a part off: a size that is zero."""
-    return prior.kind == 'half' or prior.lower == 0.0
+    at_lower = u - prior.limits[0] < prior.limits[1] - u
+    return at_lower and (prior.kind == 'half' or prior.lower == 0.0)
