@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from fam_bundle_ros.data.folds import Folds, KINDS
+from fam_bundle_ros.data.folds import fold_labels, KINDS
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.rivals import missed, RIVALS
@@ -95,7 +95,7 @@ def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
     rows = np.full(len(cells), -1)
     used = np.flatnonzero(cells.label >= 0)
     rows[cells.label[used[::-1]]] = used[::-1]
-    found = [(kind, Folds(kind).labels(cells.data)[rows]) for kind in KINDS]
+    found = [(kind, fold_labels(cells.data, kind)[rows]) for kind in KINDS]
     # one inner strain level is a fold; one trial or isobar would leave nothing to train on
     return [(kind, label) for kind, label in found if label.max() >= (kind != 'strain')]
 
