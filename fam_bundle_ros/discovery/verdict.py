@@ -65,7 +65,7 @@ def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
 
     Beside a discrepancy the parameters stay near their priors, and it makes up for them. What the
     effects explain alone is not left to it: both parts together are no larger than the error of
-    ``physics``, the same set fitted without one.
+    ``physics``, the same set fitted without one, where that is a muscle as it was described.
     """
     h = fit.hyper._replace(slow=0)
     rough = covariance.white_sd(fit.hyper)
@@ -73,8 +73,23 @@ def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
         return Left(0.0, rough)
     smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
                                                         fit.residual)
-    most = max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0)
-    return Left(float(np.sqrt(min(np.mean(smooth ** 2), most))), rough)
+    square = float(np.mean(smooth ** 2))
+    if not (_far(physics) or _impossible(physics)):
+        square = min(square, max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0))
+    return Left(float(np.sqrt(square)), rough)
+
+
+def _far(physics: Fit) -> list[str]:
+    """Return in words which dimensions are further off than can be."""
+    return [f'{prior.key} has moved {u:+.1f} tolerances'
+            for prior, u in zip(physics.priors, physics.u)
+            if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES]
+
+
+def _impossible(physics: Fit) -> list[str]:
+    """Return in words which of the model's own parameters are at a bound."""
+    return [f'{prior.key} would have to be at the end of what is possible'
+            for prior, bound in zip(physics.priors, physics.at_bound) if bound and prior.own]
 
 
 def small(cells: Cells) -> float:
@@ -199,19 +214,14 @@ def _refusals(physics: Fit, held: HeldOut) -> tuple[str, ...]:
         if held.physics >= held.rivals[name]:
             found.append(f'on rows not seen it is off by {held.physics:.3g} N, {words} by '
                          f'{held.rivals[name]:.3g} N')
-    for prior, bound in zip(physics.priors, physics.at_bound):
-        if bound and prior.own:
-            found.append(f'{prior.key} would have to be at the end of what is possible')
-    return tuple(found)
+    return (*found, *_impossible(physics))
 
 
 def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
-    found = []
-    for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound):
-        if bound and not prior.own and not _is_off(prior, u):
-            found.append(f'{prior.key} is at its bound')
-        if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES:
-            found.append(f'{prior.key} has moved {u:+.1f} tolerances')
+    found = [f'{prior.key} is at its bound'
+             for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound)
+             if bound and not prior.own and not _is_off(prior, u)]
+    found += _far(physics)
     if held.physics > held.rivals['empirical']:
         found.append(f'on rows not seen the effects are off by {held.physics:.3g} N, a '
                      f'six-parameter empirical form by {held.rivals["empirical"]:.3g} N')
