@@ -50,7 +50,9 @@ from fam_bundle_ros.discovery.verdict import (
     Artefact,
     DOUBTED,
     Finding,
+    is_structured,
     judge,
+    need_of_structure,
     small,
     what_is_left,
 )
@@ -96,6 +98,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     if progress:
         progress(0.9, 'weighing what is left')
     chosen, found = _best_of_ties(search, *named(search, search.best), choices)
+    if not found:
+        chosen, found = _believed(search, choices)
     physics = fitter.without_discrepancy(chosen)
     base = fitter.without_discrepancy(search.null) if found else physics
     chosen, found, physics, held = _that_foretell(search, chosen, found, physics)
@@ -201,6 +205,26 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
                 <= np.sqrt(len(least)) * np.std(each - least, ddof=len(least) > 1))
     order = changes(search.options, best.names)
     return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
+
+
+def _believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
+    """
+    Return the most probable set of effects that are likelier than not, where structure is needed.
+
+    Beside a small error a smooth discrepancy is hardly less probable than an effect. But the one
+    says that something is missing as the other does: it is no reason to name nothing. An effect
+    in more than half of the posterior is (Barbieri and Berger 2004).
+    """
+    fitter, null = search.fitter, search.null
+    left = what_is_left(fitter.covariance, null, fitter.without_discrepancy(null))
+    if not is_structured(fitter.cells, need_of_structure(fitter, null), left, choices.inclusion):
+        return null, []
+    posterior = Posterior.of(search)
+    for fit in posterior.fits:
+        found = changes(search.options, fit.names)
+        if all(posterior.of_label(change.label) > 0.5 for change in found):
+            return fit, found
+    return null, []
 
 
 def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit,

@@ -121,7 +121,7 @@ class Fitter:
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
         """Return measured minus predicted force of the cells, (n,), N."""
-        force = self.cells.mean(_moved(model, priors, u).predict(self.cells.motion))
+        force = self.cells.mean(with_coordinates(model, priors, u).predict(self.cells.motion))
         return self.cells.force - np.where(np.isfinite(force), force, 1e6)
 
     def linearised(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
@@ -137,7 +137,7 @@ class Fitter:
         """
         self.evaluations += 1
         known = kept or {}
-        moved = _moved(model, priors, u)
+        moved = with_coordinates(model, priors, u)
         asked = [j for j, prior in enumerate(priors) if prior.key not in known]
         slope = np.array([priors[j].slope(u[j]) for j in asked])
         force, columns = moved.jacobian(self.cells.motion, [priors[j].key for j in asked])
@@ -315,8 +315,8 @@ class Fitter:
               white: float, log_prior: float) -> Fit:
         bent = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + bent.T @ bent)
-        return Fit(names, _moved(model, priors, u), tuple(priors), u, h, residual, slopes,
-                   evidence, white, log_prior, spread)
+        return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
+                   slopes, evidence, white, log_prior, spread)
 
     def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
                ) -> tuple[float, Point, Hyper]:
@@ -338,6 +338,7 @@ class Fitter:
         return best
 
 
-def _moved(model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> Bundle:
+def with_coordinates(model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> Bundle:
+    """Return a model with the values that its priors have at u."""
     return model.with_parameters({prior.key: prior.theta(value)
                                   for prior, value in zip(priors, u)})

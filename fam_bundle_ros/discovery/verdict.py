@@ -11,15 +11,16 @@ not seen, or a value that cannot be. Others warn: then it is `partial` at most.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.priors import Prior
@@ -174,13 +175,15 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     after = what_is_left(fitter.covariance, chosen, physics)
     needed = need_of_structure(fitter, null)
     still = need_of_structure(fitter, chosen) if found else needed
-    explained = 1.0 - still / max(needed, 1e-9)
-    # as an effect must, structure has prior odds to overcome
-    structured = (still + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS
-                  and after.smooth > settings.VISIBLE * cells.noise)
+    explained = _explained(before, base, physics, needed, still)
+    structured = is_structured(cells, still, after, inclusion)
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
-    refusals = _refusals(physics, held) if found else ()
+    refusals = _refusals(physics, held, _worth_of_pressure(fitter, null)) if found else ()
     warnings = _warnings(physics, held) if found else ()
+    lost = chosen.posterior - null.posterior
+    if found and lost < settings.LEAST_LOSS:
+        warnings = (*warnings, 'a smooth discrepancy in their place is as probable (odds of '
+                    f'{np.exp(lost):.2g} to 1)')
     warnings = (*warnings, *(artefact.words for artefact in artefacts))
     if not found:
         if artefacts or structured:
@@ -199,6 +202,37 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
                    warnings, tuple(artefacts))
 
 
+def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bool:
+    """
+    Return whether a smooth discrepancy is needed: it has prior odds to overcome as effects have.
+
+    Parameters
+    ----------
+    cells : Cells
+    need : float
+        Of `need_of_structure`.
+    left : Left
+    inclusion : float
+        Prior probability that something is missing.
+    """
+    return bool(need + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS
+                and left.smooth > settings.VISIBLE * cells.noise)
+
+
+def _explained(before: Left, base: Fit, physics: Fit, needed: float, still: float) -> float:
+    """
+    Return the share of the error's structure that the changes take.
+
+    By the need for a discrepancy; where that cannot take most of the error itself (of memory, or
+    of the rate of the pressure, which are no functions of strain, pressure and direction), by
+    the mean square.
+    """
+    total = float(np.mean(base.residual ** 2))
+    if before.smooth ** 2 < 0.5 * total:
+        return 1.0 - float(np.mean(physics.residual ** 2)) / total
+    return 1.0 - still / max(needed, 1e-9)
+
+
 def _moved(fitter: Fitter, null: Fit) -> bool:
     """Return whether the model's parameters had to move: evidence against those as given."""
     nominal = np.zeros(len(null.u))
@@ -208,12 +242,26 @@ def _moved(fitter: Fitter, null: Fit) -> bool:
     return null.evidence - as_given > settings.LEAST_LOSS
 
 
-def _refusals(physics: Fit, held: HeldOut) -> tuple[str, ...]:
+def _worth_of_pressure(fitter: Fitter, null: Fit) -> float:
+    """Return by how much the pressures that were met change the force of the model as given."""
+    cells = fitter.cells
+    record, model = cells.motion, with_coordinates(null.model, null.priors, np.zeros(len(null.u)))
+    still = replace(record, pressure=np.broadcast_to(record.pressure.mean(axis=0),
+                                                     record.pressure.shape))
+    return rms(cells.mean(model.predict(record) - model.predict(still)))
+
+
+def _refusals(physics: Fit, held: HeldOut, pressure: float) -> tuple[str, ...]:
     found = []
     for name, words in (('mean', 'the mean force'), ('plane', 'a plane')):
         if held.physics >= held.rivals[name]:
             found.append(f'on rows not seen it is off by {held.physics:.3g} N, {words} by '
                          f'{held.rivals[name]:.3g} N')
+    if pressure > held.blind <= held.physics:
+        found.append(f'the pressures that were met change the force of the model by '
+                     f'{pressure:.3g} N, but a curve of the strain that knows of no pressure is '
+                     f'off by {held.blind:.3g} N on rows not seen, the effects by '
+                     f'{held.physics:.3g} N: is it the pressure of this muscle?')
     return (*found, *_impossible(physics))
 
 

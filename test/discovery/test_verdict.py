@@ -17,7 +17,14 @@ from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.posterior import named
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices
-from fam_bundle_ros.discovery.verdict import _warnings, what_is_left
+from fam_bundle_ros.discovery.verdict import (
+    _explained,
+    _refusals,
+    _warnings,
+    _worth_of_pressure,
+    Left,
+    what_is_left,
+)
 
 #: `discovery` shows the function of this name, not the module.
 steps = importlib.import_module('fam_bundle_ros.discovery.diagnose')
@@ -90,3 +97,35 @@ def test_folds_choose_among_ties_but_add_nothing_to_them(search, monkeypatch):
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
     best, _ = steps._best_of_ties(made, chosen, found, worth, Choices())
     assert best.names == chosen.names
+
+
+@pytest.mark.parametrize(('blind', 'refused'), [(0.9, True), (1.2, False)])
+def test_effects_that_foretell_no_better_than_without_the_pressure_are_refused(search, blind,
+                                                                              refused):
+    """Where the pressure should matter: a force that does not depend on it is no muscle's."""
+    made = search(nothing=0.0)
+    worth = _worth_of_pressure(made.fitter, made.null)
+    assert worth > 10.0
+    said = _refusals(made.null, replace(GOOD, blind=blind), worth)
+    assert any('pressure' in words for words in said) == refused
+    assert not _refusals(made.null, replace(GOOD, blind=blind), 0.1)
+
+
+@pytest.mark.parametrize(('structured', 'names'), [(True, ['coulomb_friction']), (False, [])])
+def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, monkeypatch,
+                                                                      structured, names):
+    """A smooth discrepancy that is nearly as probable is a reason for doubt, not for silence."""
+    made = search(nothing=0.0, coulomb_friction=1.5, coulomb_friction__end_caps=0.5,
+                  end_caps=-2.0)
+    monkeypatch.setattr(steps, 'need_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(steps, 'is_structured', lambda *given: structured)
+    assert [str(change) for change in steps._believed(made, Choices())[1]] == names
+
+
+def test_what_no_function_of_the_state_can_take_is_explained_by_its_mean_square(search):
+    """A lag leaves little to a smooth discrepancy, before as after: nine tenths are gone."""
+    null = search(nothing=0.0).null
+    wave = 10.0 * np.sin(np.arange(len(null.residual)))
+    base, physics = replace(null, residual=wave), replace(null, residual=np.sqrt(0.1) * wave)
+    assert _explained(Left(1.0, 9.0), base, physics, 2.0, 1.9) == pytest.approx(0.9)
+    assert _explained(Left(7.0, 0.0), base, physics, 20.0, 15.0) == pytest.approx(0.25)
