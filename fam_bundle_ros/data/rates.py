@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
+#: Windows of `smooth`: wider ones would take the bends of a moving signal along.
+_SMOOTHED = (5, 9, 17, 33)
 #: Share of the usual fast motion below which a motion counts as rest.
 CRAWL = 0.02
 
@@ -87,13 +89,31 @@ def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
     return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
 
 
+def _is_held(value: np.ndarray, noise: float) -> bool:
+    """
+    Return whether a signal is constant but for white noise: samples, and means of stretches.
+
+    Their scatter is within three standard deviations of what chi-squared allows.
+    """
+    count = len(value) // _SMOOTHED[-1]
+    if count < 2:
+        return False
+    means = value[:count * _SMOOTHED[-1]].reshape(count, -1).mean(axis=1)
+    # the noise is a median deviation: it is worth a quarter of its rows
+    swings = np.var(value) > noise ** 2 * (1.0 + 3.0 * np.sqrt(8.0 / len(value)))
+    drifts = np.var(means, ddof=1) * _SMOOTHED[-1] > noise ** 2 * (
+        1.0 + 3.0 * np.sqrt(2.0 / (count - 1)))
+    return not (swings or drifts)
+
+
 def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray:
     """
     Return a signal with less noise, bends and steps kept, (T,).
 
     Each sample takes the widest local quadratic that stays within the noise of the narrower ones
-    (intersection of confidence intervals). Noise in strain and pressure would otherwise pass
-    through the model and make lags, which smooth, look like a gain.
+    (intersection of confidence intervals). A trial in which the signal is held becomes its mean.
+    Noise in strain and pressure would otherwise pass through the model and make lags, which
+    smooth, or a hysteresis, which holds, look like a gain.
     """
     noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
     if noise <= 0.0:
@@ -102,9 +122,7 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     going = np.ones(len(value), bool)
     bounds = np.flatnonzero(np.diff(trial)) + 1
     parts = np.split(np.arange(len(time)), bounds)
-    window, longest = 5, max(map(len, parts))
-    # a pressure that is held is its mean: hysteresis would else be seen to hold it
-    while going.any() and window < 2 * longest:
+    for window in _SMOOTHED:
         fitted = np.empty(len(value))
         for rows in parts:
             fitted[rows] = _blocks(time[rows], value[rows], window // 2)[0]
@@ -113,7 +131,9 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
         going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
         best = np.where(going, fitted, best)
         spread = np.where(going, noise * 1.5 / np.sqrt(window), spread)
-        window = 2 * window - 1
+    for rows in parts:
+        if _is_held(value[rows], noise):
+            best[rows] = value[rows].mean()
     return best
 
 
