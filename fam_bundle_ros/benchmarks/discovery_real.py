@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.campaign.pool import each, Progress
-from fam_bundle_ros.data.folds import Folds
+from fam_bundle_ros.data.folds import fold_labels
 from fam_bundle_ros.data.grouping import pressure_levels, rms, varying_unit
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.reading import read_measurement
@@ -76,7 +76,7 @@ def splits(data: Measurement, draws: int = DRAWS) -> Iterator[tuple[str, np.ndar
         Seeds 0, 1, ... of the draws.
     """
     if data.is_static:
-        label = Folds('strain', len(data)).labels(data)
+        label = fold_labels(data, 'strain', len(data))
         for k in range(label.max() + 1):
             here = label == k
             yield f'strain {data.strain[here].mean():.3f}', here

@@ -8,7 +8,6 @@ Measured data: what was measured, in SI units, and nothing about models.
 """
 
 from fam_bundle_ros.data.bagfile import write_bag
-from fam_bundle_ros.data.folds import Folds, held_out
 from fam_bundle_ros.data.joined import join
 from fam_bundle_ros.data.measurement import Measurement, Taken, write_csv
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
@@ -22,7 +21,7 @@ from fam_bundle_ros.data.reading import (
 )
 from fam_bundle_ros.data.recipe import load_recipe, Recipe, recipe_of, save_recipe
 
-__all__ = ['as_measurement', 'duration', 'Folds', 'held_out', 'join', 'load_recipe', 'Measurement',
-           'noise_floor', 'NoiseFloor', 'Preview', 'preview', 'Protocol', 'read_measurement',
-           'read_protocol', 'Recipe', 'recipe_of', 'save_protocol', 'save_recipe', 'segments',
-           'Taken', 'taken_words', 'write_bag', 'write_csv']
+__all__ = ['as_measurement', 'duration', 'join', 'load_recipe', 'Measurement', 'noise_floor',
+           'NoiseFloor', 'Preview', 'preview', 'Protocol', 'read_measurement', 'read_protocol',
+           'Recipe', 'recipe_of', 'save_protocol', 'save_recipe', 'segments', 'Taken',
+           'taken_words', 'write_bag', 'write_csv']

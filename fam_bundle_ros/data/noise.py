@@ -312,33 +312,6 @@ def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray], quant
     return repeats, of_means, float(min(correlation, 100.0)), len(again)
 
 
-def what_does_not_repeat(measurement: Measurement, values: np.ndarray) -> np.ndarray | None:
-    """
-    Return the pure error of a lack-of-fit test, (T,); nan where nothing was visited twice.
-
-    What a cell's visits have in common is taken off; the rest is noise of whatever colour, and
-    nothing that a model could have foretold. None where less than half of the rows were visited
-    again.
-
-    Parameters
-    ----------
-    values : ndarray, shape (T,)
-        Measured minus modelled force, in any unit.
-    """
-    cell, visit = visit_cells(measurement)
-    count = np.bincount(visit)
-    of_visit = np.zeros(len(count), int)
-    of_visit[visit] = cell
-    visits = np.bincount(of_visit)
-    mean = np.bincount(of_visit, np.bincount(visit, values) / count) / np.maximum(visits, 1)
-    again = visits[cell] > 1
-    if 2 * again.sum() < len(values):
-        return None
-    # as many deviations as visits, but one fewer are free
-    free = np.sqrt(visits[cell] / np.maximum(visits[cell] - 1.0, 1.0))
-    return np.where(again, (values - mean[cell]) * free, np.nan)
-
-
 def autocorrelation_time(residual: np.ndarray, trial: np.ndarray, longest: int = 400) -> float:
     """
     Return how many samples make one independent sample: 1 + 2 sum of autocorrelations.

@@ -13,6 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
+#: Windows of `smooth`: wider ones would take the bends of a moving signal along.
+_SMOOTHED = (5, 9, 17, 33)
+#: Share of the usual fast motion below which a motion counts as rest.
+CRAWL = 0.02
 
 
 def local_quadratic(time: np.ndarray, value: np.ndarray, half: int,
@@ -85,13 +89,31 @@ def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
     return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
 
 
+def _is_held(value: np.ndarray, noise: float) -> bool:
+    """
+    Return whether a signal is constant but for white noise: samples, and means of stretches.
+
+    Their scatter is within three standard deviations of what chi-squared allows.
+    """
+    count = len(value) // _SMOOTHED[-1]
+    if count < 2:
+        return False
+    means = value[:count * _SMOOTHED[-1]].reshape(count, -1).mean(axis=1)
+    # the noise is a median deviation: it is worth a quarter of its rows
+    swings = np.var(value) > noise ** 2 * (1.0 + 3.0 * np.sqrt(8.0 / len(value)))
+    drifts = np.var(means, ddof=1) * _SMOOTHED[-1] > noise ** 2 * (
+        1.0 + 3.0 * np.sqrt(2.0 / (count - 1)))
+    return not (swings or drifts)
+
+
 def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray:
     """
     Return a signal with less noise, bends and steps kept, (T,).
 
     Each sample takes the widest local quadratic that stays within the noise of the narrower ones
-    (intersection of confidence intervals). Noise in strain and pressure would otherwise pass
-    through the model and make lags, which smooth, look like a gain.
+    (intersection of confidence intervals). A trial in which the signal is held becomes its mean.
+    Noise in strain and pressure would otherwise pass through the model and make lags, which
+    smooth, or a hysteresis, which holds, look like a gain.
     """
     noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
     if noise <= 0.0:
@@ -100,15 +122,18 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     going = np.ones(len(value), bool)
     bounds = np.flatnonzero(np.diff(trial)) + 1
     parts = np.split(np.arange(len(time)), bounds)
-    for window in (5, 9, 17, 33):
+    for window in _SMOOTHED:
         fitted = np.empty(len(value))
         for rows in parts:
             fitted[rows] = _blocks(time[rows], value[rows], window // 2)[0]
-        fits = np.abs(fitted - best) <= 2.0 * spread
+        fits = np.abs(fitted - best) <= 2.5 * spread
         # a bend inside the window shows at its neighbours first
         going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
         best = np.where(going, fitted, best)
         spread = np.where(going, noise * 1.5 / np.sqrt(window), spread)
+    for rows in parts:
+        if _is_held(value[rows], noise):
+            best[rows] = value[rows].mean()
     return best
 
 
@@ -195,7 +220,7 @@ def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.n
         Smallest travel that counts, in the unit of the signal.
     """
     fast = np.percentile(np.abs(rate), 90) if len(rate) else 0.0
-    threshold = max(3.0 * rate_noise, 0.02 * fast)
+    threshold = max(3.0 * rate_noise, CRAWL * fast)
     way = np.where(rate > threshold, 1, np.where(rate < -threshold, -1, 0))
     change = np.ones(len(way), bool)
     change[1:] = (np.diff(way) != 0) | (np.diff(trial) != 0)

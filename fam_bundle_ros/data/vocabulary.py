@@ -218,6 +218,8 @@ def recognise(header: str, unit_text: str = '') -> Match:
     --------
     >>> recognise('Muskeldruck in bar').quantity, recognise('p_set [kPa]').why
     ('pressure', "'set' is no reading of the muscle")
+    >>> recognise('pressure_psi_mu2').part
+    'mu2'
     """
     best = Match('')
     for name, unit in _splits(header, unit_text):
@@ -268,6 +270,11 @@ def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
         unit = header[match.end():].strip()
         if match.start() and unit and is_unit(unit):
             ways.append((header[:match.start()], unit))
+    # `pressure_psi_mu1`: the unit stands before the number of the motor unit
+    number = re.search(r'[\s_.\-]+((?:mu)?\d+)\s*$', header, re.IGNORECASE)
+    if number:
+        ways += [(f'{name} {number[1]}', unit)
+                 for name, unit in _splits(header[:number.start()], '') if unit]
     return ways
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
 from fam_bundle_ros.data.noise import noise_floor
-from fam_bundle_ros.data.rates import slope, turning
+from fam_bundle_ros.data.rates import CRAWL, slope, turning
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.outliers import spikes
 from fam_bundle_ros.discovery.predict import matched, motion, stiffness
@@ -45,6 +45,8 @@ class Cells:
     force, strain, direction, trial : ndarray, shape (n,)
     turn : ndarray, shape (n,)
         Direction as a law feels it: the rounded sign of the strain rate.
+    speed : ndarray, shape (n,)
+        Natural logarithm of the strain rate's size, 1/s, no less than what counts as rest.
     pressure : ndarray, shape (n, m), Pa
     time : ndarray, shape (n,), s, or None
     noise : float, N
@@ -62,6 +64,7 @@ class Cells:
     pressure: np.ndarray
     direction: np.ndarray
     turn: np.ndarray
+    speed: np.ndarray
     trial: np.ndarray
     time: np.ndarray | None
     noise: float
@@ -144,9 +147,11 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
         return average_over(label, count, values)
 
     stiff = stiffness(model, data)
+    rate = np.abs(mean(data.strain_rate))
     return Cells(data, record, label, count, mean(data.force), mean(data.strain),
                  mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
                  mean(np.tanh(data.strain_rate / ROUNDING)),
+                 np.log(np.maximum(rate, max(CRAWL * np.percentile(rate, 90), 1e-9))),
                  np.round(mean(data.trial.astype(float))),
                  None if data.time is None else mean(data.time), noise, strain_range,
                  pressure_range, None if stiff is None else mean(stiff))

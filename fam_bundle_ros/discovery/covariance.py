@@ -3,11 +3,13 @@
 r"""
 The covariance of what a model cannot foretell: noise and a smooth discrepancy.
 
-    K = s^2 / count + s_w^2 I + a_e^2 M + a_o^2 d d' M + a_t^2 exp(-|dt| / tau) within a trial
+    K = s^2 / count + s_w^2 I + a_e^2 M + (a_o^2 + a_v^2 V) d d' M + a_t^2 exp(-|dt| / tau)
 
 M is a Matern 5/2 over (strain, pressure), summed over motor units as their forces are, d the
 direction of motion: the discrepancy has a part that is even in the direction and one that is odd
-(Kennedy and O'Hagan 2001). K does not depend on the physics, so its factors are kept.
+(Kennedy and O'Hagan 2001). V is a Matern 5/2 over the logarithm of the speed, where the data have
+several: losses are functions of the speed too. The last part holds within a trial. K does not
+depend on the physics, so its factors are kept.
 """
 
 from __future__ import annotations
@@ -36,17 +38,18 @@ class Hyper(NamedTuple):
     white: int = 0
     slow: int = 0
     tau: int = 1
+    speed: int = 0
 
     @property
     def is_white(self) -> bool:
         """Whether there is no discrepancy."""
-        return not (self.even or self.odd or self.slow)
+        return not (self.even or self.odd or self.slow or self.speed)
 
 
 #: Length of each grid, in the order of `Hyper`.
 GRID = Hyper(*(len(grid) for grid in (
     settings.AMPLITUDES, settings.STRAIN_LENGTHS, settings.PRESSURE_LENGTHS, settings.AMPLITUDES,
-    settings.AMPLITUDES, settings.AMPLITUDES, settings.TIME_LENGTHS)))
+    settings.AMPLITUDES, settings.AMPLITUDES, settings.TIME_LENGTHS, settings.AMPLITUDES)))
 
 
 class Covariance:
@@ -70,6 +73,12 @@ class Covariance:
         if cells.time is not None:
             gap = np.abs(cells.time[:, None] - cells.time)
             self._slow = np.where(cells.trial[:, None] == cells.trial, gap, np.inf)
+        self._speed: np.ndarray | None = None
+        slow, fast = np.percentile(cells.speed[cells.direction != 0], (10, 90)) \
+            if cells.both_ways else (0.0, 0.0)
+        if fast - slow > settings.SPEED_LENGTH:
+            gap = (cells.speed[:, None] - cells.speed) / settings.SPEED_LENGTH
+            self._speed = matern_5_2(gap ** 2)
         self._decay: dict[int, np.ndarray] = {}
         self._matern: dict[tuple[int, int], np.ndarray] = {}
         self._factors: OrderedDict[Hyper, tuple[np.ndarray, float]] = OrderedDict()
@@ -80,11 +89,12 @@ class Covariance:
         """Names of the hyperparameters that the data can tell."""
         return ('even', 'white', 'strain', 'pressure',
                 *(('odd',) if self.cells.both_ways else ()),
+                *(('speed',) if self._speed is not None else ()),
                 *(('slow', 'tau') if self._slow is not None else ()))
 
     def log_prior(self, h: Hyper) -> float:
         """Return the log prior of the amplitudes, up to a constant."""
-        total = sum(settings.AMPLITUDES[k] for k in (h.even, h.odd, h.white, h.slow))
+        total = sum(settings.AMPLITUDES[k] for k in (h.even, h.odd, h.white, h.slow, h.speed))
         return -float(total) / self.unexplained
 
     def white_sd(self, h: Hyper) -> float:
@@ -118,10 +128,12 @@ class Covariance:
         With ``directed`` False the odd part is that of cells of one direction.
         """
         k = np.zeros((len(self.cells), len(self.cells)))
-        if h.even or h.odd:
+        if h.even or h.odd or h.speed:
             matern = self._kernel(h)
             if h.odd:
                 k += self._variance[h.odd] * (self._both if directed else 1.0)
+            if h.speed and self._speed is not None:
+                k += self._variance[h.speed] * self._speed * self._both
             k += self._variance[h.even]
             k *= matern
         if h.slow and self._slow is not None:

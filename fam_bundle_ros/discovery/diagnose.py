@@ -50,7 +50,9 @@ from fam_bundle_ros.discovery.verdict import (
     Artefact,
     DOUBTED,
     Finding,
+    is_structured,
     judge,
+    need_of_structure,
     small,
     what_is_left,
 )
@@ -95,13 +97,15 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     search = Search(Options.of(model, cells, choices), fitter, progress).run()
     if progress:
         progress(0.9, 'weighing what is left')
-    chosen, found = _best_of_ties(search, *named(search), choices)
+    chosen, found = _best_of_ties(search, *named(search, search.best), choices)
+    if not found:
+        chosen, found = _believed(search, choices)
     physics = fitter.without_discrepancy(chosen)
     base = fitter.without_discrepancy(search.null) if found else physics
     chosen, found, physics, held = _that_foretell(search, chosen, found, physics)
     if offsets is None and not data.is_static:
         offsets = _offsets_left(cells, physics)
-    finding = judge(fitter, search.null, chosen, physics, found, held,
+    finding = judge(fitter, search.null, base, chosen, physics, found, held,
                     _artefacts(offsets, comparison.noise), choices.inclusion)
     if finding.verdict == 'unexplained' and found:
         held = held_out(fitter, base, search.null)
@@ -183,17 +187,44 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
     Only where structure is left: down to the noise folds can tell nothing that evidence does not.
     """
     fitter = search.fitter
-    if not found or what_is_left(fitter.covariance, chosen).total <= small(fitter.cells):
+    if not found:
         return chosen, found
-    ties = [fit for fit in Posterior.of(search).fits if fit is not chosen
-            and fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
-    tried = [chosen, *ties]
-    squares = [squares_of_folds(fitter, fitter.without_discrepancy(fit)) for fit in tried]
+    physics = fitter.without_discrepancy(chosen)
+    if what_is_left(fitter.covariance, chosen, physics).total <= small(fitter.cells):
+        return chosen, found
+    near = [fit for fit in Posterior.of(search).fits
+            if fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
+    # what is no part of an answer by itself is none beside a tie either
+    earned = {fit.names: fit for fit in (named(search, fit)[0] for fit in near)}
+    earned.pop(chosen.names, None)
+    tried = [chosen, *sorted(earned.values(), key=lambda fit: -fit.posterior)]
+    squares = [squares_of_folds(fitter, physics if fit is chosen else
+                                fitter.without_discrepancy(fit)) for fit in tried]
     least = min(squares, key=np.sum)
     best = next(fit for fit, each in zip(tried, squares) if np.sum(each - least)
                 <= np.sqrt(len(least)) * np.std(each - least, ddof=len(least) > 1))
     order = changes(search.options, best.names)
     return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
+
+
+def _believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
+    """
+    Return the most probable set of effects that are likelier than not, where structure is needed.
+
+    Beside a small error a smooth discrepancy is hardly less probable than an effect. But the one
+    says that something is missing as the other does: it is no reason to name nothing. An effect
+    in more than half of the posterior is (Barbieri and Berger 2004).
+    """
+    fitter, null = search.fitter, search.null
+    left = what_is_left(fitter.covariance, null, fitter.without_discrepancy(null))
+    if not is_structured(fitter.cells, need_of_structure(fitter, null), left, choices.inclusion):
+        return null, []
+    posterior = Posterior.of(search)
+    for fit in posterior.fits:
+        found = changes(search.options, fit.names)
+        if all(posterior.of_label(change.label) > 0.5 for change in found):
+            return fit, found
+    return null, []
 
 
 def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit,

@@ -25,7 +25,7 @@ from fam_bundle_ros.model import Bundle
 
 #: White misfits of the annealing, then where the discrepancy starts, as places on the grid.
 COOLING = (12, 10, 8)
-_FIRST = Hyper(even=7, odd=6, white=6, slow=6)
+_FIRST = Hyper(even=7, odd=6, white=6, slow=6, speed=6)
 #: Longest step of a fit, in widths of the priors.
 _LONGEST = 2.0
 #: A fit of the search stops when a step gains less (in chi2); evidence is told to about this.
@@ -121,7 +121,7 @@ class Fitter:
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
         """Return measured minus predicted force of the cells, (n,), N."""
-        force = self.cells.mean(_moved(model, priors, u).predict(self.cells.motion))
+        force = self.cells.mean(with_coordinates(model, priors, u).predict(self.cells.motion))
         return self.cells.force - np.where(np.isfinite(force), force, 1e6)
 
     def linearised(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
@@ -137,7 +137,7 @@ class Fitter:
         """
         self.evaluations += 1
         known = kept or {}
-        moved = _moved(model, priors, u)
+        moved = with_coordinates(model, priors, u)
         asked = [j for j, prior in enumerate(priors) if prior.key not in known]
         slope = np.array([priors[j].slope(u[j]) for j in asked])
         force, columns = moved.jacobian(self.cells.motion, [priors[j].key for j in asked])
@@ -238,7 +238,7 @@ class Fitter:
         for _ in range(6):
             before = h
             for axis in self.covariance.axes:
-                if axis in ('strain', 'pressure') and not (h.even or h.odd):
+                if axis in ('strain', 'pressure') and not (h.even or h.odd or h.speed):
                     continue
                 if axis == 'tau' and not h.slow:
                     continue
@@ -259,7 +259,8 @@ class Fitter:
     def first_hyper(self) -> Hyper:
         """Return where the discrepancy starts after the annealing: small."""
         axes = self.covariance.axes
-        return _FIRST._replace(**{axis: 0 for axis in ('odd', 'slow') if axis not in axes})
+        return _FIRST._replace(**{axis: 0 for axis in ('odd', 'slow', 'speed')
+                                  if axis not in axes})
 
     def fit(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
             start: Mapping[str, float] | None = None, hyper: Hyper | None = None,
@@ -314,8 +315,8 @@ class Fitter:
               white: float, log_prior: float) -> Fit:
         bent = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + bent.T @ bent)
-        return Fit(names, _moved(model, priors, u), tuple(priors), u, h, residual, slopes,
-                   evidence, white, log_prior, spread)
+        return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
+                   slopes, evidence, white, log_prior, spread)
 
     def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
                ) -> tuple[float, Point, Hyper]:
@@ -337,6 +338,7 @@ class Fitter:
         return best
 
 
-def _moved(model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> Bundle:
+def with_coordinates(model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> Bundle:
+    """Return a model with the values that its priors have at u."""
     return model.with_parameters({prior.key: prior.theta(value)
                                   for prior, value in zip(priors, u)})

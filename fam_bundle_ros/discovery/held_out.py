@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from fam_bundle_ros.data.folds import Folds, KINDS
+from fam_bundle_ros.data.folds import fold_labels, KINDS
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.rivals import missed, RIVALS
+from fam_bundle_ros.discovery.rivals import BLIND, missed, RIVALS
 
 #: Steps of a fit that begins at that on all cells.
 _STEPS = 3
@@ -59,6 +59,8 @@ class HeldOut:
         (then the errors are those of the fit).
     unseen : dict of str to Unseen
         Cell by cell, on each kind of folds.
+    blind : float
+        A curve of the strain that knows of no pressure.
     """
 
     physics: float
@@ -66,6 +68,7 @@ class HeldOut:
     rivals: dict[str, float]
     kinds: dict[str, tuple[float, float]]
     unseen: dict[str, Unseen] = field(default_factory=dict, repr=False)
+    blind: float = np.inf
 
     @property
     def best(self) -> float:
@@ -86,6 +89,7 @@ class HeldOut:
         """Return the errors of rows, which are off from their cells by so much (N rms)."""
         return replace(self, physics=float(np.hypot(self.physics, beyond)),
                        discrepancy=float(np.hypot(self.discrepancy, beyond)),
+                       blind=float(np.hypot(self.blind, beyond)),
                        rivals={name: float(np.hypot(value, beyond))
                                for name, value in self.rivals.items()})
 
@@ -95,7 +99,7 @@ def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
     rows = np.full(len(cells), -1)
     used = np.flatnonzero(cells.label >= 0)
     rows[cells.label[used[::-1]]] = used[::-1]
-    found = [(kind, Folds(kind).labels(cells.data)[rows]) for kind in KINDS]
+    found = [(kind, fold_labels(cells.data, kind)[rows]) for kind in KINDS]
     # one inner strain level is a fold; one trial or isobar would leave nothing to train on
     return [(kind, label) for kind, label in found if label.max() >= (kind != 'strain')]
 
@@ -157,7 +161,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         The same effects fitted with one.
     """
     cells = fitter.cells
-    names = ('physics', 'discrepancy', *RIVALS)
+    names = ('physics', 'discrepancy', *RIVALS, BLIND)
     squares: dict[str, np.ndarray] = {}
     counts: dict[str, float] = {}
     seen: dict[str, list[np.ndarray]] = {}
@@ -166,18 +170,20 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     for kind, train, test in folds:
         weight = cells.count[test]
         errors = [_without(fitter, physics, train)[test], _with(fitter, joint, train)[test],
-                  *(missed(rival, cells, train, test) for rival in RIVALS)]
+                  *(missed(rival, cells, train, test) for rival in names[2:])]
         force = cells.force[test]
         seen.setdefault(kind, []).append(
             np.stack([force, *(force - errors[place] for place in shown)]))
         squares[kind] = squares.get(kind, 0.0) + np.square(errors) @ weight
         counts[kind] = counts.get(kind, 0.0) + float(weight.sum())
     means = dict(zip(names, np.sqrt(sum(squares.values()) / sum(counts.values())).tolist()))
+    blind = means.pop(BLIND)
     return HeldOut(means.pop('physics'), means.pop('discrepancy'), means, {
         kind: (float(each[0]), float(each[1]))
         for kind, each in ((kind, np.sqrt(square / counts[kind]))
                            for kind, square in squares.items()) if kind},
-        {kind: Unseen(*np.concatenate(parts, axis=1)) for kind, parts in seen.items() if kind})
+        {kind: Unseen(*np.concatenate(parts, axis=1)) for kind, parts in seen.items() if kind},
+        blind)
 
 
 def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
@@ -203,6 +209,7 @@ def _with(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
     residual = fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[1]
     weights = solve_triangular(lower, part(residual), lower=True, trans=1, check_finite=False)
     direction = fitter.cells.direction[train]
-    even = covariance.structured(fit.hyper._replace(slow=0, odd=0))[:, train] @ weights
-    odd = covariance.structured(fit.hyper._replace(slow=0, odd=fit.hyper.odd, even=0), False)
+    # what a table over strain, pressure and direction can hold
+    even = covariance.structured(fit.hyper._replace(slow=0, speed=0, odd=0))[:, train] @ weights
+    odd = covariance.structured(fit.hyper._replace(slow=0, speed=0, even=0), False)
     return residual - even - fitter.cells.turn * (odd[:, train] @ (direction * weights))

@@ -185,13 +185,13 @@ class Posterior:
         return float(np.sqrt(total / weight_sum)) if weight_sum else None
 
 
-def named(search: Search) -> tuple[Fit, list[Change], dict[str, float]]:
+def named(search: Search, fit: Fit) -> tuple[Fit, list[Change], dict[str, float]]:
     """
-    Return the chosen set, its changes in the order of what they are worth, and that worth.
+    Return what of a set earns a name, its changes in the order of their worth, and that worth.
 
     Changes that lose too little are undone, the least first.
     """
-    options, fit = search.options, search.best
+    options = search.options
     while True:
         loss = {change: fit.posterior - search.fit(change.undone(fit.names), fit.start,
                                                    fit.hyper).posterior

@@ -3,6 +3,8 @@
 """
 What a model must be better than: the mean force, a plane, a six-parameter empirical form.
 
+And a curve of the strain alone, where the pressure should matter.
+
 Each is a function of the training cells that returns a function of strain and pressure. At a
 constant force it is the strain that is foretold: its mean, a line and a cubic in the pressure.
 """
@@ -70,13 +72,24 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
     return lambda e, p: np.maximum(columns(x[-1], e, p) @ x[:-1], floor)
 
 
+def strain_alone(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
+                 weight: np.ndarray) -> Prediction:
+    """Return the polynomial in the strain that fits best, of degree 5, whatever the pressure."""
+    scale = max(float(np.abs(strain).max()), 1e-9)
+
+    def columns(e: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.vander(e / scale, 6)
+    return _linear(columns, strain, pressure, force, weight)
+
+
 def missed(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -> np.ndarray:
     """Return the error of a rival on some cells after a fit to others, N."""
     weight, pressure = cells.count[train], cells.pressure
     if cells.stiffness is None:
-        predict = RIVALS[rival](cells.strain[train], pressure[train], cells.force[train], weight)
+        form = RIVALS.get(rival, strain_alone)
+        predict = form(cells.strain[train], pressure[train], cells.force[train], weight)
         return cells.force[test] - predict(cells.strain[test], pressure[test])
-    degree = {'mean': 0, 'plane': 1, 'empirical': 3}[rival]
+    degree = {'mean': 0, 'plane': 1, 'empirical': 3, BLIND: 0}[rival]
     scale = np.maximum(np.abs(pressure).max(axis=0), 1.0)
 
     def columns(_: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -94,5 +107,7 @@ def _linear(columns: Callable[[np.ndarray, np.ndarray], np.ndarray], strain: np.
     return lambda e, p: columns(e, p) @ x
 
 
+#: The name of `strain_alone`, which is shown only where it is as good.
+BLIND = 'strain_alone'
 #: Name of each rival.
 RIVALS = {'mean': mean, 'plane': plane, 'empirical': empirical}

@@ -179,7 +179,8 @@ class Search:
         for fewer in (2, 4):
             hypers.add(node.hyper._replace(**{
                 axis: max(1, getattr(node.hyper, axis) - fewer)
-                for axis in ('even', 'odd', 'white', 'slow') if getattr(node.hyper, axis) > 1}))
+                for axis in ('even', 'odd', 'white', 'slow', 'speed')
+                if getattr(node.hyper, axis) > 1}))
         kept = {p.key: node.slopes[:, k] for k, p in enumerate(node.priors)}
         bundle, log_prior = self.options.bundle(names), self.options.log_prior(names)
         best = (-np.inf, first)

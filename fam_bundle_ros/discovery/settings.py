@@ -62,6 +62,8 @@ AMPLITUDES = np.concatenate([[0.0], 10.0 ** np.arange(-3.5, 0.01, 0.25)])
 STRAIN_LENGTHS = np.array([1.0, 0.5, 0.25, 0.12, 0.06])
 PRESSURE_LENGTHS = np.array([1.5, 0.75, 0.35])
 TIME_LENGTHS = np.array([0.3, 3.0, 30.0])
+#: Its length over the natural logarithm of the speed: a factor of e.
+SPEED_LENGTH = 1.0
 #: Most cells that the data are averaged to: the work grows with the cube.
 CELLS = 300
 #: Most rows that physics runs on; longer logs are averaged in blocks of neighbours.

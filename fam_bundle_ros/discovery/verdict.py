@@ -11,17 +11,19 @@ not seen, or a value that cannot be. Others warn: then it is `partial` at most.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.priors import Prior
 
 #: Geometry further than this from its nominal value is said.
 _TOLERANCES = 3.0
@@ -58,15 +60,37 @@ class Left:
         return float(np.hypot(self.smooth, self.rough))
 
 
-def what_is_left(covariance: Covariance, fit: Fit) -> Left:
-    """Return the size of the discrepancy that a set needs."""
+def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
+    """
+    Return the size of the discrepancy that a set needs.
+
+    Beside a discrepancy the parameters stay near their priors, and it makes up for them. What the
+    effects explain alone is not left to it: both parts together are no larger than the error of
+    ``physics``, the same set fitted without one, where that is a muscle as it was described.
+    """
     h = fit.hyper._replace(slow=0)
     rough = covariance.white_sd(fit.hyper)
     if h.is_white:
         return Left(0.0, rough)
     smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
                                                         fit.residual)
-    return Left(float(np.sqrt(np.mean(smooth ** 2))), rough)
+    square = float(np.mean(smooth ** 2))
+    if not (_far(physics) or _impossible(physics)):
+        square = min(square, max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0))
+    return Left(float(np.sqrt(square)), rough)
+
+
+def _far(physics: Fit) -> list[str]:
+    """Return in words which dimensions are further off than can be."""
+    return [f'{prior.key} has moved {u:+.1f} tolerances'
+            for prior, u in zip(physics.priors, physics.u)
+            if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES]
+
+
+def _impossible(physics: Fit) -> list[str]:
+    """Return in words which of the model's own parameters are at a bound."""
+    return [f'{prior.key} would have to be at the end of what is possible'
+            for prior, bound in zip(physics.priors, physics.at_bound) if bound and prior.own]
 
 
 def small(cells: Cells) -> float:
@@ -77,7 +101,7 @@ def small(cells: Cells) -> float:
 def need_of_structure(fitter: Fitter, fit: Fit) -> float:
     """Return how many log units the smooth discrepancy gains over white and slow misfit."""
     best = -np.inf
-    h = fit.hyper._replace(even=0, odd=0)
+    h = fit.hyper._replace(even=0, odd=0, speed=0)
     for _ in range(3):
         before = h
         for axis in ('white', 'slow', 'tau'):
@@ -126,8 +150,9 @@ class Finding:
         return self.verdict in ('missing_effect', 'partial')
 
 
-def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
-          held: HeldOut, artefacts: Sequence[Artefact], inclusion: float) -> Finding:
+def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
+          found: Sequence[Change], held: HeldOut, artefacts: Sequence[Artefact],
+          inclusion: float) -> Finding:
     """
     Return the verdict.
 
@@ -136,8 +161,8 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
     fitter : Fitter
     null, chosen : Fit
         The model with its own effects, and the chosen set, each with its discrepancy.
-    physics : Fit
-        The chosen set without one.
+    base, physics : Fit
+        The same without one.
     found : sequence of Change
         What was chosen; none where nothing earns a name.
     held : HeldOut
@@ -146,17 +171,19 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
         Prior probability that something is missing.
     """
     cells = fitter.cells
-    before = what_is_left(fitter.covariance, null)
-    after = what_is_left(fitter.covariance, chosen)
+    before = what_is_left(fitter.covariance, null, base)
+    after = what_is_left(fitter.covariance, chosen, physics)
     needed = need_of_structure(fitter, null)
     still = need_of_structure(fitter, chosen) if found else needed
-    explained = 1.0 - still / max(needed, 1e-9)
-    # as an effect must, structure has prior odds to overcome
-    structured = (still + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS
-                  and after.smooth > settings.VISIBLE * cells.noise)
+    explained = _explained(before, base, physics, needed, still)
+    structured = is_structured(cells, still, after, inclusion)
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
-    refusals = _refusals(physics, held) if found else ()
+    refusals = _refusals(physics, held, _worth_of_pressure(fitter, null)) if found else ()
     warnings = _warnings(physics, held) if found else ()
+    lost = chosen.posterior - null.posterior
+    if found and lost < settings.LEAST_LOSS:
+        warnings = (*warnings, 'a smooth discrepancy in their place is as probable (odds of '
+                    f'{np.exp(lost):.2g} to 1)')
     warnings = (*warnings, *(artefact.words for artefact in artefacts))
     if not found:
         if artefacts or structured:
@@ -175,6 +202,37 @@ def judge(fitter: Fitter, null: Fit, chosen: Fit, physics: Fit, found: Sequence[
                    warnings, tuple(artefacts))
 
 
+def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bool:
+    """
+    Return whether a smooth discrepancy is needed: it has prior odds to overcome as effects have.
+
+    Parameters
+    ----------
+    cells : Cells
+    need : float
+        Of `need_of_structure`.
+    left : Left
+    inclusion : float
+        Prior probability that something is missing.
+    """
+    return bool(need + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS
+                and left.smooth > settings.VISIBLE * cells.noise)
+
+
+def _explained(before: Left, base: Fit, physics: Fit, needed: float, still: float) -> float:
+    """
+    Return the share of the error's structure that the changes take.
+
+    By the need for a discrepancy; where that cannot take most of the error itself (of memory, or
+    of the rate of the pressure, which are no functions of strain, pressure and direction), by
+    the mean square.
+    """
+    total = float(np.mean(base.residual ** 2))
+    if before.smooth ** 2 < 0.5 * total:
+        return 1.0 - float(np.mean(physics.residual ** 2)) / total
+    return 1.0 - still / max(needed, 1e-9)
+
+
 def _moved(fitter: Fitter, null: Fit) -> bool:
     """Return whether the model's parameters had to move: evidence against those as given."""
     nominal = np.zeros(len(null.u))
@@ -184,31 +242,41 @@ def _moved(fitter: Fitter, null: Fit) -> bool:
     return null.evidence - as_given > settings.LEAST_LOSS
 
 
-def _refusals(physics: Fit, held: HeldOut) -> tuple[str, ...]:
+def _worth_of_pressure(fitter: Fitter, null: Fit) -> float:
+    """Return by how much the pressures that were met change the force of the model as given."""
+    cells = fitter.cells
+    record, model = cells.motion, with_coordinates(null.model, null.priors, np.zeros(len(null.u)))
+    still = replace(record, pressure=np.broadcast_to(record.pressure.mean(axis=0),
+                                                     record.pressure.shape))
+    return rms(cells.mean(model.predict(record) - model.predict(still)))
+
+
+def _refusals(physics: Fit, held: HeldOut, pressure: float) -> tuple[str, ...]:
     found = []
     for name, words in (('mean', 'the mean force'), ('plane', 'a plane')):
         if held.physics >= held.rivals[name]:
             found.append(f'on rows not seen it is off by {held.physics:.3g} N, {words} by '
                          f'{held.rivals[name]:.3g} N')
-    for prior, bound in zip(physics.priors, physics.at_bound):
-        if bound and prior.own:
-            found.append(f'{prior.key} would have to be at the end of what is possible')
-    return tuple(found)
+    if pressure > held.blind <= held.physics:
+        found.append(f'the pressures that were met change the force of the model by '
+                     f'{pressure:.3g} N, but a curve of the strain that knows of no pressure is '
+                     f'off by {held.blind:.3g} N on rows not seen, the effects by '
+                     f'{held.physics:.3g} N: is it the pressure of this muscle?')
+    return (*found, *_impossible(physics))
 
 
 def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
-    found = []
-    for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound):
-        if bound and not prior.own and not _is_off(prior):
-            found.append(f'{prior.key} is at its bound')
-        if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES:
-            found.append(f'{prior.key} has moved {u:+.1f} tolerances')
+    found = [f'{prior.key} is at its bound'
+             for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound)
+             if bound and not prior.own and not _is_off(prior, u)]
+    found += _far(physics)
     if held.physics > held.rivals['empirical']:
         found.append(f'on rows not seen the effects are off by {held.physics:.3g} N, a '
                      f'six-parameter empirical form by {held.rivals["empirical"]:.3g} N')
     return tuple(found)
 
 
-def _is_off(prior) -> bool:
+def _is_off(prior: Prior, u: float) -> bool:
     """Return whether a bound merely switches a part off: a size that is zero."""
-    return prior.kind == 'half' or prior.lower == 0.0
+    at_lower = u - prior.limits[0] < prior.limits[1] - u
+    return at_lower and (prior.kind == 'half' or prior.lower == 0.0)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.data.rates import smooth
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
 from fam_bundle_ros.errors import InputError
 
@@ -202,6 +203,23 @@ def test_rate_is_smooth_and_directions_are_right(sweeps):
     inside = (data.strain > 0.02) & (data.strain < 0.22)
     assert np.abs(np.abs(noisy.strain_rate[inside]) - 0.024).max() < 3e-3
     assert set(np.unique(noisy.direction[inside])) == {-1, 1}
+
+
+def test_a_pressure_that_is_held_is_smoothed_to_its_mean():
+    """Noise that stayed would look like a hysteresis, which does not follow it."""
+    draw = np.random.default_rng(0).standard_normal(1000)
+    time, trial = 0.1 * np.arange(1000), np.repeat([0, 1], 500)
+    assert np.std(smooth(time, 3e5 + 300.0 * draw, trial) - 3e5) < 0.1 * 300.0
+
+
+@pytest.mark.parametrize('period', [10.0, 40.0])
+def test_a_pressure_that_swings_is_smoothed_without_a_lag(period):
+    """What is smoothed away of the swing itself is less than a tenth of the noise that goes."""
+    time, trial = 0.1 * np.arange(1000), np.zeros(1000, int)
+    swing = 4e3 * np.sin(2.0 * np.pi * time / period)
+    found = np.mean([smooth(time, swing + 300.0 * np.random.default_rng(k).standard_normal(1000),
+                            trial) for k in range(16)], axis=0)
+    assert abs(1.0 - found @ swing / (swing @ swing)) * np.std(swing) < 30.0
 
 
 def with_strain(data, strain):

@@ -157,6 +157,25 @@ def test_slow_misfit_ends_with_its_trial(problem):
     assert np.diag(slow) == pytest.approx((AMPLITUDES[9] * cells.force_sd) ** 2)
 
 
+def test_the_part_of_the_speed_is_odd_and_fades_with_the_ratio_of_speeds(sweeps, paper_muscle):
+    """Strangers at speeds far apart, as the odd part at one speed; no such part without two."""
+    slow, fast = sweeps(speed=0.002), sweeps(speed=0.1)
+    both = build('both', np.append(slow.strain, fast.strain),
+                 np.concatenate([slow.pressure, fast.pressure]), np.append(slow.force, fast.force),
+                 np.append(slow.trial, fast.trial + 100),
+                 np.append(slow.time, fast.time + slow.time[-1] + 9.0))
+    assert 'speed' not in Covariance(reduce(paper_muscle, slow), 0.01).axes
+    covariance = Covariance(reduce(paper_muscle, both, most=200), 0.01)
+    assert 'speed' in covariance.axes
+    odd, part = (covariance.structured(Hyper(**{axis: 9})) for axis in ('odd', 'speed'))
+    quick = covariance.cells.speed > np.log(0.02)
+    apart = np.ix_(quick, ~quick)
+    assert np.abs(part[apart]).max() < 0.1 * np.abs(odd[apart]).max()
+    np.testing.assert_allclose(np.diag(part), np.diag(odd))
+    assert np.all(part * odd >= 0.0)
+    assert np.all(np.abs(part) <= np.abs(odd) * (1.0 + 1e-9))
+
+
 def test_matern_falls_from_one_and_stays_positive_definite():
     """1 at no distance; a matrix of it has no negative eigenvalue."""
     x = np.linspace(0, 3, 40)

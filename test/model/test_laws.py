@@ -150,7 +150,7 @@ def test_an_unknown_parameter_is_refused():
 
 def test_a_value_out_of_bounds_is_refused():
     """In the unit in which the parameter is given."""
-    with pytest.raises(InputError, match=r'force is -3 N; expected between 0 and 100 N'):
+    with pytest.raises(InputError, match=r'force is -3 N; expected between 0 and 2000 N'):
         catalogue.get('coulomb_friction')(force=-3.0)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Dry friction of the braid: one shape without pre-sliding and two with it."""
+"""Dry friction of the braid: two shapes without pre-sliding and two with it."""
 
 from typing import Any
 
@@ -12,7 +12,8 @@ from fam_bundle_ros.model.vocabulary import affine, before, play
 _FRICTION: dict[str, Any] = {
     'family': 'dry_friction', 'off': {'force': 0.0, 'per_pressure': 0.0},
     'leaves': ('friction', 'friction_strain', 'decay'),
-    'force_0': Parameter(4.0, 'N', 0.0, 100.0, 'friction force at zero pressure', name='force'),
+    'force_0': Parameter(4.0, 'N', 0.0, 2000.0, 'friction force at zero pressure',
+                         name='force'),
     'per_pressure': Parameter(0.0, 'N/kPa', 0.0, 1.0, 'growth with gauge pressure')}
 _PRESLIDING: dict[str, Any] = {
     'signature': 'the residual splits by direction of motion, its corners are rounded over a '
@@ -32,6 +33,20 @@ _NOISE = 2e-4
 def coulomb_friction(pressure, strain_rate, force_0, per_pressure, smoothing):
     """F = -(Fc + cP P) tanh((de/dt)/w), the smoothed sign of the rate."""
     return -_size(pressure, force_0, per_pressure) * np.tanh(strain_rate / smoothing)
+
+
+@law('loss', **_FRICTION, variant_of='coulomb_friction', look=('purple', 'dash'),
+     summary='dry friction that is larger before it slides fast (Stribeck)',
+     source='Stribeck term after Armstrong-Helouvry et al. 1994, Automatica 30; Gaussian form',
+     signature='the residual splits by direction of motion, more so at low speeds',
+     rise=Parameter(0.5, '1', 0.0, 5.0, 'friction at rest over that at speed, less 1'),
+     speed=Parameter(0.02, '1/s', 1e-4, 2.0, 'strain rate over which it falls'),
+     smoothing=Parameter(2e-3, '1/s', 1e-5, 1.0, 'strain rate at which the sign is rounded',
+                         fitted=False))
+def stribeck_friction(pressure, strain_rate, force_0, per_pressure, rise, speed, smoothing):
+    """F = -(Fc + cP P) (1 + b exp(-(v/vs)^2)) tanh(v/w), v = de/dt."""
+    more = 1.0 + rise * np.exp(-(strain_rate / speed) ** 2)
+    return -_size(pressure, force_0, per_pressure) * more * np.tanh(strain_rate / smoothing)
 
 
 @law('loss', **_FRICTION, **_PRESLIDING, look=('wine', 'solid'),

@@ -20,7 +20,7 @@ _FAMILY: dict[str, Any] = {
 
 @law('sensor', **_FAMILY, off={'bias': 0.0}, look=('grey', 'solid'),
      summary='load cell with an offset', signature='the error is the same everywhere',
-     bias=Parameter(0.0, 'N', -50.0, 50.0, 'offset of the reading'))
+     bias=Parameter(0.0, 'N', -500.0, 500.0, 'offset of the reading'))
 def force_sensor_bias(bias):
     """Force reading = force + b."""
     return bias

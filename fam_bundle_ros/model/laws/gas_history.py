@@ -2,8 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the pressure was before: creep after a change, and a play between filling and venting."""
 
+import numpy as np
+
 from fam_bundle_ros.model.laws.base import law, Parameter
-from fam_bundle_ros.model.vocabulary import lag, play
+from fam_bundle_ros.model.vocabulary import affine, before, lag, play
+
+#: Half width of the play behind which `pressure_dahl` takes the pressure, Pa.
+_NOISE = 100.0
 
 
 @law('pressure', family='pressure_creep', leaves=('pressure_rate', 'decay'),
@@ -29,3 +34,27 @@ def pressure_hysteresis(pressure, start, centre, half_width):
     """The muscle feels the centre of a play of the pressure, p in [P - w, P + w]."""
     felt = play(centre, pressure, half_width, start)
     return felt - pressure, felt
+
+
+@law('pressure', family='pressure_hysteresis', leaves=('friction', 'decay'),
+     variant_of='pressure_hysteresis', memory=('centre', 'built_up'),
+     off={'half_width': 0.0}, look=('teal', 'dash'),
+     summary='dry friction that follows the pressure and builds up with it after a reversal',
+     source='Dahl 1968 solid friction model, first order, in the pressure',
+     signature='at a fixed length the force is lower while filling than while venting, and '
+               'changes over by degrees after each reversal',
+     half_width=Parameter(5.0, 'kPa', 0.0, 60.0, 'pressure by which either way is off'),
+     width=Parameter(20.0, 'kPa', 1.0, 400.0, 'change of the pressure over which it builds up'))
+def pressure_dahl(pressure, start, centre, built_up, half_width, width):
+    """
+    The muscle feels P - w z, dz/dP = (1 - z sgn(dP))/d.
+
+    The pressure is taken behind a play of half width 0.1 kPa, so that noise of its reading at
+    rest does not wear the friction away. At the start of a trial z is zero.
+    """
+    path = play(centre, pressure, _NOISE, start)
+    moved = path - before(centre, path)
+    kept = np.where(start, 0.0, np.exp(-np.abs(moved) / width))
+    gained = np.where(start, 0.0, np.sign(moved) * (1.0 - kept))
+    built = affine(built_up, kept, gained)
+    return -half_width * built, path, built

@@ -1,0 +1,131 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is left, what is doubted and what earns a name, on fits that are made up."""
+
+from dataclasses import replace
+import importlib
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.held_out import HeldOut
+from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.posterior import named
+from fam_bundle_ros.discovery.priors import Prior
+from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.discovery.verdict import (
+    _explained,
+    _refusals,
+    _warnings,
+    _worth_of_pressure,
+    Left,
+    what_is_left,
+)
+
+#: `discovery` shows the function of this name, not the module.
+steps = importlib.import_module('fam_bundle_ros.discovery.diagnose')
+GOOD = HeldOut(1.0, 1.0, {'mean': 9.0, 'plane': 5.0, 'empirical': 2.0}, {})
+
+
+@pytest.fixture(scope='module')
+def search(make_sweeps, paper_muscle):
+    """Return a search in which sets have the log posteriors that a test writes down."""
+    cells = reduce(paper_muscle, make_sweeps(), most=60)
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    options = Options.of(paper_muscle, cells, Choices())
+    one = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+
+    def of(**posteriors):
+        fits = {}
+        for added, value in posteriors.items():
+            names = tuple(sorted({*options.own, *added.split('__')} - {'nothing'}))
+            fits[names] = replace(one, names=names, evidence=value, log_prior=0.0)
+        null = fits[options.own]
+        return SimpleNamespace(options=options, fits=fits, null=null, fitter=fitter,
+                               fit=lambda names, *start: fits[names],
+                               best=max(fits.values(), key=lambda fit: fit.posterior))
+    return of
+
+
+def test_what_effects_explain_alone_is_not_left_to_a_discrepancy(search):
+    """However much of it the discrepancy takes where both are fitted together."""
+    made = search(nothing=0.0)
+    wave = 20.0 * np.sin(30.0 * made.fitter.cells.strain)
+    joint = replace(made.null, hyper=Hyper(even=12, strain=3, pressure=1), residual=wave)
+    alone = replace(made.null, residual=0.1 * wave)
+    covariance = made.fitter.covariance
+    assert what_is_left(covariance, joint, joint).total > 10.0
+    assert what_is_left(covariance, joint, alone).total == pytest.approx(
+        np.sqrt(np.mean(alone.residual ** 2)))
+    # nothing is explained by a muscle of half the radius
+    other = replace(alone, u=np.where([p.key == 'geometry.radius' for p in alone.priors], -12.0,
+                                      alone.u))
+    assert what_is_left(covariance, joint, other).total > 10.0
+
+
+@pytest.mark.parametrize(('u', 'doubted'), [(0.0, False), (1.0, False), (4.0, True)])
+def test_a_size_at_its_upper_bound_is_doubted_and_one_that_is_off_is_not(search, u, doubted):
+    """Zero switches an effect off; the largest size that is possible is no measurement."""
+    prior = Prior('pressure_creep.share', 0.0, 4.0, 0.0, 1.0, 'half')
+    fit = replace(search(nothing=0.0).null, priors=(prior,), u=np.array([u]))
+    assert any('bound' in words for words in _warnings(fit, GOOD)) == doubted
+
+
+def test_a_set_keeps_only_what_earns_a_name(search):
+    """Of three effects the one that brings one log unit goes, wherever the search found it."""
+    made = search(nothing=0.0, end_caps=300.0, coulomb_friction=40.0,
+                  coulomb_friction__end_caps=400.0,
+                  coulomb_friction__end_caps__force_sensor_gain=401.0,
+                  end_caps__force_sensor_gain=300.5, coulomb_friction__force_sensor_gain=41.0)
+    fit, kept, worth = named(made, made.best)
+    assert [str(change) for change in kept] == ['end_caps', 'coulomb_friction']
+    assert worth == {'end_caps': 360.0, 'coulomb_friction': 100.0}
+
+
+def test_folds_choose_among_ties_but_add_nothing_to_them(search, monkeypatch):
+    """A set as probable as the best one whose last effect earns nothing is no better answer."""
+    made = search(nothing=0.0, end_caps=300.0, end_caps__force_sensor_gain=298.5,
+                  force_sensor_gain=1.0)
+    chosen, found, worth = named(made, made.best)
+    monkeypatch.setattr(steps, 'small', lambda cells: 0.0)
+    monkeypatch.setattr(steps, 'squares_of_folds', lambda fitter, fit: np.array(
+        [9.0, 9.1] if len(fit.names) < 4 else [1.0, 1.1]))
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
+    best, _ = steps._best_of_ties(made, chosen, found, worth, Choices())
+    assert best.names == chosen.names
+
+
+@pytest.mark.parametrize(('blind', 'refused'), [(0.9, True), (1.2, False)])
+def test_effects_that_foretell_no_better_than_without_the_pressure_are_refused(search, blind,
+                                                                              refused):
+    """Where the pressure should matter: a force that does not depend on it is no muscle's."""
+    made = search(nothing=0.0)
+    worth = _worth_of_pressure(made.fitter, made.null)
+    assert worth > 10.0
+    said = _refusals(made.null, replace(GOOD, blind=blind), worth)
+    assert any('pressure' in words for words in said) == refused
+    assert not _refusals(made.null, replace(GOOD, blind=blind), 0.1)
+
+
+@pytest.mark.parametrize(('structured', 'names'), [(True, ['coulomb_friction']), (False, [])])
+def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, monkeypatch,
+                                                                      structured, names):
+    """A smooth discrepancy that is nearly as probable is a reason for doubt, not for silence."""
+    made = search(nothing=0.0, coulomb_friction=1.5, coulomb_friction__end_caps=0.5,
+                  end_caps=-2.0)
+    monkeypatch.setattr(steps, 'need_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(steps, 'is_structured', lambda *given: structured)
+    assert [str(change) for change in steps._believed(made, Choices())[1]] == names
+
+
+def test_what_no_function_of_the_state_can_take_is_explained_by_its_mean_square(search):
+    """A lag leaves little to a smooth discrepancy, before as after: nine tenths are gone."""
+    null = search(nothing=0.0).null
+    wave = 10.0 * np.sin(np.arange(len(null.residual)))
+    base, physics = replace(null, residual=wave), replace(null, residual=np.sqrt(0.1) * wave)
+    assert _explained(Left(1.0, 9.0), base, physics, 2.0, 1.9) == pytest.approx(0.9)
+    assert _explained(Left(7.0, 0.0), base, physics, 20.0, 15.0) == pytest.approx(0.25)
