@@ -174,8 +174,6 @@ class Measuring(BundleNode):
 
 
 _CUT = 'the controller has cut the supply'
-#: References that nobody may send meanwhile.
-_OTHERS = interface.REFERENCE_FORCE, interface.REFERENCE_STRAIN
 
 
 def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
@@ -355,8 +353,8 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
                              'ROS domain?')
     # A generator that gives way does so at the first pressures that it hears.
     met = time.monotonic()
-    if any(node.publisher_count(topic) for topic in _OTHERS) and not until(
-            lambda: time.monotonic() - max(node.other[1], met) > _QUIET, 4 * _QUIET):
+    # Whoever sends already may not be known yet.
+    if not until(lambda: time.monotonic() - max(node.other[1], met) > _QUIET, 4 * _QUIET):
         raise InputError(f'somebody else sends {node.resolve_topic_name(node.other[0])}; end it, '
                          'or set give_way of reference_generator to true')
     asked = GetParameters.Request(names=['reference_timeout'])

@@ -96,7 +96,7 @@ def test_a_mistake_is_one_clear_line(fam_bundle, tmp_path, arguments, words):
 @pytest.mark.parametrize(('effects', 'words'), [
     ('  - mesh\n  - coulomb_frction\n', ['line 9', "'coulomb_frction'", 'coulomb_friction']),
     ('  - mesh\n  - coulomb_friction: {force: 4 kPa}\n', ['line 9', 'force', 'kPa', 'N']),
-    ('  - mesh\n  - coulomb_friction: {force: 400 N}\n', ['line 9', '400 N', '0 and 100 N']),
+    ('  - mesh\n  - coulomb_friction: {force: 4 kN}\n', ['line 9', '4000 N', '0 and 2000 N']),
     ('  - mesh: {stiffness: 3 N}\n', ['line 8', 'stiffness']),
     ('effect_files: [a.py]\n', ['effects']),
 ])

@@ -87,7 +87,7 @@ def test_a_model_is_written_whole_or_not_at_all(tmp_path):
     ('name: a', 'nmae: a', "line 6: motor unit 1 has no key 'nmae'"),
     ('model/1', 'model/9', "line 1: format is 'fam-bundle-model/9'"),
     ('5 N*s', '5 N', r'drag.k: .*lower|drag'),
-    ('upper: 20 N', 'upper: 200 N', 'force: a model file may narrow the bounds'),
+    ('upper: 20 N', 'upper: 9 kN', 'force: a model file may narrow the bounds'),
     ('{data: rig.csv}', 'hello', 'line 4: notes must be a mapping'),
     ('{k: {value: 5 N*s, lower: 0 N*s,\n           upper: 100 N*s}}', '[k]',
      'line 15: parameters of drag must be a mapping'),

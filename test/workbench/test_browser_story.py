@@ -58,7 +58,7 @@ def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp
     tab.click('next-add')
     page.wait_for_selector('.rung >> nth=1')
     assert rungs(page) == [('model as it came', '6.6 N'), ('+ Coulomb friction', '0.88 N')]
-    assert 'close to the noise' in page.inner_text('h1')
+    assert '1.5 times the noise' in page.inner_text('h1')
     settled(page, pictures, '3_added')
 
     taken = {}

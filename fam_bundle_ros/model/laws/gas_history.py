@@ -38,7 +38,7 @@ def pressure_hysteresis(pressure, start, centre, half_width):
 
 @law('pressure', family='pressure_hysteresis', leaves=('friction', 'decay'),
      variant_of='pressure_hysteresis', memory=('centre', 'built_up'),
-     off={'half_width': 0.0}, look=('teal', 'dash'),
+     off={'half_width': 0.0}, look=('teal', 'longdash'),
      summary='dry friction that follows the pressure and builds up with it after a reversal',
      source='Dahl 1968 solid friction model, first order, in the pressure',
      signature='at a fixed length the force is lower while filling than while venting, and '
