@@ -14,6 +14,8 @@ PLAIN ?= test/model test/plant test/control test/test_kernels.py
 OLDEST ?= $(PLAIN) test/nodes
 WITHOUT_NUMBA := --ignore test/control/test_benchmark.py
 export PYTHON CHROMIUM
+# Without compiled modules every start of a process takes a second or two longer.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help install demo test test-plain test-oldest browser-test mutants docs lint build clean
 

@@ -15,8 +15,8 @@ from typing import Any
 
 #: A dead band may be off by this share of itself and by this much more of the full command.
 DOUBT_SHARE, DOUBT = 0.5, 0.02
-#: A conductance may be off by so much: of wider openings than the doubt over this, it would be the
-#: conductance that is learnt.
+#: A conductance may be off by this share of itself. From openings wider than the doubt of the dead
+#: band over this share it would be the conductance that is learnt.
 CONDUCTANCE_DOUBT = 0.3
 #: s: over which a side that is open learns.
 _LEARN_TIME = 0.1

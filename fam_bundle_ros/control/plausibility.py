@@ -15,7 +15,7 @@ from collections import deque
 from dataclasses import dataclass
 import math
 
-from fam_bundle_ros.control.dead_band import dead_band_doubt
+from fam_bundle_ros.control.dead_band import CONDUCTANCE_DOUBT, dead_band_doubt
 from fam_bundle_ros.control.safety import kilopascals, NO_RESPONSE, UNEXPLAINED_PRESSURE
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
@@ -26,9 +26,10 @@ from fam_bundle_ros.model.pneumatics import (
     ValveFlow,
 )
 
-#: A conductance may be off by 30 %, and the air may be anywhere between isothermal (1) and
-#: adiabatic (1.4) where the model takes POLYTROPIC: least and largest of rate over model's rate.
-LEAST, MOST = 0.7 / POLYTROPIC, 1.3 * 1.4 / POLYTROPIC
+#: Least and largest of rate over model's rate: besides the doubt of the conductance the air may be
+#: anywhere between isothermal (1) and adiabatic (1.4) where the model takes POLYTROPIC.
+LEAST, MOST = ((1.0 - CONDUCTANCE_DOUBT) / POLYTROPIC,
+               (1.0 + CONDUCTANCE_DOUBT) * 1.4 / POLYTROPIC)
 #: s: leaks and temperature move a pressure with about this time constant and slower.
 _SLOW = 1.0
 #: Share of the largest pressure that is let in before a sensor is believed, and a sample more: a

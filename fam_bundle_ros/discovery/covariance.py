@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError
+from scipy.linalg.blas import daxpy
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from fam_bundle_ros.discovery import settings
@@ -69,18 +70,17 @@ class Covariance:
         self._variance = (settings.AMPLITUDES * cells.force_sd) ** 2
         self._noise = cells.noise ** 2 / cells.count
         self._both = np.outer(cells.direction, cells.direction)
-        self._slow: np.ndarray | None = None
+        self._gap: np.ndarray | None = None
         if cells.time is not None:
             gap = np.abs(cells.time[:, None] - cells.time)
-            self._slow = np.where(cells.trial[:, None] == cells.trial, gap, np.inf)
+            self._gap = np.where(cells.trial[:, None] == cells.trial, gap, np.inf)
         self._speed: np.ndarray | None = None
         slow, fast = np.percentile(cells.speed[cells.direction != 0], (10, 90)) \
             if cells.both_ways else (0.0, 0.0)
         if fast - slow > settings.SPEED_LENGTH:
             gap = (cells.speed[:, None] - cells.speed) / settings.SPEED_LENGTH
-            self._speed = matern_5_2(gap ** 2)
-        self._decay: dict[int, np.ndarray] = {}
-        self._matern: dict[tuple[int, int], np.ndarray] = {}
+            self._speed = self._both * matern_5_2(gap ** 2)
+        self._parts: dict[tuple, np.ndarray] = {}
         self._factors: OrderedDict[Hyper, tuple[np.ndarray, float]] = OrderedDict()
         self._most = max(int(_KEEP / (8 * len(cells) ** 2)), 8)
 
@@ -90,7 +90,7 @@ class Covariance:
         return ('even', 'white', 'strain', 'pressure',
                 *(('odd',) if self.cells.both_ways else ()),
                 *(('speed',) if self._speed is not None else ()),
-                *(('slow', 'tau') if self._slow is not None else ()))
+                *(('slow', 'tau') if self._gap is not None else ()))
 
     def log_prior(self, h: Hyper) -> float:
         """Return the log prior of the amplitudes, up to a constant."""
@@ -121,25 +121,17 @@ class Covariance:
         k[np.diag_indices(len(k))] += self._noise + self._variance[h.white]
         return k
 
-    def structured(self, h: Hyper, directed: bool = True) -> np.ndarray:
-        """
-        Return the part of K that is no noise, (n, n), N^2.
-
-        With ``directed`` False the odd part is that of cells of one direction.
-        """
-        k = np.zeros((len(self.cells), len(self.cells)))
-        if h.even or h.odd or h.speed:
-            matern = self._kernel(h)
-            if h.odd:
-                k += self._variance[h.odd] * (self._both if directed else 1.0)
-            if h.speed and self._speed is not None:
-                k += self._variance[h.speed] * self._speed * self._both
-            k += self._variance[h.even]
-            k *= matern
-        if h.slow and self._slow is not None:
-            if h.tau not in self._decay:
-                self._decay[h.tau] = np.exp(-self._slow / settings.TIME_LENGTHS[h.tau])
-            k += self._variance[h.slow] * self._decay[h.tau]
+    def structured(self, h: Hyper) -> np.ndarray:
+        """Return the part of K that is no noise, (n, n), N^2."""
+        parts = [(self._variance[getattr(h, axis)], self._part(axis, h))
+                 for axis in ('even', 'odd', 'speed', 'slow') if getattr(h, axis)]
+        if not parts:
+            return np.zeros((len(self.cells), len(self.cells)))
+        (first, part), *others = parts
+        k = first * part
+        for variance, part in others:
+            # in place: arrays of this size cost more to make than to fill
+            daxpy(part.ravel(), k.ravel(), a=variance)
         return k
 
     def across(self, h: Hyper, strain: np.ndarray, pressure: np.ndarray,
@@ -164,11 +156,18 @@ class Covariance:
                                 + gap ** 2 / settings.PRESSURE_LENGTHS[h.pressure] ** 2)
         return total / c.pressure.shape[1]
 
-    def _kernel(self, h: Hyper) -> np.ndarray:
-        key = (h.strain, h.pressure)
-        if key not in self._matern:
-            self._matern[key] = self.across(h, self.cells.strain, self.cells.pressure)
-        return self._matern[key]
+    def _part(self, axis: str, h: Hyper) -> np.ndarray:
+        """Return one part of the discrepancy, (n, n), of amplitude one."""
+        key = (axis, h.tau) if axis == 'slow' else (axis, h.strain, h.pressure)
+        if key not in self._parts:
+            if axis == 'slow':
+                part = np.exp(-self._gap / settings.TIME_LENGTHS[h.tau])
+            elif axis == 'even':
+                part = self.across(h, self.cells.strain, self.cells.pressure)
+            else:
+                part = self._part('even', h) * (self._both if axis == 'odd' else self._speed)
+            self._parts[key] = part
+        return self._parts[key]
 
     def _factor(self, h: Hyper) -> tuple[np.ndarray, float]:
         if h in self._factors:

@@ -205,14 +205,16 @@ class Fitter:
                 step = tried - u
                 if 2.0 * gradient @ step - step @ hessian @ step < tolerance:
                     break
-                there, bent = self.linearised(model, priors, tried)
+                there = self.residual(model, priors, tried)
                 if float(np.sum(whiten(there) ** 2) + tried @ tried) < cost:
-                    u, residual, slopes, moved = tried, there, bent, True
+                    u, moved = tried, True
                     damping = max(damping / 6.0, 1e-8)
                     break
                 damping *= 8.0
             if not moved:
                 break
+            # slopes take many times as long as the force: only where the step is kept
+            residual, slopes = self.linearised(model, priors, u)
         return u, residual, slopes
 
     def whitener(self, h: Hyper) -> Callable[[np.ndarray], np.ndarray]:

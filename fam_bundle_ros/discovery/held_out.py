@@ -16,6 +16,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from fam_bundle_ros.data.folds import fold_labels, KINDS
 from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.rivals import BLIND, missed, RIVALS
 
@@ -211,5 +212,6 @@ def _with(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
     direction = fitter.cells.direction[train]
     # what a table over strain, pressure and direction can hold
     even = covariance.structured(fit.hyper._replace(slow=0, speed=0, odd=0))[:, train] @ weights
-    odd = covariance.structured(fit.hyper._replace(slow=0, speed=0, even=0), False)
+    odd = covariance.structured(Hyper(even=fit.hyper.odd, strain=fit.hyper.strain,
+                                      pressure=fit.hyper.pressure))
     return residual - even - fitter.cells.turn * (odd[:, train] @ (direction * weights))

@@ -49,10 +49,14 @@ class Left:
         Its mean over strain, pressure and direction.
     rough : float
         White misfit beyond noise.
+    beside : float
+        Both together where the discrepancy takes what it can, also of what the effects would
+        explain without it.
     """
 
     smooth: float
     rough: float
+    beside: float = 0.0
 
     @property
     def total(self) -> float:
@@ -71,13 +75,13 @@ def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
     h = fit.hyper._replace(slow=0)
     rough = covariance.white_sd(fit.hyper)
     if h.is_white:
-        return Left(0.0, rough)
+        return Left(0.0, rough, rough)
     smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
                                                         fit.residual)
-    square = float(np.mean(smooth ** 2))
+    beside = square = float(np.mean(smooth ** 2))
     if not (_far(physics) or _impossible(physics)):
         square = min(square, max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0))
-    return Left(float(np.sqrt(square)), rough)
+    return Left(float(np.sqrt(square)), rough, float(np.hypot(np.sqrt(beside), rough)))
 
 
 def _far(physics: Fit) -> list[str]:
@@ -190,8 +194,9 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
             verdict = 'unexplained'
         else:
             verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
-    elif after.total > small(cells) and (after.total > abnormal
-                                         or explained < settings.MOST_OF_IT):
+    elif after.total > max(small(cells), abnormal):
+        verdict = 'unexplained'
+    elif after.beside > small(cells) and explained < settings.MOST_OF_IT:
         verdict = 'unexplained'
     elif refusals:
         verdict = 'unexplained'

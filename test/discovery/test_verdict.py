@@ -61,6 +61,8 @@ def test_what_effects_explain_alone_is_not_left_to_a_discrepancy(search):
     assert what_is_left(covariance, joint, joint).total > 10.0
     assert what_is_left(covariance, joint, alone).total == pytest.approx(
         np.sqrt(np.mean(alone.residual ** 2)))
+    # what stood beside it is told all the same
+    assert what_is_left(covariance, joint, alone).beside > 10.0
     # nothing is explained by a muscle of half the radius
     other = replace(alone, u=np.where([p.key == 'geometry.radius' for p in alone.priors], -12.0,
                                       alone.u))
