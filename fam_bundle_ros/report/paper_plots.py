@@ -268,14 +268,16 @@ def free_strain(data: FreeStrain) -> go.Figure:
 
 
 def name_states(drawing, data, reading, left, top, where):
-    """Write the state's name inside its region."""
-    # near the left edge the isobars are spaced evenly, so that the name stands between two
-    at = left + 0.06 * (float(data.strain[-1]) - left)
-    for k, high in enumerate(data.high[reading]):
-        below = 0.0 if k == 0 else max(float(np.interp(at, data.strain,
-                                                       data.high[reading][k - 1])), 0.0)
+    """Write each state's name inside its region, of the last one beyond its edge."""
+    end, forces = float(data.strain[-1]), data.high[reading]
+    for k, high in enumerate(forces):
+        last = 0 < k == len(forces) - 1
+        # isobars fill the last region; beyond its edge there is room
+        at = left + (0.25 if last else 0.12) * (end - left)
+        below = max(float(np.interp(at, data.strain, forces[k - 1])), 0.0) if k else 0.0
         above = float(np.interp(at, data.strain, high))
         if above - below > 0.06 * top:
-            plotting.label(drawing, at, 0.5 * (below + above), f'RS{k + 1}',
-                        palette.recruitment_state(k + 1), font={
-                            'size': 14, 'color': palette.recruitment_state(k + 1).light}, **where)
+            plotting.label(
+                drawing, at, above + 0.08 * top if last else 0.5 * (below + above), f'RS{k + 1}',
+                palette.recruitment_state(k + 1), font={
+                    'size': 14, 'color': palette.recruitment_state(k + 1).light}, **where)
