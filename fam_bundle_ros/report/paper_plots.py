@@ -61,8 +61,8 @@ def map_pictures(figures: PaperFigures) -> list[Picture]:
             'free_strain', 'Free strain of the bundle while MU2 fills (figure 4)',
             free_strain(f),
             f'After figure 4 of {PAPER}; MU1 stays at its largest pressure. From the text: ideal '
-            'and Klute–Hannaford lines neglect resistive forces and are constant; the free strain '
-            f'with them falls first and then returns. {fall} {own}'))
+            'and Klute–Hannaford lines neglect resistive forces and are constant; with them the '
+            f'free strain falls first and then returns. {fall} {own}'))
     return pictures
 
 
@@ -86,7 +86,7 @@ def _over(figures):
     return (f'Here at 68.95 kPa, Klute–Hannaford against the model: blocked force '
             f'{blocked["klute_hannaford"]:.1f} and {blocked["included"]:.1f} N, free strain '
             f'{free["klute_hannaford"]:.4f} and {free["included"]:.4f}, largest resistive force '
-            f'up to a strain of {figures.isobars.strain[-1]:.2f} '
+            f'up to a strain of {figures.isobars.strain[-1]:.2f}: '
             f'{lowest["klute_hannaford"]:.1f} and {max(lowest["included"], 0.0):.1f} N.')
 
 
