@@ -36,8 +36,8 @@ class ExplorerView:
                     self._sliders()
                     parts.typed('Tendon length', '', self._tendon, mark='explore:tendon',
                                 hint='none, or "20 mm"')
-                    self.wrong = parts.text('p', '', 'small', 'explore:wrong').props(
-                        'role=status')
+                self.wrong = parts.text('p', '', 'small', 'explore:wrong').props('role=status')
+                self.wrong.style('margin-top: .4rem')
                 self.told = parts.box('div', 'told').props('aria-live=polite')
                 self.crossing = parts.plot(self._of(explorer.crossing_figure()),
                                            'force while the next unit fills', 'plot half')
