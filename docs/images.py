@@ -27,8 +27,8 @@ EXAMPLES = HERE.parent / 'config' / 'data' / 'examples'
 #: Command (its page goes to PAGE, or into FOLDER; LAB is that of `lab`) -> figures: key, file
 #: name, width in pixels.
 PICTURES = (
-    (('map', 'spie2021', '--out', 'PAGE'),
-     (('space', 'force_strain_space', 980),)),
+    (('map', 'spie2021', '--tendon', '20 mm', '--out', 'PAGE'),
+     (('space', 'force_strain_space', 980), ('ends-space', 'ends', 980))),
     (('diagnose', str(EXAMPLES / 'hidden_friction.csv'), '--model',
       str(EXAMPLES / 'hidden_friction.model.yaml'), '--out', 'PAGE'),
      (('maps', 'residual_maps', 980), ('ladder', 'ladder', 860))),

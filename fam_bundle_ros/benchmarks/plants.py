@@ -23,7 +23,7 @@ from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
 from fam_bundle_ros.plant import ChamberConfig, RigConfig, SensorConfig, SupplyConfig, ValveConfig
 from fam_bundle_ros.resources import config_path
 
-MODEL = 'models/spie2021.yaml'
+MODEL = 'models/spie2021_plain.yaml'
 #: Numbers of motor units.
 UNITS = (2, 3, 6)
 #: Radius (m) and muscles of each motor unit, smallest first.
@@ -118,7 +118,7 @@ def kind_of(name: str) -> PlantKind:
 
 @cache
 def model_of(units: int) -> Bundle:
-    """Return the controller's model: the bundle of the paper, or one of other sizes (`UNITS`)."""
+    """Return the controller's model: the bundle of `MODEL`, or one of other sizes (`UNITS`)."""
     paper = load_model(config_path(MODEL))
     if units == paper.n:
         return paper

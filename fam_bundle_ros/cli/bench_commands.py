@@ -221,6 +221,7 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
     """Return one run of the benchmark by calls and over ROS in lock-step, at the same rate."""
     from fam_bundle_ros.benchmarks.control_metrics import metrics
     from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
+    from fam_bundle_ros.benchmarks.plants import model_of
     from fam_bundle_ros.control import PidGains
     from fam_bundle_ros.plant import RigConfig
     from fam_bundle_ros.simulation import ClosedLoop, pid_config
@@ -229,7 +230,7 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
     except ModuleNotFoundError as error:
         notes.print(f'no row over ROS: {error.name} is not there')
         return []
-    bundle, rig, period = open_model('spie2021'), RigConfig(), 2e-3
+    bundle, rig, period = model_of(2), RigConfig(), 2e-3
     # The gains that the benchmark has, and in both the rate that all nodes share.
     gains, config = PidGains(), pid_config(rig, period)
     trajectory = make_trajectory('ramp_20', bundle)

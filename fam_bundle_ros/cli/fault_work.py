@@ -13,7 +13,7 @@ from fam_bundle_ros.campaign.pool import as_done
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.resources import config_path
 
-_MODEL = 'models/spie2021.yaml'
+_MODEL = 'models/spie2021_plain.yaml'
 
 
 def run_case(case: Case) -> dict[str, Any]:

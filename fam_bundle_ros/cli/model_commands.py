@@ -38,6 +38,9 @@ def draw_map(
                                       )] = Path('map.html'),
     model_option: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help=
                                                      'MODEL, as other commands take it.')] = None,
+    tendon: Annotated[str | None, typer.Option(metavar='LENGTH', help='Also compare fixed ends '
+                                               'with tendons of this length in the same packaging '
+                                               'length: "20 mm".')] = None,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
 ) -> None:
@@ -45,13 +48,15 @@ def draw_map(
     from fam_bundle_ros.report.map_page import map_page
     from fam_bundle_ros.report.page import write_page
     from fam_bundle_ros.report.paper import paper_figures
+    from fam_bundle_ros.report.tendons import compare_ends
     if model is not None and model_option is not None:
         raise InputError(f'MODEL is {model} and --model is {model_option}; expected one of them')
     model = model or model_option
     bundle = open_model(model or PAPER, allow_python)
     show_muscle(bundle, model is not None)
+    ends = None if tendon is None else compare_ends(bundle, quantity(tendon, 'm', '--tendon'))
     figures = paper_figures(bundle)
-    write_page(out, map_page(bundle, figures, model_path(model or PAPER)))
+    write_page(out, map_page(bundle, figures, model_path(model or PAPER), ends))
     found = figures.summary()
     table(('', 'blocked force (N)', 'free strain'),
           [(state_name(k + 1), float(figures.space.high['included'][k][0]),
@@ -67,10 +72,21 @@ def draw_map(
             console.print('free strain does not dip while MU2 fills')
         console.print(f'RS1 and RS2 overlap by up to {found["overlap_widest_N"]:.3g} N, widest '
                       f'at strain {found["overlap_widest_at_strain"]:.3g}')
+    if ends is not None:
+        told = ends.summary()
+        table(('', 'blocked force (N)', 'free strain, least', 'free strain, full'),
+              [(words, told[name]['blocked_force_N'], told[name].get('free_strain_least'),
+                told[name]['free_strain_full'])
+               for name, words in (('fixed', 'fixed ends'),
+                                   ('tendons', f'tendons of {1e3 * ends.tendon:.4g} mm'))],
+              title=f'over a packaging length of {1e3 * ends.packaging_length:.4g} mm',
+              numeric=(1, 2, 3))
+        found['tendons'] = told
     if bundle.unusual_order:
         notes.print(f'note: {bundle.unusual_order}')
     wrote(out)
-    save_json(json_file, {**found, 'muscle': muscle_of(bundle), 'figures': figures})
+    save_json(json_file, {**found, 'muscle': muscle_of(bundle), 'figures': figures,
+                          **({'ends': ends} if ends is not None else {})})
 
 
 def effects(

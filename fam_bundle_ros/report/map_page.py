@@ -11,13 +11,16 @@ from fam_bundle_ros.report.page import Headline, Page, Section, Table
 from fam_bundle_ros.report.paper import PaperFigures
 from fam_bundle_ros.report.paper_plots import map_pictures
 from fam_bundle_ros.report.provenance import provenance
+from fam_bundle_ros.report.tendon_plots import tendon_pictures
+from fam_bundle_ros.report.tendons import Ends
 from fam_bundle_ros.units import express
 
 __all__ = ['effects_table', 'map_page', 'units_table']
 
 
-def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path) -> Page:
-    """Return the page: what the muscles can do, and the model itself."""
+def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path,
+             ends: Ends | None = None) -> Page:
+    """Return the page: what the muscles can do, with tendons where ``ends``, and the model."""
     found = figures.summary()
     headline = [Headline(f'Blocked force, RS{k + 1}', f'{force[0]:.1f} N', 'at zero strain')
                 for k, force in enumerate(figures.space.high['included'])]
@@ -38,6 +41,8 @@ def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path) -> P
     return Page(
         f'Map of {bundle.name}', lead, headline,
         [Section('Figures', '', pictures),
+         *([] if ends is None else
+           [Section('Fixed ends or tendons', '', tendon_pictures(ends))]),
          Section('Model', '', [units_table(bundle), effects_table(bundle)])],
         provenance([('model file', model_file)],
                    [('kind of numbers', 'all computed from the model; nothing here is measured')]))

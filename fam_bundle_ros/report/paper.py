@@ -1,17 +1,18 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Figures 2b, 3 and 4 of Kim, Mazzoleni and Bryant (2021), for any model file: the numbers.
+Figures 2, 3 and 4 of Kim, Mazzoleni and Bryant (2021), for any model file: the numbers.
 
 What is drawn for each figure comes from four readings of one model:
 
 ideal
-    the braid alone (`mesh`) with the model's geometry;
-continued
-    the elastic effects simply continued below zero, for the paper's bundle the muscle of Klute
-    and Hannaford;
+    the braid alone (`mesh`; Chou and Hannaford 1996) with the model's geometry;
+klute_hannaford
+    the braid and the rubber of the model's bladder (Klute and Hannaford 2000), continued below
+    zero, and nothing else of the model;
 neglected
-    the same, with no unit pushing back: each unit's force is zero past its free strain;
+    all elastic effects of the model, with no unit pushing back: each unit's force is zero past
+    its free strain;
 included
     the model as it is, at rest.
 """
@@ -24,17 +25,19 @@ import numpy as np
 from fam_bundle_ros.model import Bundle, Place
 
 __all__ = ['force_strain_space', 'ForceStrainSpace', 'FreeStrain', 'Isobars', 'paper_figures',
-           'PaperFigures', 'readings']
+           'PaperFigures', 'readings', 'state_forces']
 
 PSI = 6894.757293168
 #: 10 psi; the paper prints 68.1 kPa.
-FIGURE_2_PRESSURES = (0.0, 10.0 * PSI)
+STEP = 10.0 * PSI
+#: The paper's highest isobar, 60 psi, and the pressure up to which its bundle works, 50 psi.
+HIGHEST, WORKING = 6 * STEP, 5 * STEP
 
 
 @dataclass(frozen=True)
 class Isobars:
     """
-    Figure 2b: force of one muscle over strain.
+    Figure 2: force of one muscle over strain.
 
     Attributes
     ----------
@@ -60,11 +63,17 @@ class ForceStrainSpace:
     low, high : dict of str to array (n, s), N
         By reading (``neglected``, ``included``): least and largest force of RS1..RSn. A state's
         last unit goes from zero to its largest pressure, those before it are at theirs.
+    pressure : array (p,), Pa (gauge)
+        Of the second unit; empty for a bundle of one.
+    isobars : dict of str to array (p, s), N
+        By reading: force at these pressures while the first unit is at its largest.
     """
 
     strain: np.ndarray
     low: dict[str, np.ndarray]
     high: dict[str, np.ndarray]
+    pressure: np.ndarray
+    isobars: dict[str, np.ndarray]
 
     def overlap(self, reading: str, state: int) -> np.ndarray:
         """Return the width (s,), N, of the forces that RSk and RSk+1 can both give."""
@@ -98,10 +107,26 @@ class FreeStrain:
 
 @dataclass(frozen=True)
 class PaperFigures:
-    """All three; ``free_strain`` is None for a bundle of one unit."""
+    """
+    All three; ``free_strain`` is None for a bundle of one unit.
+
+    Attributes
+    ----------
+    model : str
+    resistive : bool
+        Whether an effect of the model pushes back.
+    beyond : tuple of str
+        Elastic effects of the model that are not in the reading ``klute_hannaford``.
+    muscle : Isobars
+        Figure 2a: the model as it is, up to the largest free strain.
+    isobars : Isobars
+        Figure 2b: three readings at zero and 10 psi.
+    """
 
     model: str
     resistive: bool
+    beyond: tuple[str, ...]
+    muscle: Isobars
     isobars: Isobars
     space: ForceStrainSpace
     free_strain: FreeStrain | None
@@ -112,13 +137,14 @@ class PaperFigures:
         two = len(s.high['included']) > 1
         width = s.overlap('included', 1) if two else np.zeros(1)
         widest = int(np.argmax(width))
-        free = {name: float(np.interp(0.0, -force[-1], i.strain))
-                for name, force in i.forces.items()}
         found: dict[str, Any] = {
             'model': self.model,
             'blocked_force_N': {f'RS{k + 1}': float(force[0])
                                 for k, force in enumerate(s.high['included'])},
-            'free_strain_10_psi': free,
+            'blocked_force_10_psi_N': {name: float(force[-1][0])
+                                       for name, force in i.forces.items()},
+            'free_strain_10_psi': {name: float(np.interp(0.0, -force[-1], i.strain))
+                                   for name, force in i.forces.items()},
         }
         if two:
             found['overlap_widest_N'] = float(width[widest])
@@ -133,30 +159,36 @@ class PaperFigures:
 
 def readings(bundle: Bundle) -> dict[str, Bundle]:
     """Return the four readings of a model as bundles; see the module's text."""
-    elastic = [e for e in bundle.effects
-               if e.place in (Place.PRESSURE, Place.GEOMETRY, Place.FORCE)]
-    continued = Bundle(bundle.name, bundle.motor_units, elastic)
+    rubber = [e for e in bundle.effects if e.family == 'bladder']
     return {
         'ideal': Bundle(bundle.name, bundle.motor_units, []).with_effect('mesh'),
-        'continued': continued,
-        'neglected': continued.with_effect('tendon_slack'),
+        'klute_hannaford': Bundle(bundle.name, bundle.motor_units, rubber).with_effect('mesh'),
+        'neglected': Bundle(bundle.name, bundle.motor_units,
+                            _elastic(bundle)).with_effect('tendon_slack'),
         'included': bundle,
     }
 
 
+def _elastic(bundle):
+    return [e for e in bundle.effects
+            if e.place in (Place.PRESSURE, Place.GEOMETRY, Place.FORCE)]
+
+
 def paper_figures(bundle: Bundle, points: int = 401) -> PaperFigures:
     """
-    Return the numbers of figures 2b, 3 and 4 for a model.
+    Return the numbers of figures 2, 3 and 4 for a model.
 
     Parameters
     ----------
     bundle : Bundle
     points : int
-        Strains (figures 2b and 3) and pressures (figure 4).
+        Strains (figures 2 and 3) and pressures (figure 4).
     """
     models = readings(bundle)
     resistive = any(e.pushes_back for e in bundle.effects)
-    return PaperFigures(bundle.name, resistive, _isobars(models, points), _space(models, points),
+    beyond = tuple(e.name for e in _elastic(bundle) if e.family not in ('mesh', 'bladder'))
+    return PaperFigures(bundle.name, resistive, beyond, _muscle(bundle, points),
+                        _isobars(models, points), _space(models, points),
                         _free_strain(models, points) if bundle.n > 1 else None)
 
 
@@ -165,16 +197,40 @@ def force_strain_space(bundle: Bundle) -> ForceStrainSpace:
     return _space(readings(bundle), 401)
 
 
+def state_forces(bundle: Bundle, strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return least and largest force of RS1..RSn, N, two arrays (n, s), at strains (s,)."""
+    low, high = (np.empty((bundle.n, len(strain))) for _ in range(2))
+    for state in range(1, bundle.n + 1):
+        last = np.linspace(0.0, bundle.max_pressure[state - 1], 201)
+        force = bundle.force(strain[:, None], bundle.state_pressures(state, last))
+        low[state - 1], high[state - 1] = force.min(axis=1), force.max(axis=1)
+    return low, high
+
+
+def _steps(most):
+    """Return the isobars that are drawn: those of the paper where they fit, else six steps."""
+    return np.linspace(0.0, HIGHEST if np.isclose(most, WORKING, rtol=1e-2) else most, 7)
+
+
+def _of_one_muscle(model, strain, pressure):
+    """Return the force (p, s), N, of a muscle of the first unit."""
+    every = np.zeros((len(pressure), 1, model.n))
+    every[..., 0] = pressure[:, None]
+    return model.unit_forces(strain, every)[..., 0] / model.motor_units[0].muscles
+
+
+def _muscle(bundle, points):
+    pressure = _steps(bundle.max_pressure[0])
+    end = float(bundle.free_strain(np.full(bundle.n, pressure[-1])))
+    strain = np.linspace(0.0, end if np.isfinite(end) else 0.3, points)
+    return Isobars(strain, pressure, {'included': _of_one_muscle(bundle, strain, pressure)})
+
+
 def _isobars(models, points):
-    strain = np.linspace(0.0, 0.32, points)
-    pressure = np.array(FIGURE_2_PRESSURES)
-    forces = {}
-    for name in ('ideal', 'continued', 'included'):
-        unit = models[name].motor_units[0]
-        every = np.zeros((len(pressure), 1, models[name].n))
-        every[..., 0] = pressure[:, None]
-        forces[name] = models[name].unit_forces(strain, every)[..., 0] / unit.muscles
-    return Isobars(strain, pressure, forces)
+    strain, pressure = np.linspace(0.0, 0.32, points), np.array([0.0, STEP])
+    return Isobars(strain, pressure, {
+        name: _of_one_muscle(models[name], strain, pressure)
+        for name in ('ideal', 'klute_hannaford', 'included')})
 
 
 def _space(models, points):
@@ -184,22 +240,26 @@ def _space(models, points):
     # of measured forces may end before the free strain
     end = float(np.nanmax(free)) if np.isfinite(free).any() else 0.3
     strain = np.linspace(0.0, end + 0.01, points)
-    low, high = {}, {}
+    second = np.zeros(0)
+    if bundle.n > 1:
+        second = _steps(bundle.max_pressure[1])
+        # 50 psi is 344.74 kPa where a model says 344.7
+        second = np.unique(np.minimum(second, bundle.max_pressure[1]))
+    low, high, isobars = {}, {}, {}
     for name in ('neglected', 'included'):
-        low[name], high[name] = (np.empty((bundle.n, points)) for _ in range(2))
-        for state in range(1, bundle.n + 1):
-            last = np.linspace(0.0, bundle.max_pressure[state - 1], 201)
-            force = models[name].force(strain[:, None], bundle.state_pressures(state, last))
-            low[name][state - 1] = force.min(axis=1)
-            high[name][state - 1] = force.max(axis=1)
-    return ForceStrainSpace(strain, low, high)
+        low[name], high[name] = state_forces(models[name], strain)
+        isobars[name] = models[name].force(strain, bundle.state_pressures(
+            2, second)[:, None]) if len(second) else np.zeros((0, points))
+    return ForceStrainSpace(strain, low, high, second, isobars)
 
 
 def _free_strain(models, points):
     bundle = models['included']
     pressure = np.linspace(0.0, bundle.max_pressure[1], points)
     every = bundle.state_pressures(2, pressure)
-    strain = {name: model.free_strain(every) for name, model in models.items()}
+    # the paper's ideal and Klute-Hannaford lines neglect resistive forces: they are constant
+    strain = {name: (model if name == 'included' else model.with_effect('tendon_slack')
+                     ).free_strain(every) for name, model in models.items()}
     reach = strain['included']
     lowest = int(np.nanargmin(reach))
     return FreeStrain(pressure, strain, float(pressure[lowest]), float(reach[lowest]),

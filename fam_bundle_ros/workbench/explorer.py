@@ -4,7 +4,8 @@
 The force-strain space of a bundle with a point that sliders move.
 
 Sliders set the strain and each motor unit's pressure; the figures show where that is among the
-recruitment states, how the next unit first pushes back, and how the free strain dips.
+recruitment states, how the next unit first pushes back, and how the free strain dips. A tendon
+length adds the same muscles on tendons in the same packaging length.
 """
 
 from functools import cached_property, lru_cache
@@ -17,11 +18,14 @@ from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.model import Bundle, load_model, Overlap
 from fam_bundle_ros.report.paper import paper_figures, PaperFigures
 from fam_bundle_ros.report.paper_plots import state_regions
+from fam_bundle_ros.report.tendons import compare_ends, Ends
 from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.units import parse, spaced
 
 __all__ = ['Explorer', 'paper_explorer']
 
 _HERE = palette.NEUTRAL['ink'].light
+_TENDON = palette.effect('tendon_slack').light
 
 
 class Explorer:
@@ -40,6 +44,21 @@ class Explorer:
         self.strain = 0.16
         self.pressure = np.zeros(bundle.n)
         self.pressure[0] = bundle.max_pressure[0]
+        #: Fixed ends beside tendons, None while no tendon length is told.
+        self.ends: Ends | None = None
+
+    def set_tendon(self, told: str) -> None:
+        """
+        Take the length of the tendons as it is typed; empty for none.
+
+        Raises
+        ------
+        InputError
+            For what is no length, and for one that leaves no muscle.
+        """
+        self.ends = None
+        if told.strip():
+            self.ends = compare_ends(self.bundle, parse(spaced(told), 'm'), 161)
 
     @property
     def highest_strain(self) -> float:
@@ -99,14 +118,41 @@ class Explorer:
                 f'{free.dip_pressure / 1e3:.0f} kPa, and then it returns: the free strain '
                 'gradient reversal.')
 
+    def tendon_sentence(self) -> str:
+        """Return what tendons change; empty while no length is told."""
+        if self.ends is None:
+            return ''
+        ends, told = self.ends, self.ends.summary()
+        least = (f', {told["fixed"]["free_strain_least"]:.4f} at its least'
+                 if ends.unit > 1 else '')
+        even = (f' Only tendons shorter than {1e3 * ends.even_tendon:.3g} mm reach further than '
+                'fixed ends do at their least.' if ends.even_tendon > 1e-5 else '')
+        return (f'On tendons of {1e3 * ends.tendon:.4g} mm the muscles are '
+                f'{1e3 * (ends.packaging_length - ends.tendon):.4g} mm long and nothing pushes '
+                f'back: the free strain is {told["tendons"]["free_strain_full"]:.4f} of the '
+                f'packaging length, with fixed ends {told["fixed"]["free_strain_full"]:.4f}'
+                f'{least}.{even}')
+
     # --- figures -------------------------------------------------------------------------------
 
     def space_figure(self) -> dict[str, Any]:
         """Draw the regions of the recruitment states with the present point and its strain."""
         figure = json.loads(self._space)
+        figure['data'][-2:-2] = self._tendon_edges()
         figure['data'][-2].update(x=[self.strain, self.strain])
         figure['data'][-1].update(x=[self.strain], y=[self.force])
         return figure
+
+    def _tendon_edges(self) -> list[dict[str, Any]]:
+        """Return the most of each state on tendons as traces."""
+        if self.ends is None:
+            return []
+        strain, words = self.ends.space.strain, f'with tendons of {1e3 * self.ends.tendon:.4g} mm'
+        return [{'type': 'scatter', 'mode': 'lines', 'x': strain[high > 0.0].tolist(),
+                 'y': high[high > 0.0].tolist(), 'name': words, 'legendgroup': 'tendons',
+                 'showlegend': k == 0, 'line': {'color': _TENDON, 'width': 1.8, 'dash': 'dash'},
+                 'hovertemplate': f'RS{k + 1} {words}: %{{y:.1f}} N at %{{x:.3f}}<extra></extra>'}
+                for k, high in enumerate(self.ends.space.high['tendons'])]
 
     @cached_property
     def _space(self) -> str:
@@ -166,6 +212,13 @@ class Explorer:
              'line': {'color': colour, 'dash': dash, 'width': width},
              'hovertemplate': '%{y:.4f} at %{x:.0f} kPa<extra></extra>'}
             for name, title, colour, dash, width in looks]
+        if self.ends is not None:
+            figure['data'].append({
+                'type': 'scatter', 'mode': 'lines', 'x': (self.ends.pressure / 1e3).tolist(),
+                'y': [None if v != v else v for v in self.ends.free_strain['tendons'].tolist()],
+                'name': f'tendons of {1e3 * self.ends.tendon:.4g} mm',
+                'line': {'color': _TENDON, 'width': 2.2},
+                'hovertemplate': '%{y:.4f} at %{x:.0f} kPa<extra></extra>'})
         at = float(self.pressure[1]) / 1e3
         figure['data'].append({
             'type': 'scatter', 'mode': 'markers', 'x': [at], 'hoverinfo': 'skip',

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, TYPE_CHECKING
 
 from fam_bundle_ros import palette
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.workbench import drawings, parts
 from fam_bundle_ros.workbench.explorer import Explorer
@@ -33,6 +34,10 @@ class ExplorerView:
             with parts.box('div'):
                 with parts.box('div', 'sliders'):
                     self._sliders()
+                    parts.typed('Tendon length', '', self._tendon, mark='explore:tendon',
+                                hint='none, or "20 mm"')
+                self.wrong = parts.text('p', '', 'small', 'explore:wrong').props('role=status')
+                self.wrong.style('margin-top: .4rem')
                 self.told = parts.box('div', 'told').props('aria-live=polite')
                 self.crossing = parts.plot(self._of(explorer.crossing_figure()),
                                            'force while the next unit fills', 'plot half')
@@ -81,6 +86,15 @@ class ExplorerView:
         self.explorer.pressure[unit] = 1e3 * value
         self._update()
 
+    def _tendon(self, told: str) -> None:
+        wrong = ''
+        try:
+            self.explorer.set_tendon(told)
+        except InputError as error:
+            wrong = str(error)
+        self.wrong.set_text(wrong)
+        self._update()
+
     def _update(self) -> None:
         self.space.update_figure(self._of(self.explorer.space_figure()))
         self.crossing.update_figure(self._of(self.explorer.crossing_figure()))
@@ -95,6 +109,8 @@ class ExplorerView:
                 parts.text('p', sentence)
             if self.explorer.free_strain_sentence():
                 parts.text('p', self.explorer.free_strain_sentence(), 'muted small')
+            if self.explorer.tendon_sentence():
+                parts.text('p', self.explorer.tendon_sentence(), 'small')
 
     def _of(self, figure: dict[str, Any]) -> dict[str, Any]:
         return drawings.for_page(figure, self.page.dark)

@@ -33,14 +33,19 @@ def test_help_needs_nothing_heavy(repository):
 
 
 def test_map_writes_page_and_numbers(fam_bundle, tmp_path):
-    """`map` of the paper's bundle says where free strain dips, in the page and in the JSON."""
-    result = fam_bundle('map', '--model', 'spie2021', '--json', 'map.json')
+    """`map` says where free strain dips and what tendons change, in page, terminal and JSON."""
+    result = fam_bundle('map', '--model', 'spie2021', '--tendon', '20mm', '--json', 'map.json')
     assert result.returncode == 0, result.stderr
     assert 'free strain dips' in result.stdout
     found = json.loads((tmp_path / 'map.json').read_text())
     assert found['free_strain_dip'] < found['free_strain_start'] - 0.01
+    ends = found['tendons']
+    assert ends['tendons']['blocked_force_N'] == pytest.approx(ends['fixed']['blocked_force_N'])
+    assert ends['tendons']['free_strain_full'] < ends['fixed']['free_strain_full']
+    assert 'packaging length of 127 mm' in result.stdout
+    assert f'{ends["tendons"]["free_strain_full"]:.3g}' in result.stdout
     page = (tmp_path / 'map.html').read_text()
-    assert page.count('class="drawing"') == 3
+    assert page.count('class="drawing"') == 6
     # nothing is fetched: no element names an address
     for fetched in ('src="http', 'href="http', '@import', 'src="//'):
         assert fetched not in page.replace(page[page.index('<script>'):
@@ -81,6 +86,8 @@ def test_tune_shows_gains_and_margins(fam_bundle, tmp_path):
     (['tune', '--phase-margin', '175'], ['no gain keeps']),
     (['map', 'spie2021', '--out', 'no/such/folder/map.html'], ['no/such/folder/map.html']),
     (['map', '--outt', 'a.html'], ['--outt']),
+    (['map', 'spie2021', '--tendon', '20 kPa'], ['--tendon', 'kPa', 'like m']),
+    (['map', 'spie2021', '--tendon', '127 mm'], ['tendon is 127 mm', 'no muscle is left']),
     (['map', 'spie2021', '--model', 'spie2021'], ['--model is spie2021', 'expected one of']),
     (['mapp'], ['mapp']),
 ])

@@ -9,14 +9,17 @@ import pytest
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.curves import curve_table, find_branches
-from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
+from fam_bundle_ros.model import Bundle, Geometry, MotorUnit
+from fam_bundle_ros.model.catalogue import get
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, pressure_rate, ValveFlow
 
 
 @pytest.fixture(scope='session')
-def paper_bundle(repository):
-    """Return the two motor units of the paper."""
-    return load_model(repository / 'config/models/spie2021.yaml')
+def paper_bundle():
+    """Return two motor units of the paper's dimensions, not read from a shipped file."""
+    geometry = Geometry(6.35e-3, 0.127, math.radians(33.0), 1.59e-3)
+    return Bundle('paper', [MotorUnit(f'mu{k}', 1, geometry, 344.7e3) for k in (1, 2)],
+                  [get(name)() for name in ('mesh', 'bladder_elasticity', 'resistive_buckling')])
 
 
 @pytest.fixture(scope='session')

@@ -240,7 +240,7 @@ class Loop:
     """Two pressure loops with their inflow watches on the simulated rig, no recruitment."""
 
     def __init__(self, noise=1.0, conductance=1.0, delay=0, seed=0):
-        self.bundle = load_model(config_path('models/spie2021.yaml'))
+        self.bundle = load_model(config_path('models/spie2021_plain.yaml'))
         self.rig = Rig(self.bundle, RigConfig(
             load=Dynamometer(strain=0.1), supply=SupplyConfig(pressure=SUPPLY), step=PERIOD / 2,
             valve=ValveConfig(conductance=3.93e-9 * conductance), trip_pressure=1e7,
@@ -495,7 +495,7 @@ def test_supply_agrees_within_a_fifth():
 @pytest.fixture
 def force_watch():
     """Return a watch over the paper's bundle, and its force at 0.1 strain."""
-    bundle = load_model(config_path('models/spie2021.yaml'))
+    bundle = load_model(config_path('models/spie2021_plain.yaml'))
     model = bundle.model(False)
 
     def unit_force(unit, strain, pressure):

@@ -16,6 +16,7 @@ from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.resources import config_path
 
+PLAIN = 'models/spie2021_plain.yaml'
 FRICTION = 'coulomb_friction: {force: 4 N}'
 
 
@@ -23,10 +24,11 @@ FRICTION = 'coulomb_friction: {force: 4 N}'
 def rig(graph, quiet):
     """Return a bundle under a force that moves, on a dynamometer; friction is hidden in it."""
     nodes = make_nodes(graph.context, overrides={
-        **quiet, 'sensors.force_noise': 0.5, 'lock_step': True, 'wait_for_reference': True,
-        'start_enabled': True, 'monitor': False, 'hidden_effect': FRICTION, 'repeat': True,
-        'trajectory': 'trajectories/live_force.yaml', 'load.repeat': True,
-        'load.profile': 'trajectories/live_strain.yaml'}, simulator={'script': graph.pacer})
+        **quiet, 'model': PLAIN, 'sensors.force_noise': 0.5, 'lock_step': True,
+        'wait_for_reference': True, 'start_enabled': True, 'monitor': False,
+        'hidden_effect': FRICTION, 'repeat': True, 'trajectory': 'trajectories/live_force.yaml',
+        'load.repeat': True, 'load.profile': 'trajectories/live_strain.yaml'},
+        simulator={'script': graph.pacer})
     graph.add(*nodes)
     return nodes[-1]
 
@@ -47,7 +49,7 @@ def offer(graph, node, file, refusal=''):
 
 def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, rig, tmp_path):
     """Setpoints go on where they were, the tracking error falls, and restore brings it back."""
-    model = load_model(config_path('models/spie2021.yaml'))
+    model = load_model(config_path(PLAIN))
     better = tmp_path / 'better.yaml'
     save_model(model.with_effect('coulomb_friction', force=4.0).named('better'), better)
     node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
@@ -67,7 +69,7 @@ def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, rig, tmp_p
         return wanted(rig, time, commands)
     graph.pacer.after = look
     changed = []
-    for service, name in (('apply_model', 'better'), ('restore_model', 'spie2021')):
+    for service, name in (('apply_model', 'better'), ('restore_model', 'spie2021_plain')):
         graph.advance(rig, 7.3)
         answer = graph.call(Trigger, service)
         assert answer.success, answer.message
@@ -94,7 +96,7 @@ def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, rig, tmp_p
 
 def test_a_model_that_cannot_be_used_is_refused_and_the_old_one_stays(graph, rig, tmp_path):
     """Another number of motor units, a file that is not there, the model of now."""
-    model = load_model(config_path('models/spie2021.yaml'))
+    model = load_model(config_path(PLAIN))
     one = tmp_path / 'one.yaml'
     save_model(Bundle('one', model.motor_units[:1], model.effects), one)
     node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
@@ -107,13 +109,13 @@ def test_a_model_that_cannot_be_used_is_refused_and_the_old_one_stays(graph, rig
         assert reason in answer.message
     (result,) = graph.set('recruitment_controller', model='models/spie2021_damped.yaml')
     assert 'only while the controller is off, or by apply_model' in result.reason
-    assert node.bundle.name == 'spie2021'
+    assert node.bundle.name == 'spie2021_plain'
 
 
 def test_a_model_applied_while_it_is_off_is_used_from_the_pressures_as_they_are(graph, rig,
                                                                              tmp_path):
     """Setpoints of before, when it was on, do not come back when it is enabled."""
-    model = load_model(config_path('models/spie2021.yaml'))
+    model = load_model(config_path(PLAIN))
     better = tmp_path / 'better.yaml'
     save_model(model.with_effect('coulomb_friction', force=4.0).named('better'), better)
     node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))

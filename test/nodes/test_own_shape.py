@@ -38,7 +38,7 @@ def free_strains(bundle, pressure, others):
 def files(tmp_path):
     """Return the model file of the user, without push-back, and that of the rig, a table."""
     believed, rig = tmp_path / 'believed.yaml', tmp_path / 'rig.yaml'
-    text = config_path('models/spie2021.yaml').read_text()
+    text = config_path('models/spie2021_plain.yaml').read_text()
     believed.write_text(text.replace('  - resistive_buckling\n', ''))
     muscle = load_model(believed)
     rows = ['strain,pressure [kPa],force [N]']

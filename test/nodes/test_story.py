@@ -27,7 +27,7 @@ def tracking_error(log):
 
 def test_a_hidden_effect_is_found_added_and_controlled_against(tmp_path, domain_id):
     """Friction in the rig's model file: bag -> diagnose -> add -> both errors fall, over ROS."""
-    believed = config_path('models/spie2021.yaml')
+    believed = config_path('models/spie2021_plain.yaml')
     hidden = tmp_path / 'rig.yaml'
     hidden.write_text(believed.read_text() + '  - coulomb_friction: {force: 6 N}\n')
 

@@ -194,7 +194,7 @@ def test_plant_and_record_give_the_same_force(bundle):
 
 def test_hidden_effect_is_one_line_in_the_model_file(bundle, repository):
     """A model file with friction and a load cell bias gives a rig that shows both."""
-    text = (repository / 'config/models/spie2021.yaml').read_text()
+    text = (repository / 'config/models/spie2021_plain.yaml').read_text()
     hidden = loads_model(text + '  - coulomb_friction: {force: 5 N}\n'
                                 '  - force_sensor_bias: {bias: 3 N}\n')
     rig, plain = make(hidden), make(bundle)

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's figures show what the paper found, at the reference values of the model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.report.muscle_plots import muscle_pictures
-from fam_bundle_ros.report.paper import paper_figures
+from fam_bundle_ros.report.paper import paper_figures, PSI, readings
 from fam_bundle_ros.report.paper_plots import map_pictures
 from fam_bundle_ros.resources import config_path
 
@@ -25,25 +27,92 @@ def figures(bundle):
 
 
 def test_free_strain_falls_first_and_then_returns(figures):
-    """Figure 4: the free strain starts near that of MU1 alone, dips, and is back."""
+    """Figure 4: the free strain starts near that of MU1 alone, dips, and is back at its end."""
     f = figures.free_strain
     reach = f.strain['included']
-    assert reach[0] == pytest.approx(0.2356, abs=2e-3)
-    assert reach[-1] == pytest.approx(0.2365, abs=1e-4)
-    assert 0.215 < f.dip_strain < 0.222
+    assert reach[0] == pytest.approx(f.strain['neglected'][0], abs=2e-3)
+    assert reach[-1] == pytest.approx(f.strain['neglected'][-1], abs=1e-5)
+    assert f.dip_strain < reach[0] - 0.01
     assert 100e3 < f.dip_pressure < 210e3
     lowest = int(np.argmin(reach))
     assert np.all(np.diff(reach[:lowest + 1]) <= 1e-9)
     assert np.all(np.diff(reach[lowest:]) >= -1e-9)
 
 
-def test_other_readings_show_no_reversal(figures):
-    """Figure 4: Klute-Hannaford only rises, from 0.1870; ideal and neglected stay put."""
+def test_ideal_and_klute_hannaford_lines_are_constant(figures):
+    """Figure 4: both neglect resistive forces, so MU2 changes nothing before it pulls."""
     strain = figures.free_strain.strain
-    assert strain['continued'][0] == pytest.approx(0.1870, abs=1e-4)
-    assert np.all(np.diff(strain['continued']) > 0.0)
     assert strain['ideal'] == pytest.approx(0.31159, abs=1e-5)
-    assert strain['neglected'] == pytest.approx(0.2365, abs=1e-4)
+    assert strain['klute_hannaford'] == pytest.approx(0.2365, abs=1e-4)
+    assert np.ptp(strain['klute_hannaford']) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_klute_hannaford_is_braid_and_rubber_and_nothing_else(bundle):
+    """Whatever a model has besides, the reading is the muscle of Klute and Hannaford (2000)."""
+    more = bundle.with_effect('end_caps').with_effect('threshold_pressure')
+    known = Bundle('known', bundle.motor_units,
+                   [bundle.effect('mesh'), bundle.effect('bladder_elasticity')])
+    pressure = np.array([150e3, 20e3])
+    assert np.array_equal(readings(more)['klute_hannaford'].force(0.2, pressure),
+                          known.force(0.2, pressure))
+    assert readings(more)['neglected'].force(0.0, pressure) < known.force(0.0, pressure)
+    assert set(paper_figures(more, 21).beyond) >= {'end_caps', 'threshold_pressure'}
+
+
+def test_klute_hannaford_over_predicts_as_the_text_says(figures):
+    """Blocked force, free strain and, further on, the size of the resistive force; ideal more."""
+    found = figures.summary()
+    for name in ('blocked_force_10_psi_N', 'free_strain_10_psi'):
+        assert found[name]['included'] < 0.97 * found[name]['klute_hannaford']
+        assert found[name]['klute_hannaford'] <= found[name]['ideal'] + 1e-9
+    assert figures.free_strain.strain['included'].max() < 0.95 * 0.2365
+    strain, forces = figures.isobars.strain, figures.isobars.forces
+    for strained in (0.15, 0.20, 0.25):
+        assert np.interp(strained, strain, forces['klute_hannaford'][1]) < 1.5 * np.interp(
+            strained, strain, forces['included'][1])
+
+
+def test_isobars_of_one_muscle_are_those_of_the_paper(bundle, figures):
+    """Figure 2a: 0 to 60 psi in steps of 10 psi, up to the largest free strain."""
+    muscle = figures.muscle
+    assert muscle.pressure / PSI == pytest.approx(np.arange(0.0, 61.0, 10.0))
+    force = muscle.forces['included']
+    one = Bundle('one', bundle.motor_units[:1], bundle.effects)
+    assert force[3] == pytest.approx(one.force(muscle.strain, muscle.pressure[3:4]))
+    assert force[-1][-1] == pytest.approx(0.0, abs=1e-3)
+    assert np.all(force[:-1, -1] < 0.0)
+
+
+def test_isobars_of_another_muscle_end_at_its_own_pressure(bundle):
+    """A bundle that works up to 200 kPa is not drawn at 60 psi; one muscle of three is drawn."""
+    low = Bundle('low', [replace(unit, max_pressure=200e3, muscles=3)
+                         for unit in bundle.motor_units], bundle.effects)
+    figures = paper_figures(low, 21)
+    assert figures.muscle.pressure[-1] == figures.space.pressure[-1] == pytest.approx(200e3)
+    alone = Bundle('alone', bundle.motor_units[:1], bundle.effects)
+    assert figures.muscle.forces['included'][-1] == pytest.approx(
+        alone.force(figures.muscle.strain, [200e3]))
+
+
+def test_raising_mu2_lowers_the_force_near_the_strain_of_the_text(figures):
+    """Figure 3d: near a strain of 0.195 the isobars of MU2 first fall below that of 0 kPa."""
+    space = figures.space
+    assert space.pressure / PSI == pytest.approx(np.arange(0.0, 51.0, 10.0), rel=2e-4)
+    force = [np.interp(0.195, space.strain, each) for each in space.isobars['included']]
+    assert min(force) < force[0] - 5.0
+    assert force[-1] > force[0]
+    plain = [np.interp(0.195, space.strain, each) for each in space.isobars['neglected']]
+    assert np.all(np.diff(plain) >= -1e-9)
+
+
+def test_isobars_of_mu2_lie_in_their_state(figures):
+    """Figure 3: RS2 is what MU2 gives between no and full pressure, MU1 at its largest."""
+    space = figures.space
+    for reading in ('neglected', 'included'):
+        assert np.all(space.isobars[reading] >= space.low[reading][1] - 5e-3)
+        assert np.all(space.isobars[reading] <= space.high[reading][1] + 1e-6)
+        empty, most = space.isobars[reading][0], space.high[reading][0]
+        assert empty[most > 0.0] == pytest.approx(most[most > 0.0])
 
 
 def test_states_overlap_only_with_resistive_forces(figures):
@@ -59,7 +128,10 @@ def test_states_overlap_only_with_resistive_forces(figures):
 def test_resistive_force_peaks_and_then_drops(figures):
     """Figure 2b: past free strain the force levels off and falls; Klute-Hannaford goes on."""
     strain, forces = figures.isobars.strain, figures.isobars.forces
-    assert np.interp(0.10, strain, forces['continued'][0]) == pytest.approx(-21.35, abs=0.05)
+    known = forces['klute_hannaford']
+    assert np.interp(0.10, strain, known[0]) == pytest.approx(-21.35, abs=0.05)
+    assert np.all(np.diff(known, axis=1) < 0.0)
+    assert np.all(known.min(axis=1) < 3.0 * forces['included'].min(axis=1))
     assert forces['ideal'][1][0] == pytest.approx(32.7, abs=0.05)
     for force, collapse in zip(forces['included'], (0.05, 0.20), strict=True):
         hardest = float(force.min())
@@ -75,14 +147,27 @@ def test_the_dip_is_the_gradient_reversal_of_a_fine_search(bundle, figures):
     assert figures.free_strain.dip_strain == pytest.approx(reach.min(), abs=1e-4)
 
 
-def test_every_picture_says_what_is_our_own(figures):
-    """Each caption names the paper and says that the resistive form is derived here."""
+def test_every_picture_says_what_is_the_papers_and_what_is_ours(figures):
+    """Each caption names the paper, what its text states, and that the resistive form is ours."""
     pictures = map_pictures(figures)
-    assert [picture.key for picture in pictures] == ['isobars', 'space', 'free_strain']
+    assert [picture.key for picture in pictures] == ['muscle', 'isobars', 'space', 'free_strain']
     for picture in pictures:
         assert 'Proc. SPIE 11586' in picture.caption
-        assert 'our own' in picture.caption
-    assert '68.95' in pictures[0].caption
+        assert 'From the text' in picture.caption
+        assert 'Our own' in picture.caption
+    assert '68.95' in pictures[1].caption
+    assert f'{figures.free_strain.dip_strain:.4f}' in pictures[3].caption
+
+
+def test_numbers_in_a_caption_are_those_of_the_model(bundle):
+    """Another model, other words: what it has beyond the paper, and no reversal where none is."""
+    slack = bundle.without_effect('resistive_buckling').with_effect(
+        'tendon_slack').with_effect('threshold_pressure')
+    pictures = {each.key: each.caption for each in map_pictures(paper_figures(slack, 101))}
+    assert 'threshold_pressure' in pictures['isobars']
+    assert 'no resistive effect' in pictures['muscle']
+    assert 'no reversal' in pictures['free_strain']
+    assert ' N there at 0 kPa' not in pictures['space']
 
 
 def test_the_map_of_one_motor_unit_draws_its_isobars_and_ends():

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench.cases import load_example
 from fam_bundle_ros.workbench.explorer import Explorer, paper_explorer
 
@@ -46,7 +47,8 @@ def test_the_free_strain_dips(explorer):
     assert 'gradient reversal' in explorer.free_strain_sentence()
     included = explorer.free_strain_figure()['data'][1]['y']
     assert min(included) < included[0] - 0.01
-    assert included[-1] == pytest.approx(0.2365, abs=1e-3)
+    assert included[-1] == pytest.approx(
+        float(explorer.bundle.free_strain(explorer.bundle.max_pressure)), abs=1e-6)
 
 
 def test_a_model_without_resistive_force_has_no_dip():
@@ -60,3 +62,30 @@ def test_the_point_follows_the_slider(explorer):
     for strain in (0.05, 0.12):
         explorer.strain = strain
         assert json.loads(json.dumps(explorer.space_figure()))['data'][-1]['x'] == [strain]
+
+
+def test_tendons_are_drawn_beside_and_told(explorer):
+    """A tendon length adds its edges, its free strain and a sentence; empty takes them away."""
+    before = len(explorer.space_figure()['data']), len(explorer.free_strain_figure()['data'])
+    explorer.set_tendon('20mm')
+    space, reach = explorer.space_figure()['data'], explorer.free_strain_figure()['data']
+    assert (len(space), len(reach)) == (before[0] + 2, before[1] + 1)
+    assert space[-1]['name'] == 'this bundle, here'
+    edges = [trace for trace in space if 'tendons of 20 mm' in trace.get('name', '')]
+    assert max(edges[1]['x']) < max(explorer.ends.free_strain['fixed'])
+    free = explorer.ends.free_strain['tendons'][-1]
+    assert f'free strain is {free:.4f}' in explorer.tendon_sentence()
+    assert '107 mm long' in explorer.tendon_sentence()
+    explorer.set_tendon(' ')
+    assert explorer.tendon_sentence() == ''
+    assert len(explorer.space_figure()['data']) == before[0]
+
+
+@pytest.mark.parametrize(('told', 'said'), [('127 mm', 'no muscle is left'), ('20', 'no unit'),
+                                            ('5 kPa', 'does not fit'), ('-1 mm', 'zero or more')])
+def test_a_tendon_that_cannot_be_fails(explorer, told, said):
+    """What is typed wrong is told, and no tendons are drawn."""
+    explorer.set_tendon('20 mm')
+    with pytest.raises(InputError, match=said):
+        explorer.set_tendon(told)
+    assert explorer.ends is None
