@@ -95,24 +95,42 @@ def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, s
     return step >= distance
 
 
-def crossing_pace(table: Any, unit: int, rate: float, usual: float) -> float:
+def crossing_pace(table: Any, unit: int, rate: float, usual: float, patience: float) -> float:
     """
     Return the pressure rate at which to bring a unit through its falling branch, Pa/s.
 
-    Smoothly where there is time; faster where the demand (rising by ``rate``, N/s) would
-    meanwhile use up what the others can compensate. ``usual`` is
-    `SwitchingConfig.crossing_rate`.
+    Slowly enough for the feedback where there is time; faster where the demand (rising by
+    ``rate``, N/s) would meanwhile use up what the others can compensate. ``usual`` is
+    `SwitchingConfig.crossing_rate`, ``patience`` (s) from `hand_over_time`.
     """
-    hurry = table.bottom_pressure[unit] * max(rate, 0.0) / max(table.dip[unit], 0.1)
-    return min(max(usual, hurry), _HURRY * usual)
+    bottom = table.bottom_pressure[unit]
+    hurry = bottom * max(rate, 0.0) / max(table.dip[unit], 0.1)
+    # Never so slowly that it could not be through in time when the others are spent.
+    slow = max(bottom / patience, usual / _RUSH) if patience > 0.0 else usual
+    return min(max(min(usual, slow), hurry), _HURRY * usual)
 
 
-def crossing_time(table: Any, unit: int, rate: float, usual: float) -> float:
+def hand_over_time(doubt: float, noise: float, lag: float) -> float:
+    """
+    Return how long a hand-over must take for the feedback to keep up, s.
+
+    An error that grows by ``doubt`` (N) in this time is behind a loop of ``lag`` (s) by no more
+    than the ``noise`` of the readings (N): doubt / time * lag = noise.
+
+    Examples
+    --------
+    >>> round(hand_over_time(3.0, 0.3, 0.02), 3)
+    0.2
+    """
+    return doubt * lag / noise
+
+
+def crossing_time(table: Any, unit: int, rate: float, usual: float, patience: float) -> float:
     """Return about how long it takes to bring a unit to the bottom of its branch, s."""
     slope = 0.0
     for other in range(len(table.order)):
         if other != unit:
             slope = max(slope, slope_at(table, other, table.grid[other][-1]))
     compensation = table.dip[unit] / slope if slope > 0.0 else 0.0
-    pace = crossing_pace(table, unit, rate, usual)
+    pace = crossing_pace(table, unit, rate, usual, patience)
     return 1.4 * max(table.bottom_pressure[unit], compensation) / pace + 2.0 * _EASE

@@ -91,6 +91,11 @@ def low_pass(dt: float, time: float) -> float:
     return 1.0 - math.exp(-dt / time)
 
 
+def behind_lag(share: float) -> float:
+    """Return the sd of white noise behind a lag that takes up a share of a step, over its own."""
+    return math.sqrt(share / (2.0 - share))
+
+
 def observe(state: Any, measured: float, believed: float, asked: float, reach: float, time: float,
             dt: float) -> None:
     """

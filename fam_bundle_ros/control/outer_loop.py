@@ -14,8 +14,10 @@ from typing import Any
 
 from fam_bundle_ros.control.observer import (
     begin_at,
+    behind_lag,
     forget_observer,
     low_pass,
+    noise_of,
     observe,
     ObserverState,
 )
@@ -117,14 +119,17 @@ class OuterState:
     taken, fade : float, N
         Force that was there on enabling; what of it is left in the demand.
     demand : float, N
-    mean, variance : float, N and N^2
-        Of the correction, over about a second.
+    noise : float, N
+        Standard deviation of what the sensors' noise makes of the correction (of a strain: before
+        the dead zone).
     wanted, jitter : float, N and N^2
         Correction of the strain loop in the tick before; variance of its changes.
     rate, bend : float
         Of a strain reference, 1/s and 1/s^2.
     kind : int
         Of the reference before, -1 for none.
+    lag : float, s
+        Of the loop, with its doubt: no correction is quicker.
     """
 
     integral: float = 0.0
@@ -134,12 +139,12 @@ class OuterState:
     taken: float = 0.0
     fade: float = 0.0
     demand: float = 0.0
-    mean: float = 0.0
-    variance: float = 0.0
+    noise: float = 0.0
     wanted: float = 0.0
     jitter: float = 0.0
     rate: float = 0.0
     bend: float = 0.0
+    lag: float = 0.0
     kind: int = -1
     started: bool = False
     taking_over: bool = False
@@ -188,8 +193,8 @@ def forget_outer(state: Any) -> None:
     forget_observer(state.observer)
     state.late = state.integral = state.kept = state.filtered = 0.0
     state.taken = state.fade = state.demand = 0.0
-    state.mean = state.variance = state.wanted = state.jitter = 0.0
-    state.rate = state.bend = 0.0
+    state.noise = state.wanted = state.jitter = 0.0
+    state.rate = state.bend = state.lag = 0.0
     state.kind = -1
     state.started = state.taking_over = False
 
@@ -198,10 +203,11 @@ def uncertainty(settings: Any, state: Any) -> float:
     """
     Return how far off the demand may be, N: the margins of the state machine.
 
-    Three standard deviations of the correction, the error of the model's fit, and a tenth of
-    the bias: it was learnt at other pressures than those at which a unit is switched.
+    Three standard deviations of the noise in it, the error of the model's fit, and a tenth of
+    the bias: it was learnt at other pressures than those at which a unit is switched. A
+    correction that moves is no doubt: it is what was found.
     """
-    return 3.0 * math.sqrt(state.variance) + settings.model_error + 0.1 * abs(
+    return 3.0 * state.noise + settings.model_error + 0.1 * abs(
         state.observer.bias) + 0.1
 
 
@@ -234,7 +240,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     state.started = True
     state.filtered += share * (force - state.filtered)
     # The observer must not be quicker than what it corrects can answer.
-    slowest = settings.delay + settings.lead_time + dt + lag + lag_doubt
+    slowest = state.lag = settings.delay + settings.lead_time + dt + lag + lag_doubt
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
         observe(state.observer, force, believed, asked, reach, time, dt)
@@ -261,9 +267,6 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
         state.fade = 0.0
         state.integral += held - known - correction
         state.kept = correction = held - known
-        state.mean = correction - state.integral
-    # The integral of a strain loop finds what the load needs; it is no doubt of the demand.
-    learn_correction(state, correction - (state.integral if kind == STRAIN else 0.0), dt)
     state.fade *= math.exp(-dt / settings.fade_time)
     target.feed_forward = known + state.fade
     target.force = state.demand = known + state.fade + correction
@@ -278,12 +281,17 @@ def force_loop(settings: Any, state: Any, force: float, value: float, rate: floa
     if settings.feedback and settings.feed_forward:
         # The reading is late: it shows what was asked for a dead time ago.
         due = value - settings.delay * rate
-        state.late += low_pass(dt, slowest) * (due - force - state.late)
+        share = low_pass(dt, slowest)
+        state.late += share * (due - force - state.late)
         correction = settings.force_gain * state.observer.weight * state.late
         correction -= state.observer.bias
+        gain = (1.0 + settings.force_gain) * state.observer.weight
+        state.noise = gain * noise_of(state.observer) * behind_lag(share)
     elif settings.feedback:
         error = value - state.filtered
         correction = settings.force_gain * error
+        state.noise = settings.force_gain * noise_of(state.observer) * behind_lag(
+            low_pass(dt, settings.filter_time))
         integrate_error(state, settings.force_integral * error * dt, saturated)
         known = state.integral
     return known, correction
@@ -320,7 +328,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         wanted = state.integral + gain * error + damping * (rate - measurement.strain_rate)
         still = quiet_band(settings, state, wanted, dt)
         state.kept = min(max(state.kept, wanted - still), wanted + still)
-        correction = state.kept
+        correction, state.noise = state.kept, math.sqrt(state.jitter)
     return known, correction
 
 
@@ -371,11 +379,3 @@ def integrate_error(state: Any, step: float, saturated: int) -> None:
     """Integrate unless that would push further into a limit (conditional integration)."""
     if not ((saturated == HIGH and step > 0.0) or (saturated == LOW and step < 0.0)):
         state.integral += step
-
-
-def learn_correction(state: Any, correction: float, dt: float) -> None:
-    """Follow mean and variance of the correction over about a second (exponential weights)."""
-    gain = low_pass(dt, _LEARN_TIME)
-    difference = correction - state.mean
-    state.mean += gain * difference
-    state.variance = (1.0 - gain) * (state.variance + gain * difference * difference)

@@ -29,12 +29,7 @@ from fam_bundle_ros.control.baselines import (
     BaselineState,
     forget_baseline,
 )
-from fam_bundle_ros.control.crossing import (
-    begin_crossing,
-    crossing_pace,
-    Crossings,
-    no_crossings,
-)
+from fam_bundle_ros.control.crossing import Crossings, no_crossings
 from fam_bundle_ros.control.curves import (
     adapted,
     curve_table,
@@ -71,11 +66,10 @@ from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERA
 from fam_bundle_ros.control.switching import (
     Demand,
     MachineState,
-    REVERSAL_AWARE,
     start_machine,
-    switch_step,
     SwitchingSettings,
 )
+from fam_bundle_ros.control.transition import patience, switch_units
 
 #: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
 _STEP = 2.0
@@ -231,7 +225,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
                       state.table.order, settings.max_pressure, settings.still, measurement, kind,
                       value, dt, command)
         return
-    table, outer, machine = state.table, state.outer, state.machine
+    table, outer = state.table, state.outer
     # The strain loop damps with the rate as measured; the model has no use for its noise.
     direction = state.rate.direction
     before = state.rate.rate if direction != 0 else 0.0
@@ -272,9 +266,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     find_branches(table, state.asleep)
     if settings.scheme != ALL_ON:
         see_demand(settings, state, kind, rate, dt)
-        switch_step(settings.switching, machine, table, state.demand, dt, command.reason)
-        if command.reason.why != NONE and settings.switching.policy == REVERSAL_AWARE:
-            send_unit(settings, state, command)
+        switch_units(settings, state, dt, command)
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     keep_memory(model)
@@ -352,25 +344,16 @@ def see_demand(settings: Any, state: Any, kind: int, rate: float, dt: float) -> 
     k = min(state.machine.state, len(top) - 2)
     demand = state.demand
     speed, acceleration, jerk = heading_now(wanted, 0, _BRISK)
+    limit_speed, limit_acceleration, limit_jerk = 0.0, 0.0, 0.0
     if clean:
         limit_speed, limit_acceleration, limit_jerk = heading_now(limits, k, _BRISK)
-    else:
-        limit_speed, limit_acceleration, limit_jerk = limits.rate[k], limits.acceleration[k], 0.0
+    elif state.rate.direction != 0:
+        # At rest limits move by noise, and by what is learnt, which moves the demand alike.
+        limit_speed, limit_acceleration = limits.rate[k], limits.acceleration[k]
     demand.force, demand.rate = target.force, speed - limit_speed
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
     demand.uncertainty = uncertainty(settings.outer, state.outer)
-
-
-def send_unit(settings: Any, state: Any, command: Any) -> None:
-    """Send the unit that was switched on its way through its falling branch."""
-    now, up = state.machine.state, state.machine.direction > 0
-    # No other unit is active, so the crossing is not compensated.
-    if now == (1 if up else 0):
-        return
-    unit = state.table.order[now - 1 if up else now]
-    pace = crossing_pace(state.table, unit, abs(state.demand.rate),
-                         settings.switching.crossing_rate)
-    begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)
+    demand.patience = patience(settings, state)
 
 
 # --- output --------------------------------------------------------------------------------------

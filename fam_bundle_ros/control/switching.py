@@ -61,6 +61,8 @@ class Demand:
     acceleration, jerk : float, N/s^2 and N/s^3
     uncertainty : float, N
         Three standard deviations of the noise in the demand, plus the model's error.
+    patience : float, s
+        What a hand-over from unit to unit takes where there is time.
     """
 
     force: float = 0.0
@@ -68,6 +70,7 @@ class Demand:
     acceleration: float = 0.0
     jerk: float = 0.0
     uncertainty: float = 0.0
+    patience: float = 0.0
 
 
 @dataclass
@@ -235,12 +238,14 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
             or added < demand.uncertainty):
         return NONE
     ahead = force + demand.rate * crossing_time(table, table.order[state], demand.rate,
-                                                settings.crossing_rate)
+                                                settings.crossing_rate, demand.patience)
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE
     # One standard deviation, a third of the margin, is enough: to be wrong costs air, to be late a
-    # dip that nothing can make up for any more.
-    level = limit + (recruit - limit) / 3.0
+    # dip that nothing can make up for any more. The more of it is there already, the surer it
+    # must be that the unit is needed.
+    late = min(max((force - crossing) / max(limit - crossing, _LITTLE), 0.0), 1.0)
+    level = limit + (recruit - limit) * (1.0 + 2.0 * late) / 3.0
     return NONE if force + rise_within(demand, settings.horizon) <= level else AHEAD
 
 

@@ -13,6 +13,7 @@ from fam_bundle_ros.control.crossing import (
     crossing_pace,
     crossing_time,
     end_crossing,
+    hand_over_time,
     is_crossing,
     no_crossings,
 )
@@ -71,19 +72,43 @@ def test_crossings_keep_their_order():
 def test_the_pace_is_the_usual_one_and_a_hurry_at_most_four_times_as_fast(made):
     """A demand that rises by the dip while the unit fills sets the pace."""
     table = made()
-    assert crossing_pace(table, 1, -50.0, PACE) == PACE
-    assert crossing_pace(table, 1, 400.0, PACE) == pytest.approx(50e3 * 400.0 / 4.0)
-    assert crossing_pace(table, 1, 1e6, PACE) == 4.0 * PACE
+    assert crossing_pace(table, 1, -50.0, PACE, 0.0) == PACE
+    assert crossing_pace(table, 1, 400.0, PACE, 0.0) == pytest.approx(50e3 * 400.0 / 4.0)
+    assert crossing_pace(table, 1, 1e6, PACE, 0.0) == 4.0 * PACE
+
+
+def test_a_unit_is_brought_in_slowly_where_there_is_time(made):
+    """In the time that the feedback needs; not slower than a rising demand allows."""
+    table = made()
+    assert crossing_pace(table, 1, 0.0, PACE, 0.2) == pytest.approx(50e3 / 0.2)
+    assert crossing_pace(table, 1, 40.0, PACE, 0.2) == pytest.approx(50e3 * 40.0 / 4.0)
+    assert crossing_pace(table, 1, 0.0, PACE, 1e-3) == PACE
+    # A unit without a falling branch has nothing to be careful with.
+    table.bottom_pressure[1] = 0.0
+    assert crossing_pace(table, 1, 0.0, PACE, 0.2) == PACE / 20.0
+    table.bottom_pressure[1] = 50e3
+    # Recruitment looks as far ahead as that takes.
+    assert crossing_time(table, 1, 0.0, PACE, 0.2) == pytest.approx(1.4 * 0.2 + 0.02)
+
+
+def test_feedback_keeps_a_hand_over_within_the_noise():
+    """An error that grows steadily is behind a first-order loop by its slope times the lag."""
+    doubt, noise, lag = 5.0, 0.3, 0.03
+    time, found, left = hand_over_time(doubt, noise, lag), 0.0, []
+    for k in range(round(time / DT)):
+        left.append(doubt * k * DT / time - found)
+        found += (1.0 - math.exp(-DT / lag)) * left[-1]
+    assert max(left) == pytest.approx(noise, rel=0.05)
 
 
 def test_the_time_of_a_crossing_is_that_of_the_longer_way(made):
     """Its own way to the bottom, or that of the unit that makes up for the dip."""
-    assert crossing_time(made(), 1, 0.0, PACE) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
+    assert crossing_time(made(), 1, 0.0, PACE, 0.0) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
     weak = made(slope=(2e-5, 2e-3))
-    assert crossing_time(weak, 1, 0.0, PACE) == pytest.approx(1.4 * 200e3 / PACE + 0.02)
+    assert crossing_time(weak, 1, 0.0, PACE, 0.0) == pytest.approx(1.4 * 200e3 / PACE + 0.02)
     # With nobody to make up for the dip only its own way counts.
     flat = made(slope=(0.0, 2e-3))
-    assert crossing_time(flat, 1, 0.0, PACE) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
+    assert crossing_time(flat, 1, 0.0, PACE, 0.0) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
 
 
 @pytest.mark.parametrize(('scheme', 'expected'), [(ORDERLY, 8e-5 / 1e-3), (BATCH, 8e-5 / 3e-3)])

@@ -199,15 +199,33 @@ def test_a_strain_loop_without_a_load_takes_over_the_demand(paper_bundle):
 
 
 def test_uncertainty_is_noise_and_error_and_a_tenth_of_the_bias(paper_bundle):
-    """Three standard deviations of the correction come on top of the model's own error."""
+    """Three standard deviations of its noise come on top of the model's own error."""
     settings = SimpleNamespace(model_error=1.5)
-    state = SimpleNamespace(variance=0.04, observer=SimpleNamespace(bias=-3.0))
+    state = SimpleNamespace(noise=0.2, observer=SimpleNamespace(bias=-3.0))
     assert uncertainty(settings, state) == pytest.approx(0.6 + 1.5 + 0.3 + 0.1)
-    loop, random = Loop(paper_bundle, feed_forward=False, force_gain=1.0, force_integral=0.0,
-                        filter_time=1e-6), np.random.default_rng(1)
-    for force in random.normal(40.0, 0.5, 5000):
-        loop.run(40.0, force=float(force), believed=40.0)
-    assert math.sqrt(loop.state.variance) == pytest.approx(0.5, rel=0.15)
+
+
+@pytest.mark.parametrize('config', [
+    {'feed_forward': False, 'force_gain': 1.0, 'force_integral': 0.0, 'filter_time': 0.01}, {}])
+def test_noise_of_the_demand_is_what_the_readings_make_of_it(paper_bundle, config):
+    """With white noise of 0.5 N on a force that the model gets wrong by 3 N to and fro."""
+    loop, random, demands = Loop(paper_bundle, **config), np.random.default_rng(1), []
+    for k in range(6000):
+        error = 3.0 * math.sin(2.0 * k * DT)
+        loop.run(40.0, force=float(random.normal(40.0 + error, 0.5)), believed=40.0)
+        demands.append(loop.state.demand)
+    rough = np.array(demands[3000:]) - np.convolve(demands, np.full(101, 1.0 / 101.0),
+                                                   mode='same')[3000:]
+    assert loop.state.noise == pytest.approx(np.std(rough[:-100]), rel=0.25)
+
+
+def test_a_bias_that_is_being_found_is_no_doubt_of_the_demand(paper_bundle):
+    """A force that is 25 N less than the model's leaves the margins at a tenth of that."""
+    loop = Loop(paper_bundle)
+    loop.run(40.0, force=40.0, believed=40.0, duration=1.0)
+    for duration in (0.02, 0.1, 0.5, 1.0):
+        loop.run(40.0, force=15.0, believed=40.0, duration=duration)
+        assert uncertainty(loop.settings, loop.state) < loop.settings.model_error + 2.5 + 1.0
 
 
 def test_a_table_of_the_load_is_linear_between_its_points(paper_bundle):

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state machine and the controller, without a plant: pressures follow at once."""
 
+from types import SimpleNamespace
+
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -229,6 +231,27 @@ def test_a_step_beyond_the_present_state_is_met_as_fast_as_the_valves_go(paper_b
     assert met.index(True) * DT <= 0.02
 
 
+def test_all_units_that_a_step_needs_begin_in_one_tick(bundles):
+    """Each valve fills its own unit: five of six start with the first tick of the step."""
+    bench = Bench(bundles[6], 0.16, outer=OPEN)
+    bench.hold(10.0, 1.0)
+    before = bench.controller.state
+    assert bench.update(100.0).state - before >= 3
+
+
+def test_a_push_back_that_is_not_there_is_crossed_as_slowly_as_feedback_needs(paper_bundle):
+    """On a ramp the force is off by less than 40 % of the push-back of 6.4 N."""
+    bench, off = Bench(paper_bundle, 0.16, noise=0.1), []
+    bench.bundle = SimpleNamespace(force=lambda strain, pressure: np.maximum(
+        paper_bundle.unit_forces(strain, pressure), 0.0).sum())
+    bench.ramp(0.0, 20.0, 20.0)
+    assert bench.controller.state == 1
+    for force in np.arange(20.0, 45.0, 0.1):
+        off.append(bench.bundle.force(0.16, bench.update(float(force), 20.0).pressure) - force)
+    assert bench.controller.state == 2
+    assert max(np.abs(off)) < 0.4 * 6.4
+
+
 def test_the_filters_delay_is_made_up_for():
     """Of a cubic the rate, acceleration and jerk of now come out, not those of before."""
     heading, dt = heading_of(1), 1e-3
@@ -330,6 +353,18 @@ def test_a_limit_that_comes_down_to_the_demand_counts_as_a_demand_that_rises(pap
     assert 'recruit MU2: demand 45.0 N rising by' in ''.join(told)
 
 
+def test_what_is_learnt_at_rest_is_no_demand_that_rises(paper_bundle):
+    """RS2's limit comes down as MU2 is found to be weak; the demand comes down with it."""
+    bench, rates, limits = Bench(paper_bundle, 0.16), [], []
+    bench.bundle = paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.2)
+    bench.hold(70.0, 1.0)
+    for _ in range(400):
+        limits.append(bench.update(70.0).margins.limit)
+        rates.append(bench.controller.memory.demand.rate)
+    assert limits[0] - limits[-1] > 0.5
+    assert max(map(abs, rates)) < 0.01
+
+
 @pytest.mark.parametrize(('demand', 'said'), [(-40.0, 'low'), (300.0, 'high'), (75.0, 'gap')])
 def test_out_of_reach_is_told_from_not_in_reach_yet(paper_bundle, demand, said):
     """Below all, beyond all, or only beyond the present state."""
@@ -418,7 +453,9 @@ def test_margins_widen_with_the_bias_that_was_found(paper_bundle):
     sure, unsure = Bench(paper_bundle, 0.16), Bench(paper_bundle, 0.16)
     unsure.bundle = paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.2)
     margins = [bench.hold(70.0, 8.0)[-1].margins.uncertainty for bench in (sure, unsure)]
-    assert margins[1] > margins[0] + 0.3
+    bias = abs(unsure.controller.outer.bias)
+    assert bias > 2.0
+    assert margins[1] - margins[0] == pytest.approx(0.1 * bias, rel=0.1)
 
 
 def test_dwell_time_keeps_from_switching_back(paper_bundle):

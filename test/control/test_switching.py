@@ -54,6 +54,14 @@ def test_ahead_of_need_one_standard_deviation_is_enough(made, slowing, recruited
     assert ('rising' in why) == recruited
 
 
+@pytest.mark.parametrize(('rate', 'slowing', 'recruited'), [
+    (100.0, -8330.0, False), (100.0, -3330.0, True)])
+def test_the_less_a_dip_can_be_avoided_the_surer_must_be_the_need(made, rate, slowing, recruited):
+    """At 245.9 N, with no room left, a demand that turns at 246.5 N is waited for."""
+    why = Machine(made(), 1).tell(245.9, rate, slowing)[1]
+    assert ('rising' in why) == recruited
+
+
 def test_a_unit_that_adds_nothing_is_not_recruited(made):
     """Beyond RS1 stays beyond where the next unit cannot pull."""
     table = made()

@@ -1,0 +1,62 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Transitions: units that the state machine switched are sent on their way, in good time."""
+
+import math
+from typing import Any
+
+from fam_bundle_ros.control.crossing import begin_crossing, crossing_pace, hand_over_time
+from fam_bundle_ros.control.observer import noise_of
+from fam_bundle_ros.control.reasons import BEYOND, UNREACHABLE
+from fam_bundle_ros.control.spread import TOLERANCE
+from fam_bundle_ros.control.switching import REVERSAL_AWARE, switch_step
+
+
+def patience(settings: Any, state: Any) -> float:
+    """
+    Return what a hand-over takes where there is time, s: at most the dwell time.
+
+    In doubt are the push-back that is crossed, by its standard deviation, and the bias: it was
+    found with other units at work.
+    """
+    outer, learnt, dip = state.outer, state.adaptation, 0.0
+    n = len(state.table.order)
+    for unit in range(n):
+        dip = max(dip, state.table.dip[unit])
+    doubt = math.sqrt(max(learnt.covariance[n][n], 0.0)) * dip + abs(outer.observer.bias)
+    time = hand_over_time(doubt, max(noise_of(outer.observer), TOLERANCE), outer.lag)
+    return min(time, settings.switching.dwell)
+
+
+def switch_units(settings: Any, state: Any, dt: float, command: Any) -> None:
+    """
+    Let the state machine switch, and send the units on their way.
+
+    All units that a demand beyond doubt needs begin in one tick: each valve fills its own.
+    """
+    machine = state.machine
+    for _ in range(len(state.table.order)):
+        before = machine.state
+        switch_step(settings.switching, machine, state.table, state.demand, dt, command.reason)
+        if machine.state == before:
+            return
+        if settings.switching.policy == REVERSAL_AWARE:
+            send_unit(settings, state, command)
+        if command.reason.why != BEYOND:
+            return
+        dt = 0.0
+
+
+def send_unit(settings: Any, state: Any, command: Any) -> None:
+    """Send the unit that was switched on its way through its falling branch."""
+    now, up = state.machine.state, state.machine.direction > 0
+    # No other unit is active, so the crossing is not compensated.
+    if now == (1 if up else 0):
+        return
+    unit = state.table.order[now - 1 if up else now]
+    why = command.reason.why
+    # A demand that is out of reach now has no time.
+    patient = 0.0 if why == BEYOND or why == UNREACHABLE else state.demand.patience
+    pace = crossing_pace(state.table, unit, abs(state.demand.rate),
+                         settings.switching.crossing_rate, patient)
+    begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)
