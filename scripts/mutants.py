@@ -8,12 +8,13 @@ long they take; places to break are drawn at random (seeded), cosmic-ray breaks 
 time, and the tests that run the line are run until one fails. Results go to a file that a second
 call goes on with. Tests that take long are left out: what is noticed is a lower bound.
 
-    scripts/mutants.py FOLDER [COUNT] [SEED]
+    scripts/mutants.py FOLDER [COUNT] [SEED] [JOBS]
 """
 
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 import difflib
+from functools import cache
 import json
 import os
 from pathlib import Path
@@ -29,7 +30,8 @@ from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 from coverage.numbits import numbits_to_nums
 
-ROOMS = ('model', 'plant', 'control', 'data', 'discovery')
+#: Those whose tests take longest come last.
+ROOMS = ('model', 'plant', 'data', 'control', 'discovery')
 OPERATORS = (
     'NumberReplacer', 'AddNot', 'ReplaceTrueWithFalse', 'ReplaceFalseWithTrue',
     'ReplaceAndWithOr', 'ReplaceOrWithAnd', 'ZeroIterationForLoop', 'ReplaceBreakWithContinue',
@@ -39,12 +41,10 @@ OPERATORS = (
     *(f'ReplaceComparisonOperator_{a}' for a in (
         'Eq_NotEq', 'NotEq_Eq', 'Lt_LtE', 'Lt_GtE', 'LtE_Lt', 'LtE_Gt', 'Gt_GtE', 'Gt_LtE',
         'GtE_Gt', 'GtE_Lt', 'Is_IsNot', 'IsNot_Is', 'In_NotIn', 'NotIn_In')))
-#: Rooms traced, and faults tried, at a time.
-JOBS = 2
-#: s; a test that takes longer when traced is left out.
-LONGEST = 20
+#: s on a core; a test that takes longer when traced is left out.
+LONGEST = 10
 #: s of tests, as traced, that are run for one place; s after which they hang.
-EFFORT, PATIENCE = 90, 400
+EFFORT, PATIENCE = 60, 600
 
 
 def environment(tree, **more):
@@ -54,9 +54,9 @@ def environment(tree, **more):
             'PYTHONDONTWRITEBYTECODE': '1', **more}
 
 
-def copies_of_head(folder):
+def copies_of_head(folder, count):
     """Return clones of the committed tree; what an interrupted call broke is mended."""
-    trees = [folder / f'tree{i}' for i in range(JOBS)]
+    trees = [folder / f'tree{i}' for i in range(count)]
     for tree in trees:
         if not tree.exists():
             subprocess.run(['git', 'clone', '-q', '.' if tree is trees[0] else trees[0], tree],
@@ -70,41 +70,42 @@ def copies_of_head(folder):
 
 def trace(tree, room, folder):
     """Run the tests and doctests of a room under coverage, once for all later calls."""
-    if not (folder / f'{room}.json').exists():
+    if (folder / f'{room}.json').exists():
+        return
+    more = {'MUTANTS_TRACE': f'{folder}/{room}.json', 'MUTANTS_LONGEST': str(LONGEST)}
+    with (folder / f'{room}.log').open('w') as log:
         subprocess.run(
             [sys.executable, '-m', 'coverage', 'run', '--source=fam_bundle_ros',
              f'--data-file={folder}/{room}.coverage', '-m', 'pytest', '-q', '--tb=no',
-             '-p', 'mutants_trace', '-p', 'no:cacheprovider', f'--timeout={LONGEST}',
-             f'test/{room}', f'fam_bundle_ros/{room}'],
-            cwd=tree, env=environment(tree, MUTANTS_TRACE=f'{folder}/{room}.json'),
-            stdout=(folder / f'{room}.log').open('w'))
+             '-p', 'mutants_trace', '-p', 'no:cacheprovider', f'test/{room}',
+             f'fam_bundle_ros/{room}'], cwd=tree, env=environment(tree, **more), stdout=log)
 
 
 class Tests:
-    """The tests that run a line, and what they cost."""
+    """The tests of some rooms that run a line, and what they cost."""
 
-    def __init__(self, tree, folder):
+    def __init__(self, folder, rooms):
         self.users, self.seconds, self.lines = {}, {}, defaultdict(set)
-        for room in ROOMS:
+        for room in rooms:
             told = json.loads((folder / f'{room}.json').read_text())
             self.users.update(told['tests'])
             self.seconds.update(told['seconds'])
             for path, name, bits in sqlite3.connect(folder / f'{room}.coverage').execute(
                     'select file.path, context.context, line_bits.numbits from line_bits '
                     'join file on file.id = file_id join context on context.id = context_id'):
+                file = 'fam_bundle_ros' + path.rpartition('/fam_bundle_ros')[2]
                 for line in numbits_to_nums(bits):
-                    self.lines[str(Path(path).relative_to(tree)), line].add(name)
+                    self.lines[file, line].add(name)
 
     def of(self, path, line):
-        """Return the tests of a line: those of its room first, the quick before the slow."""
+        """Return the tests of a line, the quick before the slow, as long as there is time."""
         names = self.lines[path, line] - {''}
         if not names:   # runs at import: the tests of the file
             names = set().union(*(found for (file, _), found in self.lines.items()
                                   if file == path))
-        room = path.split('/')[1]
         able = sorted((test for test, used in self.users.items()
                        if test in names or names.intersection(used)),
-                      key=lambda test: (test.split('/')[1] != room, self._cost(test, ())))
+                      key=lambda test: self._cost(test, ()))
         chosen, made, cost = [], set(), 0.
         for test in able:
             cost += self._cost(test, made)
@@ -159,34 +160,52 @@ def noticed(tree, path, change, tests):
         file.write_text(right)
 
 
-def main(folder, count=200, seed=1):
+def main(folder, count=200, seed=1, jobs=2):
     """Break `count` places; print what the tests did not notice."""
     folder.mkdir(exist_ok=True)
-    trees = copies_of_head(folder)
-    with ThreadPoolExecutor(JOBS) as pool:
-        list(pool.map(lambda room: trace(trees[0], room, folder), ROOMS))
-    tests, changes = Tests(trees[0], folder), places(trees[0])
+    trees = copies_of_head(folder, jobs)
+    changes = places(trees[0])
     results = folder / f'mutants_{seed}.jsonl'
     done = {tuple(row['place']) for row in map(json.loads, results.open())
             } if results.exists() else set()
     chance = random.Random(seed)
     drawn = {place: chance.choice(changes[place])
              for place in chance.sample(sorted(changes), count)}
+    room_of = {place: place[0].split('/')[1] for place in drawn}
 
-    def judge(place):
-        (path, start), change = place, drawn[place]
-        tree, began, chosen = trees.pop(), time.perf_counter(), tests.of(path, start[0])
-        found, diff = noticed(tree, path, change, chosen)
-        trees.append(tree)
+    def run(work, *arguments):
+        tree = trees.pop()
+        try:
+            return work(tree, *arguments)
+        finally:
+            trees.append(tree)
+
+    def judge(place, rooms, last=False):
+        (path, start), change, began = place, drawn[place], time.perf_counter()
+        for room in rooms:
+            traced[room].result()
+        found, diff = run(noticed, path, change, known(rooms).of(path, start[0]))
+        if not (found or last):
+            # Whoever goes unnoticed in the own room may be noticed in another.
+            others = tuple(room for room in ROOMS if room not in rooms)
+            work.append(pool.submit(judge, place, others, last=True))
+            return
         with results.open('a') as file:
             file.write(json.dumps({
                 'place': [path, *start], 'change': change, 'diff': diff, 'noticed': found,
-                'tests': len(chosen), 'seconds': round(time.perf_counter() - began, 1)}) + '\n')
+                'by': rooms if found else [], 'seconds': round(time.perf_counter() - began, 1),
+            }) + '\n')
         print(f"{'noticed' if found else 'SURVIVED'} {path}:{start[0]} {change[0]}", flush=True)
 
-    with ThreadPoolExecutor(JOBS) as pool:
-        list(pool.map(judge, [(path, start) for path, start in drawn
-                              if (path, *start) not in done]))
+    known = cache(lambda rooms: Tests(folder, rooms))
+    with ThreadPoolExecutor(jobs) as pool:
+        # First in, first out: what waits for a trace comes after it.
+        traced = {room: pool.submit(run, trace, room, folder) for room in ROOMS}
+        work = [pool.submit(judge, place, (room_of[place],))
+                for place in sorted(drawn, key=lambda place: ROOMS.index(room_of[place]))
+                if (place[0], *place[1]) not in done]
+        for task in work:   # grows
+            task.result()
     rows = [json.loads(line) for line in results.open()]
     print(f"{sum(row['noticed'] for row in rows)} of {len(rows)} faults noticed; the others:")
     for row in rows:

@@ -1,22 +1,31 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Pytest plugin of mutants.py: whose lines run, and how long each test and fixture takes.
+Pytest plugin of mutants.py: whose lines run, and how much each test and fixture computes.
 
-Lines that a fixture runs for a whole module belong to the fixture, and so to every test that
-uses it; coverage alone would give them to none.
+Seconds are those of this process on a core, whatever else the machine does. Lines that a fixture
+runs for a whole module belong to the fixture, and so to every test that uses it; coverage alone
+would give them to none.
 """
 
 import json
 import os
 from pathlib import Path
-import time
+import signal
+from time import process_time
 
 import coverage
 import pytest
 
 _seconds, _fixtures, _failed = {}, {}, set()
 _now = ''
+#: s; a test that computes for longer is given up, and so is a fixture.
+_LONGEST = float(os.environ['MUTANTS_LONGEST'])
+
+
+def pytest_sessionstart():
+    """Arm the clock that ends a test."""
+    signal.signal(signal.SIGPROF, lambda number, frame: pytest.fail(f'takes over {_LONGEST:g} s'))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -27,6 +36,18 @@ def pytest_runtest_protocol(item):
     _fixtures[item.nodeid] = sorted({_name(chosen[-1]) for chosen in definitions.values()
                                      if _shared(chosen[-1])})
     return result
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup():
+    """Let a fixture that computes for too long fail, and each test that uses it."""
+    return (yield from _limited())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call():
+    """Let a test that computes for too long fail."""
+    return (yield from _limited())
 
 
 @pytest.hookimpl(wrapper=True)
@@ -53,7 +74,7 @@ def pytest_sessionfinish():
 def _as(name):
     """Run what a hook wraps in a context of coverage of this name; then go back."""
     global _now
-    before, began = _now, time.perf_counter()
+    before, began = _now, process_time()
     inner = sum(_seconds.values())
     _now = name
     coverage.Coverage.current().switch_context(name)
@@ -63,7 +84,15 @@ def _as(name):
         _now = before
         coverage.Coverage.current().switch_context(before)
         # Without the fixtures made meanwhile, which have a time of their own.
-        _seconds[name] = time.perf_counter() - began - (sum(_seconds.values()) - inner)
+        _seconds[name] = process_time() - began - (sum(_seconds.values()) - inner)
+
+
+def _limited():
+    signal.setitimer(signal.ITIMER_PROF, _LONGEST)
+    try:
+        return (yield)
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
 def _shared(fixturedef):
