@@ -40,7 +40,7 @@ OPERATORS = (
                                              'Pow_Mul', 'Mod_Add')),
     *(f'ReplaceComparisonOperator_{a}' for a in (
         'Eq_NotEq', 'NotEq_Eq', 'Lt_LtE', 'Lt_GtE', 'LtE_Lt', 'LtE_Gt', 'Gt_GtE', 'Gt_LtE',
-        'GtE_Gt', 'GtE_Lt', 'Is_IsNot', 'IsNot_Is', 'In_NotIn', 'NotIn_In')))
+        'GtE_Gt', 'GtE_Lt', 'Is_IsNot', 'IsNot_Is')))
 #: s on a core; a test that takes longer when traced is left out.
 LONGEST = 10
 #: s of tests, as traced, that are run for one place; s after which they hang.
