@@ -8,6 +8,7 @@ runs for a whole module belong to the fixture, and so to every test that uses it
 would give them to none.
 """
 
+import inspect
 import json
 import os
 from pathlib import Path
@@ -15,17 +16,30 @@ import signal
 from time import process_time
 
 import coverage
+from coverage import collector, control, inorout, sqldata
 import pytest
 
 _seconds, _fixtures, _failed = {}, {}, set()
 _now = ''
 #: s; a test that computes for longer is given up, and so is a fixture.
 _LONGEST = float(os.environ['MUTANTS_LONGEST'])
+#: What coverage calls while it traces.
+_COVERAGE = {inspect.getfile(module) for module in (collector, control, inorout, sqldata)}
 
 
 def pytest_sessionstart():
-    """Arm the clock that ends a test."""
-    signal.signal(signal.SIGPROF, lambda number, frame: pytest.fail(f'takes over {_LONGEST:g} s'))
+    """Say what ends a test."""
+    signal.signal(signal.SIGPROF, _end)
+
+
+def _end(number, frame):
+    """Let the test fail; not from within coverage, which would keep its lock for ever."""
+    while frame:
+        if frame.f_code.co_filename in _COVERAGE:
+            signal.setitimer(signal.ITIMER_PROF, 0.01)
+            return
+        frame = frame.f_back
+    pytest.fail(f'takes over {_LONGEST:g} s')
 
 
 @pytest.hookimpl(wrapper=True)
