@@ -5,9 +5,10 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import preview, read_measurement, taken_words
+from fam_bundle_ros.data import preview, read_measurement, taken_words, vocabulary
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.units import si_factor
 
 ROWS = 240
 
@@ -288,3 +289,19 @@ def test_a_preview_shows_what_reading_would_do(log):
     fine = preview(table(log))
     assert fine.problem == ''
     assert len(fine.measurement) == fine.rows == ROWS
+
+
+@pytest.mark.parametrize('like', ['N', 'Pa', 'm', 's', '1', '1/s'])
+def test_a_unit_that_pint_knows_too_is_the_same(like):
+    """Where the table of spellings and pint both know a unit, they agree."""
+    both = 0
+    for text in vocabulary._UNITS[like]:
+        try:
+            # Upper and lower case are told apart by pint: mn is no unit of force there.
+            expected = si_factor(text, like)
+        except InputError:
+            continue
+        if like != 'N' or not text.endswith(('g', 'lb', 'lbs', 'pound', 'pounds')):
+            assert vocabulary._UNITS[like][text] == pytest.approx(expected, rel=1e-5), text
+            both += 1
+    assert both >= 2
