@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The two schemes without a model: one pressure for all, and orderly switching with a PI."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.control.outer_loop import SATURATION
 from fam_bundle_ros.control.signals import command_record
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, MassSpring
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
@@ -139,3 +142,12 @@ def test_a_bundle_that_was_never_driven_is_vented_and_in_reach():
     command = command_record(3)
     assert (command.pressure, command.active, command.share) == ([0.0] * 3, [0] * 3, [0.0] * 3)
     assert (command.state, SATURATION[command.saturated]) == (0, '')
+
+
+def test_equal_pressure_goes_up_to_the_limit_of_each_unit(paper_bundle):
+    """The common pressure ends at the highest limit; a unit that takes less stays at its own."""
+    first, second = paper_bundle.motor_units
+    unlike = Bundle('unlike', [replace(first, max_pressure=200e3), second], paper_bundle.effects)
+    one = controller(unlike, 'equal_pressure', force_gain=100.0)
+    command = one.update(5e-3, seen(10.0), Reference('force', 500.0))
+    assert command.pressure == pytest.approx([200e3, second.max_pressure])
