@@ -44,7 +44,7 @@ OPERATORS = (
 #: s on a core; a test that takes longer when traced is left out.
 LONGEST = 10
 #: s of tests, as traced, that are run for one place; s after which they hang.
-EFFORT, PATIENCE = 60, 600
+EFFORT, PATIENCE = 25, 600
 
 
 def environment(tree, **more):
