@@ -550,6 +550,6 @@ def test_only_commands_that_can_have_acted_explain_a_pressure():
     made._clock = 1.0
     made._commands.clear()
     made._commands.extend([(0.5, -0.4), (0.75, 0.3), (0.9, 1.0)])
-    assert made._range_of_commands(0.1, 0.0) == (0.3, 1.0)
-    assert made._range_of_commands(0.1, 0.2) == (-0.4, 0.3)
-    assert made._range_of_commands(0.1, 0.4) == (-0.4, -0.4)
+    assert made._range_of_commands(0.15, 0.0) == (0.3, 1.0)
+    assert made._range_of_commands(0.15, 0.2) == (-0.4, 0.3)
+    assert made._range_of_commands(0.15, 0.3) == (-0.4, -0.4)
