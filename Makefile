@@ -44,9 +44,9 @@ browser-test: install  ## run the workbench's browser tests; pictures go to docs
 	@CI=true FAM_BUNDLE_SCREENSHOTS=docs/images $(BIN)/python -m pytest \
 		test/workbench/test_browser_story.py test/workbench/test_browser_quality.py
 
-mutants:  ## break COUNT=200 places one at a time and see which faults no test notices (hours)
+mutants:  ## break COUNT=200 places one at a time and see which faults no test notices (1 to 2 h)
 	@sh scripts/venv.sh .venv-mutants mutants
-	@.venv-mutants/bin/python scripts/mutants.py .mutants $(COUNT) $(SEED)
+	@.venv-mutants/bin/python scripts/mutants.py .mutants $(COUNT) $(SEED) $(JOBS)
 
 docs:  ## build the documentation into docs/_build/html; runs its notebooks
 	@sh scripts/venv.sh .venv-docs docs

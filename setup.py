@@ -30,7 +30,7 @@ def shared(folder):
 
 setup(
     name=PACKAGE,
-    version='0.1.0',
+    version='0.2.0',
     # config/ is installed twice: below share/ where ROS users look for parameter files, and
     # inside the Python package, so that nodes and command line need no share directory.
     packages=[*find_packages(include=[PACKAGE, f'{PACKAGE}.*']), f'{PACKAGE}.config'],

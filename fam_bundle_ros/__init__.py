@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fam_bundle_ros.plant import Dynamometer, MassSpring
     from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'
 __all__ = ['add_effect', 'Bundle', 'ClosedLoop', 'compare', 'ControllerConfig', 'diagnose',
            'diagnose_specimens', 'Dynamometer', 'ladder', 'load_model', 'MassSpring',
            'read_measurement', 'save_model', 'Trajectory']

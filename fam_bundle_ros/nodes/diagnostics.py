@@ -15,7 +15,6 @@ from fam_bundle_ros.nodes.base import BundleNode
 OK = 0
 WARN = 1
 ERROR = 2
-STALE = 3
 
 
 @dataclass

@@ -179,10 +179,10 @@ def clock_message(nanoseconds: int) -> Clock:
 
 # --- rig --------------------------------------------------------------------------------------
 
-def force_writer(frame: str = LOAD_CELL_FRAME) -> Callable[[int, float], WrenchStamped]:
+def force_writer() -> Callable[[int, float], WrenchStamped]:
     """Return the writer (stamp, force) of a force in N, tension positive, as a wrench."""
     message = WrenchStamped()
-    message.header.frame_id = frame
+    message.header.frame_id = LOAD_CELL_FRAME
     stamp_now, vector = message.header.stamp, message.wrench.force
 
     def write(stamp: int, force: float) -> WrenchStamped:

@@ -97,11 +97,6 @@ class ReferenceGenerator(BundleNode):
         return (self._stamp - self.start) * 1e-9 - self.p['prepare']
 
     @property
-    def finished(self) -> bool:
-        """Whether the trajectory is over."""
-        return self._profile is not None and self.run_time >= self._profile.duration
-
-    @property
     def gives_way(self) -> bool:
         """Whether it is silent because somebody sends pressures."""
         return bool(self.p['give_way']) and self._pressures is not None and (

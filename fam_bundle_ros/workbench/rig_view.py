@@ -34,8 +34,8 @@ app.on_shutdown(_rig.close)
 class RigView:
     """Numbers, figure and buttons of a running bundle."""
 
-    def __init__(self, page: 'Page', rig: LiveRig = _rig):
-        self.page, self.rig = page, rig
+    def __init__(self, page: 'Page'):
+        self.page, self.rig = page, _rig
         self._shown: dict[str, Any] = {}
         with parts.box('div', 'case live'):
             with parts.box('div', 'answer').props('aria-live=polite'):
@@ -48,7 +48,7 @@ class RigView:
                 self._numbers()
                 self._buttons()
                 self.found = parts.box('div', 'side').props('aria-live=polite')
-                self.measure = MeasureView(page, rig)
+                self.measure = MeasureView(page, _rig)
                 self._source()
         self.timer = ui.timer(_PERIOD, self._look)
         ui.timer(0.05, self._listen, once=True)

@@ -2,12 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The two schemes without a model: one pressure for all, and orderly switching with a PI."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fam_bundle_ros.control import ControllerConfig, Measurement, RecruitmentController, Reference
 from fam_bundle_ros.control.baselines import BaselineConfig
+from fam_bundle_ros.control.outer_loop import SATURATION
+from fam_bundle_ros.control.signals import command_record
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, MassSpring
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
@@ -114,3 +119,35 @@ def test_gain_that_is_none_fails():
     """A gain that is not a number, or negative, is refused by its name."""
     with pytest.raises(InputError, match='strain_gain is -1'):
         BaselineConfig(strain_gain=-1.0)
+
+
+def test_out_of_reach_is_said_at_the_ends_only(paper_bundle):
+    """Between empty and full nothing is saturated; a scheme without a model claims no margins."""
+    one = controller(paper_bundle, 'threshold', force_integral=1.0)
+    command = one.update(5e-3, seen(10.0), Reference('force', 5.0))
+    assert (command.state, command.saturated) == (0, 'low')
+    for _ in range(20):
+        command = one.update(5e-3, seen(10.0), Reference('force', 12.0))
+    assert (command.state, command.saturated) == (1, '')
+    assert 0.0 < command.pressure[0] < paper_bundle.max_pressure[0]
+    assert command.margins.uncertainty == 0.0
+    assert np.isnan(command.margins.recruit)
+    for _ in range(4000):
+        command = one.update(5e-3, seen(10.0), Reference('force', 500.0))
+    assert (command.state, command.saturated) == (2, 'high')
+
+
+def test_a_bundle_that_was_never_driven_is_vented_and_in_reach():
+    """The command before the first."""
+    command = command_record(3)
+    assert (command.pressure, command.active, command.share) == ([0.0] * 3, [0] * 3, [0.0] * 3)
+    assert (command.state, SATURATION[command.saturated]) == (0, '')
+
+
+def test_equal_pressure_goes_up_to_the_limit_of_each_unit(paper_bundle):
+    """The common pressure ends at the highest limit; a unit that takes less stays at its own."""
+    first, second = paper_bundle.motor_units
+    unlike = Bundle('unlike', [replace(first, max_pressure=200e3), second], paper_bundle.effects)
+    one = controller(unlike, 'equal_pressure', force_gain=100.0)
+    command = one.update(5e-3, seen(10.0), Reference('force', 500.0))
+    assert command.pressure == pytest.approx([200e3, second.max_pressure])

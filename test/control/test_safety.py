@@ -542,3 +542,14 @@ def test_the_force_tells_which_unit_is_above_its_limit(force_watch, gain):
     assert watch.above(force([440e3, 72e3]), 0.1, [340e3, 72e3], limit) == 0
     for shown in ([0.0, 0.0], [340e3, 0.0], [340e3, 340e3], [200e3, 60e3]):
         assert watch.above(gain * force(shown) + 2.0, 0.1, shown, limit) is None
+
+
+def test_only_commands_that_can_have_acted_explain_a_pressure():
+    """A command younger than the valve's delay let nothing in; the one before it still did."""
+    made = InflowWatch('mu1', Loop().watches[0].config)
+    made._clock = 1.0
+    made._commands.clear()
+    made._commands.extend([(0.5, -0.4), (0.75, 0.3), (0.9, 1.0)])
+    assert made._range_of_commands(0.15, 0.0) == (0.3, 1.0)
+    assert made._range_of_commands(0.15, 0.2) == (-0.4, 0.3)
+    assert made._range_of_commands(0.15, 0.3) == (-0.4, -0.4)

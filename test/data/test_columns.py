@@ -5,9 +5,13 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import preview, read_measurement, taken_words
+from fam_bundle_ros.data import checks, preview, read_measurement, taken_words, vocabulary
+from fam_bundle_ros.data.formats.layout import find_data
+from fam_bundle_ros.data.formats.text import split
+from fam_bundle_ros.data.grouping import pressure_levels
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.units import si_factor
 
 ROWS = 240
 
@@ -288,3 +292,63 @@ def test_a_preview_shows_what_reading_would_do(log):
     fine = preview(table(log))
     assert fine.problem == ''
     assert len(fine.measurement) == fine.rows == ROWS
+
+
+@pytest.mark.parametrize('like', ['N', 'Pa', 'm', 's', '1', '1/s'])
+def test_a_unit_that_pint_knows_too_is_the_same(like):
+    """Where the table of spellings and pint both know a unit, they agree."""
+    both = 0
+    for text in vocabulary._UNITS[like]:
+        try:
+            # Upper and lower case are told apart by pint: mn is no unit of force there.
+            expected = si_factor(text, like)
+        except InputError:
+            continue
+        if like != 'N' or not text.endswith(('g', 'lb', 'lbs', 'pound', 'pounds')):
+            assert vocabulary._UNITS[like][text] == pytest.approx(expected, rel=1e-5), text
+            both += 1
+    assert both >= 2
+
+
+def test_a_strain_out_of_range_is_told_in_the_unit_of_its_column(log):
+    """What the user typed, 160 %, not 1.6."""
+    time, strain, _, _ = log
+    with pytest.raises(InputError, match=r'strain is 160 %'):
+        read_measurement(table(log, strain=('strain [%]', 800.0 * strain)))
+
+
+@pytest.mark.parametrize(('quantity', 'like'), [('pressure', 'Pa'), ('strain', '1'),
+                                                ('force', 'N')])
+def test_units_that_are_guessed_are_those_units(quantity, like):
+    """The factors that a suggestion is tried with are those of the units."""
+    for unit, factor in checks._GUESSES[quantity]:
+        assert factor == pytest.approx(si_factor(unit, like), rel=1e-5), unit
+
+
+def test_signs_do_not_depend_on_where_zero_is(log):
+    """A correlation at equal pressure is that of the changes."""
+    _, strain, pressure, force = log
+    found = checks.partial_correlations(strain, pressure, force)
+    assert found[0] < -0.9
+    assert found[1] > 0.9
+    assert checks.partial_correlations(strain + 3.0, pressure + 1e6, force - 500.0
+                                       ) == pytest.approx(found)
+
+
+def test_a_pressure_that_never_changes_is_one_level():
+    """One isobar, its value as it was read."""
+    index, level = pressure_levels(np.full(7, 2e5))
+    assert index.tolist() == [0] * 7
+    assert level.tolist() == [2e5]
+
+
+def test_quoted_cells_keep_their_separators():
+    """Also after a blank."""
+    assert split('1, "2,5", x', ',') == ['1', '2,5', 'x']
+
+
+def test_a_page_of_words_has_no_data():
+    """One row of numbers among words is no table."""
+    words = [['one', 'two', 'three']] * 6
+    assert find_data(words) == (-1, 0)
+    assert find_data([*words, ['1', '2', '3'], *words[:3]]) == (-1, 0)

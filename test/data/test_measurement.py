@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.data.rates import smooth
+from fam_bundle_ros.data.rates import slope, smooth
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
 from fam_bundle_ros.errors import InputError
 
@@ -225,3 +225,21 @@ def test_a_pressure_that_swings_is_smoothed_without_a_lag(period):
 def with_strain(data, strain):
     """Return the same measurement with another strain."""
     return build('again', strain, data.pressure, data.force, data.trial, data.time)
+
+
+def test_a_fast_motion_is_read_from_few_rows():
+    """Eight samples a turn: a window of seven would flatten it, one of five keeps its rate."""
+    time = 0.01 * np.arange(800)
+    angle = 2.0 * np.pi * time / 0.08
+    found = slope(time, np.sin(angle), np.zeros(800, int))
+    true = 2.0 * np.pi / 0.08 * np.cos(angle)
+    assert found.window == 5
+    assert np.std(found.rate - true) < 0.4 * np.std(true)
+
+
+@pytest.mark.filterwarnings('error')
+def test_trials_of_one_row_do_not_move():
+    """Points that were set one by one have no speed, and no noise of it."""
+    found = slope(np.arange(6.0), np.arange(6.0), np.arange(6))
+    assert not found.rate.any()
+    assert found.noise == 0.0

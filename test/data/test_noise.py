@@ -4,10 +4,12 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fam_bundle_ros.data import noise_floor
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.data.noise import force_step, visit_cells
+from fam_bundle_ros.data.noise import _chosen, force_step, visit_cells
+from fam_bundle_ros.data.trials import trial_offsets
 
 
 def stepped(data, step):
@@ -80,3 +82,33 @@ def test_a_held_muscle_visits_one_strain(muscle):
     cell, _ = visit_cells(data)
     assert len(np.unique(cell)) < 130
     assert noise_floor(data, force - muscle(0.1, pressure)).repeats == pytest.approx(0.5, rel=0.2)
+
+
+@pytest.mark.parametrize(('repeats', 'pairs', 'by', 'note'), [
+    (0.5, 1000, 'repeats', 'a fine ripple'), (1.0, 1000, 'second differences', ''),
+    (2.0, 1000, 'second differences', 'slow noise'), (0.7, 1000, 'repeats', 'a fine ripple'),
+    (0.7, 10, 'second differences', '')])
+def test_repeats_are_believed_only_when_they_clearly_agree_better(repeats, pairs, by, note):
+    """By a quarter and two standard errors; that they agree worse is said."""
+    floor = _chosen(np.zeros(9), 1.0, repeats, None, 1.0, pairs)
+    assert floor.basis == by
+    assert note in floor.note
+    assert bool(note) == bool(floor.note)
+
+
+def test_noise_that_lasts_is_no_offset_of_a_trial(sweeps):
+    """Noise of ten rows makes trials differ by more than white noise would: no offset yet."""
+    data = sweeps(cycles=2)
+    white = np.random.default_rng(3).normal(size=len(data))
+    assert trial_offsets(data, lfilter([1.0], [1.0, -0.8], white)) is None
+    found = trial_offsets(data, white + 4.0 * (data.trial == 1))
+    assert found.rows[data.trial == 1].mean() - found.rows[data.trial == 7].mean(
+        ) == pytest.approx(4.0, abs=1.0)
+
+
+def test_an_offset_below_the_resolution_is_not_told(sweeps):
+    """A ten-thousandth of the largest force is what a load cell can show."""
+    data = sweeps(cycles=2)
+    most = np.abs(data.force).max()
+    assert trial_offsets(data, 1e-5 * most * (data.trial < 6)) is None
+    assert trial_offsets(data, 1e-2 * most * (data.trial < 6)) is not None

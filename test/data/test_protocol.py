@@ -123,6 +123,9 @@ def test_what_is_written_is_read_again(tmp_path):
         Limits(2e5, (-0.05, 0.3), 450.0), 2.0, 0.05, 'random', 7, 2, 'why')
     save_protocol(protocol, tmp_path / 'all.yaml')
     assert read_protocol(tmp_path / 'all.yaml') == protocol
+    fine = Protocol('fine', 2, (Hold((0.1,), 1.0, ((344737.857, 123456.789),)),))
+    save_protocol(fine, tmp_path / 'fine.yaml')
+    assert read_protocol(tmp_path / 'fine.yaml') == fine
     plain = Protocol('plain', 1, (Sweep((0.0, 0.2), 0.02, ((50e3,),)),))
     assert len(dumps_protocol(plain).splitlines()) == 8
     assert plain.limits.force == math.inf

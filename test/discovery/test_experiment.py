@@ -109,3 +109,11 @@ def test_data_at_one_strain_or_without_pressure_still_have_a_next_experiment(bun
     assert max(menu(airless, bundle)[0].highest) == 20e3
     over = menu(log(top=345e3), bundle)[0]
     assert over.highest[0] == pytest.approx(344.7e3)
+
+
+def test_other_speeds_are_multiples_of_that_of_the_data(bundle, log):
+    """The plain experiment moves as the log did, 0.037 1/s; others ten times and a tenth."""
+    rates = {protocol.name: protocol.steps[0].rate for protocol in menu(log(), bundle)[:3]}
+    assert list(rates.values()) == pytest.approx([0.037, 0.37, 0.0037])
+    assert 'faster' in list(rates)[1]
+    assert 'slower' in list(rates)[2]

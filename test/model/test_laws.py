@@ -245,3 +245,17 @@ def test_the_end_effect_of_length_is_a_dead_length_on_one_length_and_none_on_two
     alone = bundle_with(catalogue.get('tondu_factor')(factor=0.08))
     assert_allclose(here.with_parameters(long).force(strain, pressure),
                     alone.with_parameters(long).force(strain, pressure), rtol=0.02, atol=0.2)
+
+
+@pytest.mark.parametrize('name', catalogue.available())
+def test_every_parameter_starts_within_its_bounds(name):
+    """A fit goes from the default to either bound."""
+    for parameter in catalogue.get(name).parameters:
+        assert parameter.lower <= parameter.default <= parameter.upper, parameter.name
+        assert parameter.lower < parameter.upper, parameter.name
+
+
+def test_rubber_is_as_stiff_as_it_is_warm():
+    """A tenth above 293.15 K (20 degrees Celsius) is a tenth of the bladder's force more."""
+    law = catalogue.get('temperature').function
+    assert law(-50.0, 1e9, 29.315, 300.0) == pytest.approx(-5.0)

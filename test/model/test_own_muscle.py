@@ -82,3 +82,31 @@ def test_the_header_tells_name_and_geometry_of_every_unit():
     assert '; mu2 of 2 muscles' in words
     alike = own_muscle.muscle_words(load_model(config_path('models/spie2021.yaml')))
     assert alike.startswith('spie2021: mu1, mu2 of 1 muscle, radius 6.35 mm')
+
+
+def test_the_file_says_what_each_value_means():
+    """In whole, but without what only helps to fill in a form: counts that stand in one line."""
+    text = own_muscle.model_text(own_muscle.new_bundle('m', OWN), OWN, {})
+    flat = ' '.join(text.replace('#', '').split())
+    assert 'equal muscles on one valve. Source: as told.' in flat
+    assert 'gauge; the controller never asks for more. Source: as told.' in flat
+
+
+@pytest.mark.parametrize('part', own_muscle.PARTS, ids=lambda part: part.name)
+def test_a_part_is_a_muscle_at_every_length_that_is_sold(part):
+    """The shortest and the longest are muscles: longer than thick."""
+    assert part.lengths[0] < part.lengths[1]
+    for length in part.lengths:
+        values = {**part.values, 'length': f'{length} m', 'muscles': '1'}
+        assert own_muscle.new_bundle('p', values).blocked_force([4e5]) > 0.0
+
+
+@pytest.mark.parametrize(('angle', 'taken'), [
+    ('5 deg', False), ('5.1 deg', True), ('54.6 deg', True), ('54.7 deg', False)])
+def test_any_braid_angle_of_a_muscle_that_contracts_is_taken(angle, taken):
+    """Between 5 and 54.7 deg, where cos^2 is a third and a braid neither pulls nor pushes."""
+    if taken:
+        own_muscle.new_bundle('m', {**OWN, 'braid_angle': angle})
+    else:
+        with pytest.raises(InputError, match='between 5 and 54.7 deg'):
+            own_muscle.new_bundle('m', {**OWN, 'braid_angle': angle})

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, load_model, save_model
+from fam_bundle_ros.model import Bundle, catalogue, load_model, save_model
 from fam_bundle_ros.model.laws.surface import measured_surface
 
 from .conftest import units
@@ -73,3 +73,22 @@ def test_a_bad_table_is_refused(tmp_path, text, message):
     (tmp_path / 'map.csv').write_text(text)
     with pytest.raises(InputError, match=message):
         measured_surface(table='map.csv', folder=tmp_path)
+
+
+def test_a_discrepancy_is_bilinear_between_its_points(tmp_path):
+    """A plane with a twist comes back exactly, even and odd part, for each motor unit."""
+    def even(unit, e, p):
+        return unit * (3.0 + 40.0 * e - 0.02 * p + 0.3 * e * p)
+
+    def odd(unit, e, p):
+        return unit * (1.0 - 5.0 * e + 0.01 * p + 0.05 * e * p)
+    lines = ['strain,pressure [kPa],force [N],odd [N],motor_unit', *(
+        f'{e},{p},{even(unit, e, p)},{odd(unit, e, p)},{unit}'
+        for unit in (1, 2) for e in (0.0, 0.1, 0.3) for p in (0.0, 150.0, 400.0))]
+    (tmp_path / 'left.csv').write_text('\n'.join(lines))
+    bundle = Bundle('left', units(2), [catalogue.get('discrepancy_surface')(
+        table='left.csv', folder=tmp_path)])
+    for e, p in ((0.04, (60.0, 230.0)), (0.25, (390.0, 10.0)), (0.1, (150.0, 340.0))):
+        up, down = (bundle.unit_forces(e, 1e3 * np.array(p), rate) for rate in (1.0, -1.0))
+        assert_allclose((up + down) / 2, [even(1, e, p[0]), even(2, e, p[1])])
+        assert_allclose((up - down) / 2, [odd(1, e, p[0]), odd(2, e, p[1])])

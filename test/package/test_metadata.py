@@ -11,6 +11,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 import pytest
+import yaml
 
 import fam_bundle_ros
 from fam_bundle_ros.extras import EXTRAS
@@ -82,6 +83,15 @@ def test_manifest_and_setup_agree(manifest, setup):
 def test_version_of_the_package_is_that_of_the_manifest(manifest):
     """``fam_bundle_ros.__version__`` is the version that package.xml states."""
     assert fam_bundle_ros.__version__ == manifest.findtext('version')
+
+
+def test_citation_and_changelog_have_the_version_of_the_manifest(repository, manifest):
+    """Who cites the package, and who reads what is new, finds the version that is installed."""
+    version = manifest.findtext('version')
+    cited = yaml.safe_load((repository / 'CITATION.cff').read_text())
+    assert (cited['version'], cited['license']) == (version, manifest.findtext('license'))
+    newest = re.search(r'^(\S+) \((\S+)\)\n-+$', (repository / 'CHANGELOG.rst').read_text(), re.M)
+    assert newest.groups() == (version, str(cited['date-released']))
 
 
 def test_maintainer_address_is_one_that_catkin_accepts(manifest):

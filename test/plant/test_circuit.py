@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Regulator, manifold, valves and chambers together; and the energy taken from the supply."""
 
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -16,7 +19,8 @@ from fam_bundle_ros.plant import (
     SupplyConfig,
     ValveConfig,
 )
-from fam_bundle_ros.plant.circuit import Air, AirConfig, circuit_step
+from fam_bundle_ros.plant.checks import require
+from fam_bundle_ros.plant.circuit import Air, AirConfig, circuit_step, substeps
 
 AMBIENT = 101325.0
 V = [14e-6, 30e-6]
@@ -210,3 +214,24 @@ def test_air_can_do_more_than_its_volume_at_supply_pressure_by_expanding():
     volume = 1e-3 * RT / (5e5 + AMBIENT)
     assert air_energy(1e-3, 5e5) == pytest.approx(5e5 * volume)
     assert available_energy(1e-3, 5e5) > air_energy(1e-3, 5e5)
+
+
+def test_a_relief_valve_asks_for_short_steps_only_where_it_opens():
+    """Below its pressure it costs nothing; above, the steps follow its steep opening."""
+    circuit = Circuit(chamber=ChamberConfig(relief_pressure=500e3, relief_band=1e3))
+
+    def count(gauge):
+        circuit.air.pressure[0] = AMBIENT + gauge
+        return substeps(circuit.config, circuit.air, [0.0, 0.0], V, CALM, 5e-3)
+    assert count(400e3) == count(0.0)
+    assert count(510e3) > 2 * count(400e3)
+
+
+@pytest.mark.parametrize(('bounds', 'words'), [
+    ({}, 'expected a finite number$'), ({'above': 0.0}, 'finite number, above 0$'),
+    ({'least': 1.0, 'most': 2.0}, 'finite number, at least 1, at most 2$')])
+def test_a_wrong_value_is_told_what_was_expected(bounds, words):
+    """Those bounds that there are, and no others."""
+    owner = SimpleNamespace(step=math.nan)
+    with pytest.raises(InputError, match=words):
+        require(owner, 'step', **bounds)

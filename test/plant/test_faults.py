@@ -9,7 +9,8 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import Dynamometer, Faults, Rig, RigConfig, SensorConfig, SupplyConfig
-from fam_bundle_ros.plant.faults import fault_record
+from fam_bundle_ros.plant.faults import fault_record, UNITS
+from fam_bundle_ros.units import si_factor
 
 DT = 5e-3
 FILLED = [200e3, 120e3]
@@ -238,3 +239,11 @@ def test_faults_say_what_is_broken():
     assert faults.text == ('strain gain 0.5, force frozen, noise x2, mu2 stuck valve, '
                            'mu1 exchanged valves mu2, mu1 burst')
     assert Faults().text == ''
+
+
+@pytest.mark.parametrize(('quantity', 'unit'), [
+    (quantity, unit) for quantity, units in UNITS.items() for unit in units])
+def test_a_wrong_unit_is_that_unit(quantity, unit):
+    """A driver that sends a unit gives the numbers that the unit's definition gives."""
+    like = {'pressure': 'Pa', 'force': 'N', 'strain': '1'}[quantity]
+    assert 1.0 / UNITS[quantity][unit] == pytest.approx(si_factor(unit, like), rel=1e-6)

@@ -56,7 +56,7 @@ class Told(LiveRig):
 async def page(monkeypatch):
     """Yield a user on the page, and the rig that he looks at."""
     rig = Told()
-    monkeypatch.setattr(rig_view.RigView.__init__, '__defaults__', (rig,))
+    monkeypatch.setattr(rig_view, '_rig', rig)
     monkeypatch.setattr(rig_view.live, 'available', lambda: True)
     async with user_simulation(root=root(view='live')) as user:
         user.javascript_rules[re.compile('.*matchMedia.*', re.S)] = lambda _: [False, True, False]

@@ -1,0 +1,70 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A comparison's tables and figure say where the error is, in whole and in the right units."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.discovery import compare, figures
+from fam_bundle_ros.discovery.locate import locate
+from fam_bundle_ros.discovery.templates import _add_hum
+
+
+@pytest.fixture
+def compared(sweeps, paper_muscle):
+    """Return the comparison of sweeps with the muscle that made them."""
+    return compare(paper_muscle, sweeps())
+
+
+def test_every_sample_is_in_one_row_of_each_table(compared):
+    """By pressure, strain, region and direction the samples add up; pressures are in kPa."""
+    data = compared.measurement
+    for name, rows in compared.tables.items():
+        if name in ('pressure', 'strain', 'region', 'direction'):
+            assert sum(row['samples'] for row in rows) == len(data), name
+            squares = sum(row['samples'] * row['error_N'] ** 2 for row in rows)
+            assert squares == pytest.approx(np.sum(compared.residual ** 2)), name
+    highest = round(float(data.pressure.max()) / 1e3)
+    assert compared.tables['pressure'][-1]['label'] == f'{highest} kPa'
+
+
+def test_the_figure_has_forces_above_and_residuals_below(compared):
+    """The band about zero is twice the noise either way."""
+    drawing = figures.comparison(compared)
+    above = [t.y for t in drawing.data if t.mode == 'markers' and t.yaxis == 'y']
+    below = [t.y for t in drawing.data if t.mode == 'markers' and t.yaxis == 'y2']
+    assert max(np.abs(values).max() for values in above) > 100.0
+    assert max(np.abs(values).max() for values in below) < 6.0 * compared.noise.value
+    assert (drawing.layout.yaxis.title.text, drawing.layout.yaxis2.title.text) == (
+        'force (N)', 'residual (N)')
+    band = next(shape for shape in drawing.layout.shapes if shape.type == 'rect')
+    assert (band.y0, band.y1) == pytest.approx((-2.0 * compared.noise.value,
+                                                2.0 * compared.noise.value))
+
+
+def test_one_trial_that_went_wrong_is_named_alone(sweeps):
+    """Its rows and no others; an error that all trials share is no trial's."""
+    data = sweeps()
+    noise = 0.5 * np.random.default_rng(5).normal(size=len(data))
+    wrong = data.trial == 3
+    region = locate(data, noise + 5.0 * wrong, 0.6)[0]
+    assert region.where == f'trial {data.trial_names[3]} alone'
+    assert np.array_equal(region.rows, wrong)
+    assert region.bias_N == pytest.approx(5.0, abs=0.3)
+    assert not any('alone' in each.where for each in locate(data, noise + 5.0, 0.6))
+
+
+def test_a_hum_is_described_by_waves_of_its_period():
+    """Sine and cosine of the period that is told explain it."""
+    time = 0.02 * np.arange(3000)
+    hum = 2.0 * np.sin(2.0 * np.pi * time / 1.25 + 0.4)
+    trial = np.zeros(3000, int)
+    cells = SimpleNamespace(data=SimpleNamespace(trial=trial), label=trial)
+    told = []
+    _add_hum(lambda *given: told.append(given), cells, hum, time)
+    (waves, words, *_), = told
+    assert 'every 1.25 s' in words
+    left = hum - waves @ np.linalg.lstsq(waves, hum, rcond=None)[0]
+    assert np.std(left) < 0.1 * np.std(hum)
