@@ -69,17 +69,17 @@ class Covariance:
         self.unexplained = unexplained
         self._variance = (settings.AMPLITUDES * cells.force_sd) ** 2
         self._noise = cells.noise ** 2 / cells.count
-        self._both = np.outer(cells.direction, cells.direction)
-        self._gap: np.ndarray | None = None
+        both = np.outer(cells.direction, cells.direction)
+        #: By axis: what the Matern part is multiplied by, or the gap in time within a trial, s.
+        self._base: dict[str, np.ndarray] = {'odd': both}
         if cells.time is not None:
             gap = np.abs(cells.time[:, None] - cells.time)
-            self._gap = np.where(cells.trial[:, None] == cells.trial, gap, np.inf)
-        self._speed: np.ndarray | None = None
+            self._base['slow'] = np.where(cells.trial[:, None] == cells.trial, gap, np.inf)
         slow, fast = np.percentile(cells.speed[cells.direction != 0], (10, 90)) \
             if cells.both_ways else (0.0, 0.0)
         if fast - slow > settings.SPEED_LENGTH:
             gap = (cells.speed[:, None] - cells.speed) / settings.SPEED_LENGTH
-            self._speed = self._both * matern_5_2(gap ** 2)
+            self._base['speed'] = both * matern_5_2(gap ** 2)
         self._parts: dict[tuple, np.ndarray] = {}
         self._factors: OrderedDict[Hyper, tuple[np.ndarray, float]] = OrderedDict()
         self._most = max(int(_KEEP / (8 * len(cells) ** 2)), 8)
@@ -89,8 +89,8 @@ class Covariance:
         """Names of the hyperparameters that the data can tell."""
         return ('even', 'white', 'strain', 'pressure',
                 *(('odd',) if self.cells.both_ways else ()),
-                *(('speed',) if self._speed is not None else ()),
-                *(('slow', 'tau') if self._gap is not None else ()))
+                *(('speed',) if 'speed' in self._base else ()),
+                *(('slow', 'tau') if 'slow' in self._base else ()))
 
     def log_prior(self, h: Hyper) -> float:
         """Return the log prior of the amplitudes, up to a constant."""
@@ -161,11 +161,11 @@ class Covariance:
         key = (axis, h.tau) if axis == 'slow' else (axis, h.strain, h.pressure)
         if key not in self._parts:
             if axis == 'slow':
-                part = np.exp(-self._gap / settings.TIME_LENGTHS[h.tau])
+                part = np.exp(-self._base['slow'] / settings.TIME_LENGTHS[h.tau])
             elif axis == 'even':
                 part = self.across(h, self.cells.strain, self.cells.pressure)
             else:
-                part = self._part('even', h) * (self._both if axis == 'odd' else self._speed)
+                part = self._part('even', h) * self._base[axis]
             self._parts[key] = part
         return self._parts[key]
 
