@@ -37,14 +37,15 @@ PICTURES = (
     (('benchmark-control', '--plants', 'everything', '--trajectories', 'ramp_20', '--units', '2',
       '--controllers', 'neglect', '--no-ros', '--out', 'PAGE'),
      (('compared-ramp_20-everything', 'policies', 900),)),
+    # before anything else is measured into the folder
+    (('campaign', 'LAB', '--model', 'LAB/model.yaml', '--specimens', 'LAB/specimens.csv', '--out',
+      'FOLDER'),
+     (('lacking', 'campaign_lacking', 900), ('trends', 'campaign_trends', 900))),
     (('measure', 'spie2021', '--out', 'LAB/isobars.csv'), ()),
     (('compare', 'LAB/isobars.csv', '--model', 'spie2021', '--out', 'PAGE'),
      (('comparison', 'measured_isobars', 980),)),
     (('demo', '--out', 'FOLDER'),
      (('force-run', 'run', 980),)),
-    (('campaign', 'LAB', '--model', 'LAB/model.yaml', '--specimens', 'LAB/specimens.csv', '--out',
-      'FOLDER'),
-     (('lacking', 'campaign_lacking', 900), ('trends', 'campaign_trends', 900))),
 )
 
 
