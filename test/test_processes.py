@@ -23,7 +23,9 @@ def test_what_libraries_print_is_not_among_the_messages(mode, message):
 
 def test_it_gets_ctrl_c_when_its_input_is_closed():
     """As when the process that started it was killed."""
-    process = subprocess.Popen([sys.executable, '-c', f'{ENDS_WITH_STDIN}\nsignal.pause()'],
+    # not signal.pause(): it may begin after Python took note of the signal, and wait for another
+    program = f'{ENDS_WITH_STDIN}\nimport time\nwhile True:\n    time.sleep(0.05)'
+    process = subprocess.Popen([sys.executable, '-c', program],
                                stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
     process.communicate(timeout=30)
     assert process.returncode == -signal.SIGINT

@@ -354,6 +354,9 @@ def see_demand(settings: Any, state: Any, kind: int, rate: float, dt: float) -> 
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
     demand.uncertainty = uncertainty(settings.outer, state.outer)
     demand.patience = patience(settings, state)
+    demand.smooth_rate = wanted.rate[0]
+    if clean or state.rate.direction != 0:
+        demand.smooth_rate -= limits.rate[k]
 
 
 # --- output --------------------------------------------------------------------------------------

@@ -63,6 +63,9 @@ class Demand:
         Three standard deviations of the noise in the demand, plus the model's error.
     patience : float, s
         What a hand-over from unit to unit takes where there is time.
+    smooth_rate : float, N/s
+        The rate as the filter shows it, late by its delay: looking ahead over a hand-over would
+        amplify the noise of one that makes up for it.
     """
 
     force: float = 0.0
@@ -71,6 +74,7 @@ class Demand:
     jerk: float = 0.0
     uncertainty: float = 0.0
     patience: float = 0.0
+    smooth_rate: float = 0.0
 
 
 @dataclass
@@ -237,8 +241,9 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0 or machine.wary
             or added < demand.uncertainty):
         return NONE
-    ahead = force + demand.rate * crossing_time(table, table.order[state], demand.rate,
-                                                settings.crossing_rate, demand.patience)
+    rate = demand.smooth_rate
+    ahead = force + rate * crossing_time(table, table.order[state], rate, settings.crossing_rate,
+                                         demand.patience)
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE
     # One standard deviation, a third of the margin, is enough: to be wrong costs air, to be late a

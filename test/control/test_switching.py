@@ -29,7 +29,7 @@ class Machine:
         """Return the time of the first switch (nan for none) and why."""
         for k in range(max(round(duration / DT), 1)):
             why = self.machine.update(DT, SimpleNamespace(table=self.table),
-                                      Demand(force, rate, acceleration))
+                                      Demand(force, rate, acceleration, smooth_rate=rate))
             if why:
                 return (k + 1) * DT, why
         return float('nan'), ''
@@ -78,7 +78,7 @@ def test_a_demand_beyond_doubt_recruits_a_unit_that_adds_less_than_the_doubt(
     table.top[2] = table.top[1] + 50.0
     machine = Machine(table, 1, margin=None)
     why = machine.machine.update(DT, SimpleNamespace(table=table),
-                                 Demand(force, rate, uncertainty=100.0))
+                                 Demand(force, rate, uncertainty=100.0, smooth_rate=rate))
     assert bool(why) == recruited
 
 
