@@ -9,9 +9,11 @@ from typing import IO
 __all__ = ['ENDS_WITH_STDIN', 'environment', 'own_stdout']
 
 #: Python code before a program: it gets Ctrl-C when its standard input is closed, also by a kill
-#: of the process that started it.
+#: of the process that started it, and where a script put that in the background (its children
+#: ignore Ctrl-C).
 ENDS_WITH_STDIN = """
 import os, signal, sys, threading
+signal.signal(signal.SIGINT, signal.default_int_handler)
 threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.SIGINT)),
                  daemon=True).start()
 """

@@ -21,11 +21,13 @@ def test_what_libraries_print_is_not_among_the_messages(mode, message):
     assert (done.stdout, done.stderr) == ('told\n', 'a library\n')
 
 
-def test_it_gets_ctrl_c_when_its_input_is_closed():
-    """As when the process that started it was killed."""
+@pytest.mark.parametrize('before', [signal.SIG_DFL, signal.SIG_IGN])
+def test_it_gets_ctrl_c_when_its_input_is_closed(before):
+    """As when the process that started it was killed; also in the background of a script."""
     # not signal.pause(): it may begin after Python took note of the signal, and wait for another
     program = f'{ENDS_WITH_STDIN}\nimport time\nwhile True:\n    time.sleep(0.05)'
-    process = subprocess.Popen([sys.executable, '-c', program],
-                               stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen([sys.executable, '-c', program], stdin=subprocess.PIPE,
+                               stderr=subprocess.DEVNULL,
+                               preexec_fn=lambda: signal.signal(signal.SIGINT, before))
     process.communicate(timeout=30)
     assert process.returncode == -signal.SIGINT
