@@ -511,7 +511,7 @@ def test_valve_commands_reach_the_rig_before_the_slower_work_on_a_sample(graph):
         graph.probe.create_subscription(JointState, interface.valve_topic(unit), answered,
                                         interface.LOCK_STEP)
     graph.probe.every(0.02, sample)
-    graph.until(lambda: len(set(worked)) > 10, 'samples that the controller has worked on')
-    assert len(late) > 10
+    graph.until(lambda: len(set(worked)) > 50, 'samples that the controller has worked on')
+    assert len(late) > 50
     # Samples that pile up on a busy machine may be worked on before they are answered.
     assert np.mean(late) < 0.5
