@@ -124,7 +124,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     beyond = beyond_cells(cells, final, error['best'] if final is not base else
                           error['recalibrated'])
     held = held.of_rows(beyond)
-    before, leftover = (Leftover.of(fitter.covariance, fit) for fit in (search.null, joint))
+    before, leftover = (Leftover.of(fitter, fit) for fit in (search.null, joint))
     recommended = recommend(best, joint, held, fitter)
     residual = data.force - predict(best, data)
     shapes = describe(cells, final)

@@ -67,12 +67,16 @@ class Table:
                 'edge is used', stacklevel=4)
 
 
-@law('force', family='discrepancy', candidate=False, load=Table, look=('grey', 'dot'),
+@law('residual', family='discrepancy', candidate=False, load=Table, look=('grey', 'dot'),
      summary='what no law of the model explains: a smooth surface, not physics',
      source="derived: mean of a Gaussian process (Kennedy and O'Hagan 2001), by diagnose",
      signature='whatever is left, inside the range that was measured')
-def discrepancy_surface(unit, strain, pressure, tables, table):
-    """F(e, P) of a `Table`: bilinear between its points, the nearest edge outside it."""
+def discrepancy_surface(unit, strain, strain_rate, pressure, tables, table):
+    """
+    F(e, P) of a `Table` and, by the smoothed sign of the rate, its odd part.
+
+    Bilinear between points, the nearest edge outside them.
+    """
     grids, rows = int(tables[table]), int(tables[table + 1])
     columns = int(tables[table + 2])
     strains = table + 3
@@ -86,29 +90,12 @@ def discrepancy_surface(unit, strain, pressure, tables, table):
     v = np.minimum(np.maximum(v, 0.0), 1.0)
     grid = np.minimum(unit, grids - 1)
     at = pressures + columns + (grid * rows + i) * columns + j
-    return ((1.0 - u) * ((1.0 - v) * tables[at] + v * tables[at + 1])
-            + u * ((1.0 - v) * tables[at + columns] + v * tables[at + columns + 1]))
-
-
-@discrepancy_surface.also('loss')
-def _odd(unit, strain, strain_rate, pressure, tables, table):
-    """Add the odd part, with the smoothed sign of the rate."""
-    grids, rows = int(tables[table]), int(tables[table + 1])
-    columns = int(tables[table + 2])
-    strains = table + 3
-    pressures = strains + rows
-    i = cell(tables, strains, rows, strain)
-    j = cell(tables, pressures, columns, pressure)
-    low, left = strains + i, pressures + j
-    u = (strain - tables[low]) / (tables[low + 1] - tables[low])
-    v = (pressure - tables[left]) / (tables[left + 1] - tables[left])
-    u = np.minimum(np.maximum(u, 0.0), 1.0)
-    v = np.minimum(np.maximum(v, 0.0), 1.0)
-    grid = np.minimum(unit, grids - 1)
-    at = pressures + columns + ((grids + grid) * rows + i) * columns + j
-    return np.tanh(strain_rate / ROUNDING) * (
-        (1.0 - u) * ((1.0 - v) * tables[at] + v * tables[at + 1])
-        + u * ((1.0 - v) * tables[at + columns] + v * tables[at + columns + 1]))
+    odd = at + grids * rows * columns
+    even_force = ((1.0 - u) * ((1.0 - v) * tables[at] + v * tables[at + 1])
+                  + u * ((1.0 - v) * tables[at + columns] + v * tables[at + columns + 1]))
+    odd_force = ((1.0 - u) * ((1.0 - v) * tables[odd] + v * tables[odd + 1])
+                 + u * ((1.0 - v) * tables[odd + columns] + v * tables[odd + columns + 1]))
+    return even_force + np.tanh(strain_rate / ROUNDING) * odd_force
 
 
 def _read(path):
