@@ -23,7 +23,7 @@ motor_units:
   - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
 effects:
   - words: {expression: "k * (abs(sin(strain)) + sqrt(max(strain, 0)) + exp(-stretch)
-            + log(max(stretch, 0.01)) + tanh(strain_rate / w) + min(sign(force) * cos(pi * strain), 1))
+            + log(stretch) + tanh(strain_rate / w) + min(sign(force) * cos(pi * strain), 1))
             + c * strain ** 2 * pressure * area", place: loss,
             parameters: {k: 2 N, c: 0.3, w: 0.1 1/s}}
 """).effects[0]
