@@ -10,9 +10,6 @@ first and are dashed, so that colour is never the only difference between them.
 
 from typing import NamedTuple
 
-__all__ = ['by_page', 'Colour', 'CONTROLLERS', 'dash', 'DIRECTIONS', 'effect', 'fade', 'isobar',
-           'NEUTRAL', 'recruitment_state']
-
 
 class Colour(NamedTuple):
     """A colour on a light page and the one that stands for it on a dark page, '#RRGGBB'."""

@@ -14,8 +14,6 @@ import plotly.graph_objects as go
 
 from fam_bundle_ros import palette
 
-__all__ = ['FONT', 'band', 'figure', 'label', 'line', 'points', 'style_axes']
-
 FONT = ('system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", "Noto Sans", '
         '"Liberation Sans", Arial, sans-serif')
 INK = palette.NEUTRAL['ink'].light

@@ -12,8 +12,6 @@ from pathlib import Path
 
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['config_names', 'config_path', 'data_path', 'model_path', 'protocol_path']
-
 
 def config_path(relative: str | Path) -> Path:
     """

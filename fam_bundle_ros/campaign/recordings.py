@@ -13,8 +13,6 @@ from fam_bundle_ros.data.measurement import file_digest
 from fam_bundle_ros.discovery.specimens import read_specimens, Specimen
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['find', 'MARK', 'Recording']
-
 #: File that says that a folder holds the results of a campaign: nothing in it is a recording.
 MARK = 'campaign.json'
 #: File of a folder that is a ROS 2 bag.

@@ -22,9 +22,6 @@ import numpy as np
 
 from fam_bundle_ros.discovery.specimens import DIMENSIONS
 
-__all__ = ['Contrast', 'contrasts', 'holm', 'per_muscle', 'power_law', 'Share', 'shares', 'Trend',
-           'trends']
-
 #: Muscles that a trend needs at least: two fix a line, a third one says little of scatter.
 LEAST = 4
 #: Standard deviations of a 95 % interval.

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import fam_bundle_ros
 
-__all__ = ['code_version']
-
 #: What a diagnosis is computed by.
 _SOURCES = ('model', 'data', 'discovery', 'kernels.py', 'units.py')
 _LAWS = 'fam_bundle_ros.effects'

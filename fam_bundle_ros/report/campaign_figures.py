@@ -12,8 +12,6 @@ from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.campaign import Campaign
 from fam_bundle_ros.campaign.trends import Trend
 
-__all__ = ['errors', 'lacking', 'over_facts']
-
 #: Effects that have a column; the others are rarer.
 _MOST_EFFECTS = 14
 #: More muscles than this are not named on the axis: hovering names them.

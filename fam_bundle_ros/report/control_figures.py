@@ -14,8 +14,6 @@ from fam_bundle_ros.report.paper import force_strain_space
 from fam_bundle_ros.report.paper_plots import state_regions
 from fam_bundle_ros.simulation import Log
 
-__all__ = ['compared', 'run', 'track']
-
 #: More points than this in one line only slow the page down.
 MOST_POINTS = 2500
 #: More stretches of states than this are not named one by one.

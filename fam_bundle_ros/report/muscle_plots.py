@@ -10,8 +10,6 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper import readings
 
-__all__ = ['muscle_pictures']
-
 #: Isobars that are drawn besides that of zero pressure.
 _ISOBARS = 6
 _POINTS = 201

@@ -14,9 +14,6 @@ from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper import ForceStrainSpace, FreeStrain, Isobars, PaperFigures
 
-__all__ = ['force_strain_space', 'free_strain', 'isobars', 'map_pictures', 'muscle_isobars',
-           'state_regions']
-
 PAPER = 'Kim, Mazzoleni and Bryant, Proc. SPIE 11586, 115860L (2021)'
 IDEAL, BLADDER, RESISTIVE, NEGLECTED = (
     palette.effect(name)

@@ -10,8 +10,6 @@ import platform
 import fam_bundle_ros
 from fam_bundle_ros.data.measurement import file_digest
 
-__all__ = ['file_entry', 'provenance']
-
 _PACKAGES = ('numpy', 'scipy', 'plotly', 'control')
 
 

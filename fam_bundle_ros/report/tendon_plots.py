@@ -11,8 +11,6 @@ from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper_plots import name_states, state_regions
 from fam_bundle_ros.report.tendons import Ends
 
-__all__ = ['ends_free_strain', 'ends_looks', 'ends_space', 'tendon_pictures']
-
 STUDY = 'Mazzoleni et al., Proc. SPIE 11374 (2020)'
 AXIS = 'contraction over the packaging length'
 

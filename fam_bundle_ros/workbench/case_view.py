@@ -19,8 +19,6 @@ from fam_bundle_ros.workbench.side_view import SideView
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['CaseView']
-
 _CAPTIONS = {
     'curves': 'Points: measured (open: lengthening). Lines: model. Band: noise.',
     'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '

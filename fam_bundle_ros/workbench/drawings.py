@@ -23,8 +23,6 @@ from fam_bundle_ros.discovery import figures
 from fam_bundle_ros.workbench.session import Session
 from fam_bundle_ros.workbench.thinning import thin_groups
 
-__all__ = ['CONFIG', 'for_page', 'loops', 'main_figure', 'maps']
-
 #: More points than this in one figure make a page slow.
 MOST_POINTS = 3000
 #: A flat list: with the nested list of modeBarButtons Plotly.react does not return.

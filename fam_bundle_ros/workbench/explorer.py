@@ -22,8 +22,6 @@ from fam_bundle_ros.report.tendons import compare_ends, Ends
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.units import parse, spaced
 
-__all__ = ['Explorer', 'paper_explorer']
-
 _HERE = palette.NEUTRAL['ink'].light
 _TENDON = palette.effect('tendon_slack').light
 

@@ -14,8 +14,6 @@ from fam_bundle_ros.workbench.explorer import Explorer
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['ExplorerView']
-
 
 class ExplorerView:
     """Sliders move the point; the figures follow."""

@@ -12,8 +12,6 @@ from fam_bundle_ros.workbench.muscle_view import MuscleView
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['IntakeView']
-
 
 class IntakeView:
     """Mapper and muscle; the button is there once both are complete."""

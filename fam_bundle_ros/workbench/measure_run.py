@@ -21,8 +21,6 @@ from fam_bundle_ros.processes import ENDS_WITH_STDIN, environment
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench import live
 
-__all__ = ['FOLDER', 'MeasureRun', 'Order', 'model_file']
-
 #: Where the recordings go, below the working directory.
 FOLDER = 'fam_bundle_measurements'
 #: s to vent and to switch the controller off, before it is killed.

@@ -16,8 +16,6 @@ from fam_bundle_ros.model.expression import expression_law, FUNCTIONS, RESULTS, 
 from fam_bundle_ros.units import express, parse, registry
 from fam_bundle_ros.workbench.session import Session
 
-__all__ = ['Draft', 'Field', 'PLACES', 'Preview', 'from_template', 'names_in', 'preview']
-
 #: Where a formula may act, in words.
 PLACES = {'force': 'a force (N), elastic', 'loss': 'a force (N), lost or delayed',
           'pressure': 'a change of pressure (Pa)', 'geometry': 'a change of strain',

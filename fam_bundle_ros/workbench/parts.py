@@ -14,9 +14,6 @@ from nicegui.elements.mixins.text_element import TextElement
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.workbench.jobs import Job
 
-__all__ = ['box', 'button', 'choose', 'pick', 'plot', 'progress', 'segments', 'sentence', 'style',
-           'swatch', 'text', 'typed', 'words']
-
 _ASSETS = Path(__file__).parent / 'assets'
 
 

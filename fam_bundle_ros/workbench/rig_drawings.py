@@ -9,8 +9,6 @@ from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
 
-__all__ = ['live_figure']
-
 #: Residuals within so many standard deviations of the noise are noise.
 _BAND = 2.0
 #: s shown.

@@ -21,8 +21,6 @@ from fam_bundle_ros.workbench.cases import Case
 from fam_bundle_ros.workbench.changes import Change
 from fam_bundle_ros.workbench.incoming import Incoming
 
-__all__ = ['Choice', 'Refit', 'Selection', 'Session', 'Step']
-
 
 @dataclass(frozen=True)
 class Refit:

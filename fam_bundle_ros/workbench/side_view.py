@@ -25,8 +25,6 @@ from fam_bundle_ros.workbench.trial_view import TrialDialog
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.case_view import CaseView
 
-__all__ = ['SideView']
-
 
 class SideView:
     """Regions, candidates, downloads."""

@@ -13,8 +13,6 @@ from fam_bundle_ros.workbench.cases import EXAMPLES
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['StartView']
-
 
 class StartView:
     """Examples, upload, live graph."""
