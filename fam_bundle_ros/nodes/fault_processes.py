@@ -17,7 +17,6 @@ import os
 from pathlib import Path
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from typing import Any
@@ -31,7 +30,7 @@ from std_srvs.srv import SetBool
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, COMMON
-from fam_bundle_ros.nodes.process import Spinner
+from fam_bundle_ros.nodes.process import node_command, Spinner
 from fam_bundle_ros.plant import ChamberConfig
 
 UNITS = 2
@@ -131,15 +130,9 @@ class _Process:
         known = {spec.name for spec in (*COMMON, *specs)}
         parameters = {**{name: value for name, value in _DESKTOP.items() if name in known},
                       **parameters}
-        words = [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{module} import '
-                 f'main; sys.argv[0] = "{module}"; sys.exit(main())', '--ros-args',
-                 '-r', f'__ns:={namespace}']
-        for name, value in parameters.items():
-            shown = str(value).lower() if isinstance(value, bool) else value
-            words += ['-p', f'{name}:={shown}']
         with log.open('ab') as output:
             self._process = subprocess.Popen(
-                words, stdout=output, stderr=output,
+                node_command(module, parameters, namespace), stdout=output, stderr=output,
                 env=os.environ | ({} if domain is None else {'ROS_DOMAIN_ID': str(domain)}))
 
     def signal(self, number: int) -> None:

@@ -75,8 +75,7 @@ class ModelMonitor(BundleNode):
             for topic in (interface.MODEL_FORCE, interface.MODEL_RESIDUAL))
         self._state_publisher = self.publisher(interface.MODEL_STATE, String, interface.LATCHED)
         self._diagnosing = Diagnosing(self, self.watch, self._publish_state)
-        self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
-                                self._on_sample)
+        self._sensing = Sensing(self, bundle.n, bundle.length, self._on_sample)
         self.subscribe(interface.MODEL_APPLIED, String, self._on_applied, interface.LATCHED)
         self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report)

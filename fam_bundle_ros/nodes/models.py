@@ -5,7 +5,7 @@
 from pathlib import Path
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, load_model
+from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.resources import config_path
 
 
@@ -28,3 +28,10 @@ def shipped_or_own(name: str, folder: str) -> Path:
 def bundle_from(name: str) -> Bundle:
     """Return the bundle of a model file; InputError says what is wrong with it."""
     return load_model(shipped_or_own(name, 'models'))
+
+
+def model_in(folder: str | Path, name: str, model: Bundle) -> str:
+    """Write a model into a folder; return its path, as parameters of nodes take it."""
+    path = Path(folder) / f'{name}.yaml'
+    save_model(model, path)
+    return str(path)

@@ -82,7 +82,7 @@ class PressurePidNode(BundleNode):
         if self.unit > bundle.n:
             raise InputError(f'{self.get_name()}: motor_unit is {self.unit}; {bundle.name} has '
                              f'{bundle.n}')
-        self._length = float(bundle.motor_units[0].geometry.length)
+        self._length = bundle.length
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
         self.pid = PressurePid(*self._settings())
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(

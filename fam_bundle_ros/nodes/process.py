@@ -7,7 +7,7 @@ Signals only set a flag. rclpy's own handlers would shut the context down before
 command could be published, and an exception raised inside a callback could leave a node half way.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 import os
 import signal
@@ -172,6 +172,16 @@ class StopSignals:
         elif now - self._first > PATIENCE:
             raise KeyboardInterrupt
         self.received = True
+
+
+def node_command(module: str, parameters: Mapping[str, Any], namespace: str) -> list[str]:
+    """Return the command that runs a node of this package, by its module, in an own process."""
+    words = [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{module} import main; '
+             f'sys.argv[0] = "{module}"; sys.exit(main())', '--ros-args',
+             '-r', f'__ns:={namespace}']
+    for name, value in parameters.items():
+        words += ['-p', f'{name}:={str(value).lower() if isinstance(value, bool) else value}']
+    return words
 
 
 def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int:

@@ -113,8 +113,8 @@ class RecruitmentNode(BundleNode):
         self._supply = SupplyEnable(self)
         self._oversight = Oversight(self, self.bundle, self._now, self._on_latch, self._on_e_stop)
         extra = ('reference',) if self.p['wait_for_reference'] else ()
-        self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
-                                self._on_sample, extra, self._oversight.look_at_pressure)
+        self._sensing = Sensing(self, n, self.bundle.length, self._on_sample, extra,
+                                self._oversight.look_at_pressure)
         self._references = ReferenceIntake(self, self.bundle, self._take_reference)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self._adaptation = Adaptation(self, lambda: self.controller)
@@ -351,8 +351,7 @@ class RecruitmentNode(BundleNode):
         # What the pressure loops and the readings of this node rest on.
         for what, new, old in (('motor units', bundle.n, self.bundle.n),
                                ('largest pressures', bundle.max_pressure.tolist(), self._limit),
-                               ('the length', *(float(each.motor_units[0].geometry.length)
-                                                for each in (bundle, self.bundle)))):
+                               ('the length', bundle.length, self.bundle.length)):
             if new != old:
                 raise InputError(f'{model}: {what} {new}, here {old}: restart all nodes with it')
 

@@ -61,7 +61,7 @@ class ReferenceGenerator(BundleNode):
         p = self.p
         if profile is None and p['trajectory']:
             profile = load_profile(p['trajectory'])
-        self._length = float(bundle_from(p['model']).motor_units[0].geometry.length)
+        self._length = bundle_from(p['model']).length
         self._profile = profile
         #: Stamp at which the trajectory began, ns; None while it waits for the loop.
         self.start: int | None = None

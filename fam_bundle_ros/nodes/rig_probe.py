@@ -70,7 +70,7 @@ def probe_rig(bundle: Bundle, supply: float, *, namespace: str = interface.NAMES
                          f'{_LEAST / 1e3:g} to {most / 1e3:.0f} kPa')
     context = Context()
     context.init(domain_id=domain)
-    hand = Hand(context, namespace, bundle.n, float(bundle.motor_units[0].geometry.length))
+    hand = Hand(context, namespace, bundle.n, bundle.length)
     spinner = Spinner(context, [hand])
     try:
         with StopSignals() as signals:
