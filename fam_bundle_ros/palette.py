@@ -17,6 +17,10 @@ class Colour(NamedTuple):
     light: str
     dark: str
 
+    def on(self, dark: bool) -> str:
+        """Return the one for a dark or a light page."""
+        return self.dark if dark else self.light
+
 
 #: Paper, ink and what lies between. ``measured`` and ``reference`` are data, never a hue.
 NEUTRAL = {

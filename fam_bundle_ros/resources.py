@@ -62,6 +62,22 @@ def config_names(folder: str = '.') -> tuple[str, ...]:
     return tuple(sorted(p.name for p in path.iterdir() if p.name[0] not in '._'))
 
 
+def shipped_or_own(name: str, folder: str) -> Path:
+    """
+    Return the path of a user's file, or of one that ships in a folder of ``config/``.
+
+    A file that exists is taken as it is; else ``spie2021``, ``spie2021.yaml`` and
+    ``models/spie2021.yaml`` all name the one that ships.
+    """
+    path = Path(name).expanduser()
+    if path.is_file():
+        return path
+    stem = Path(name).name
+    if path.is_absolute() or Path(name).parent not in (Path('.'), Path(folder)):
+        raise InputError(f'{name}: no such file')
+    return config_path(f"{folder}/{stem if stem.endswith('.yaml') else stem + '.yaml'}")
+
+
 def model_path(name: str | Path) -> Path:
     """Return the path of a model file, or of a shipped model by its name."""
     path = Path(name)

@@ -22,7 +22,7 @@ from typing import Any, Protocol
 import yaml
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.nodes.models import shipped_or_own
+from fam_bundle_ros.resources import shipped_or_own
 from fam_bundle_ros.units import parse
 
 FORMAT = 'fam-bundle-trajectory/1'

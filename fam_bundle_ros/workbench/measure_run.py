@@ -18,7 +18,7 @@ import sys
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.processes import ENDS_WITH_STDIN, environment
-from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.resources import shipped_or_own
 from fam_bundle_ros.workbench import live
 
 #: Where the recordings go, below the working directory.
@@ -184,19 +184,8 @@ def reason(lines: list[str]) -> str:
 
 
 def model_file(told: str) -> str:
-    """
-    Return the file of a model as nodes name it: a path, or one that ships.
-
-    Raises
-    ------
-    InputError
-        Where there is no such file on this machine.
-    """
-    path = Path(told).expanduser()
-    if path.is_file():
-        return str(path.absolute())
-    stem = Path(told).name.removesuffix('.yaml')
-    if path.is_absolute() or not stem or Path(told).parent not in (Path('.'), Path('models')):
-        raise InputError(f"model '{told}': no such file here; expected the model file of the "
-                         'controller')
-    return str(config_path(f'models/{stem}.yaml'))
+    """Return the path of a model as nodes find it; InputError where there is none here."""
+    try:
+        return str(shipped_or_own(told, 'models').absolute())
+    except InputError as error:
+        raise InputError(f'{error}; expected the model file of the controller') from None

@@ -46,10 +46,9 @@ class StartView:
             ui.html(self._sketch(), sanitize=False)
 
     def _sketch(self) -> str:
-        shade = 'dark' if self.page.dark else 'light'
-        start = getattr(palette.NEUTRAL['faint'], shade)
-        found = getattr(palette.effect('coulomb_friction'), shade)
-        ink = getattr(palette.NEUTRAL['muted'], shade)
+        start, found, ink = (colour.on(self.page.dark) for colour in (
+            palette.NEUTRAL['faint'], palette.effect('coulomb_friction'),
+            palette.NEUTRAL['muted']))
         return (f'<svg viewBox="0 0 184 132" aria-hidden="true" font-family="inherit" '
                 f'font-size="13" fill="{ink}"><rect x="14" y="20" width="62" height="92" rx="4" '
                 f'fill="{start}"/><rect x="96" y="104" width="62" height="8" rx="2" '
