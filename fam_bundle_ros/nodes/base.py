@@ -23,6 +23,7 @@ from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
+from std_srvs.srv import Trigger
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
@@ -138,6 +139,16 @@ class BundleNode(Node):
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=lambda event: self._misfit(topic, event)))
+
+    def trigger(self, name: str, act: Callable[[], str]) -> None:
+        """Offer a service that acts and answers in words; an InputError says why it did not."""
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.success, response.message = True, act()
+            except InputError as error:
+                response.success, response.message = False, str(error)
+            return response
+        self.create_service(Trigger, name, answer)
 
     def every(self, period: float, callback: Callable[[], None]) -> Timer:
         """Call back on the steady clock: simulated time may stand still."""

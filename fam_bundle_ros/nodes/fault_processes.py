@@ -249,10 +249,7 @@ def _enable(spinner: Spinner, witness: _Witness, patience: float) -> str:
     if not witness.enable.service_is_ready():
         return 'not there'
     future = witness.enable.call_async(SetBool.Request(data=True))
-    end = time.monotonic() + patience
-    while not future.done() and time.monotonic() < end:
-        spinner.spin(0.02)
-    if not future.done():
+    if not spinner.until(future.done, patience):
         return 'no answer'
     return 'accepted' if future.result().success else 'refused'
 

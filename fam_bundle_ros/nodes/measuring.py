@@ -11,6 +11,7 @@ pass its limits, watches and latches; strain goes to the dynamometer (``referenc
 from collections.abc import Callable, Sequence
 from contextlib import closing, ExitStack
 from dataclasses import replace
+from functools import partial
 import math
 from pathlib import Path
 import tempfile
@@ -286,13 +287,7 @@ def _load(protocol: Protocol) -> dict[str, Any]:
 def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[[], bool],
            rig: bool, protocol: Protocol, progress: Callable[[float, str], None] | None) -> None:
     """Spin until the experiment is over; leave the bundle vented whatever happens."""
-    total = run.left
-
-    def until(condition: Callable[[], bool], seconds: float) -> bool:
-        deadline = time.monotonic() + seconds
-        while not condition() and time.monotonic() < deadline and not ended():
-            spinner.spin(0.02)
-        return condition()
+    total, until = run.left, partial(spinner.until, ended=ended)
     if rig:
         _meet(node, until, protocol)
     node.started = True
@@ -315,9 +310,7 @@ def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[
     finally:
         if rig:
             future = node.enable_client.call_async(SetBool.Request(data=False))
-            deadline = time.monotonic() + _ANSWER
-            while not future.done() and time.monotonic() < deadline:
-                spinner.spin(0.02)
+            spinner.until(future.done, _ANSWER)
     if not run.done:
         raise KeyboardInterrupt
 

@@ -18,7 +18,6 @@ from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
@@ -161,7 +160,7 @@ class PlantSimulator(BundleNode):
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
-            self.create_service(Trigger, name, answer)
+            self.trigger(name, answer)
         self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report, 'simulated')
 
@@ -332,24 +331,20 @@ class PlantSimulator(BundleNode):
 
     # --- services and parameters ---------------------------------------------------------------
 
-    def _on_e_stop(self, request: Trigger.Request, response: Trigger.Response
-                   ) -> Trigger.Response:
+    def _on_e_stop(self) -> str:
         self.rig.e_stop('e_stop_trigger was called')
         self._announce_stop()
-        response.success, response.message = True, 'stopped; all motor units are vented'
-        return response
+        return 'stopped; all motor units are vented'
 
-    def _on_e_stop_reset(self, request: Trigger.Request, response: Trigger.Response
-                         ) -> Trigger.Response:
-        response.success = bool(self.rig.e_stop_reset())
-        response.message = ('running' if response.success else
-                            f'still stopped: {self.rig.e_stopped}, and a motor unit is above '
-                            f"{self.p['trip_pressure'] / 1e3:g} kPa")
+    def _on_e_stop_reset(self) -> str:
+        running = self.rig.e_stop_reset()
         self._announce_stop()
-        return response
+        if not running:
+            raise InputError(f'still stopped: {self.rig.e_stopped}, and a motor unit is above '
+                             f"{self.p['trip_pressure'] / 1e3:g} kPa")
+        return 'running'
 
-    def _on_reset(self, request: Trigger.Request, response: Trigger.Response
-                  ) -> Trigger.Response:
+    def _on_reset(self) -> str:
         stopped = self.rig.e_stopped
         self.rig.reset()
         self._imposed.forget()
@@ -358,19 +353,17 @@ class PlantSimulator(BundleNode):
             self.rig.e_stop(stopped)
         self._steps = 0
         self._announce_stop()
-        response.success = True
-        response.message = 'at rest, vented; faults and the emergency stop stay as they were'
-        return response
+        return 'at rest, vented; faults and the emergency stop stay as they were'
 
-    def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_tare(self) -> str:
         self.rig.tare()
-        response.success, response.message = True, 'force zeroed at the present load'
+        said = 'force zeroed at the present load'
         filled = [f'mu{i + 1} is at {value / 1e3:.0f} kPa'
                   for i, value in enumerate(self.rig.truth.pressure) if value > _VENTED]
         if filled:
-            response.message += f": {', '.join(filled)}, and what that pulls reads as 0 N now"
-            self.get_logger().warning(f'tare: {response.message}')
-        return response
+            said += f": {', '.join(filled)}, and what that pulls reads as 0 N now"
+            self.get_logger().warning(f'tare: {said}')
+        return said
 
     def _check(self, values: dict[str, Any]) -> None:
         self._injection.check(values)

@@ -92,6 +92,14 @@ class Spinner:
         self._deadline = time.monotonic() + seconds
         self.executor.spin_until_future_complete(self._slice, timeout_sec=seconds)
 
+    def until(self, done: Callable[[], bool], seconds: float,
+              ended: Callable[[], bool] = lambda: False) -> bool:
+        """Spin until something is so, for some time at most or until ``ended``; return it."""
+        deadline = time.monotonic() + seconds
+        while not done() and time.monotonic() < deadline and not ended():
+            self.spin(0.02)
+        return done()
+
     def interrupt(self) -> None:
         """End the present `spin` once the present callback is done."""
         if not self._slice.done():

@@ -19,7 +19,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
@@ -107,8 +106,8 @@ class SerialRig(BundleNode):
                 self._take_valve(i, message)
             self.subscribe(interface.valve_topic(i + 1), JointState, command)
         self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_enable, interface.RELIABLE)
-        self.create_service(Trigger, interface.E_STOP_TRIGGER, self._on_e_stop)
-        self.create_service(Trigger, interface.E_STOP_RESET, self._on_e_stop_reset)
+        self.trigger(interface.E_STOP_TRIGGER, self._on_e_stop)
+        self.trigger(interface.E_STOP_RESET, self._on_e_stop_reset)
         self._diagnostics = Diagnostics(self, self._report, 'rig')
 
     def stop(self) -> None:
@@ -214,22 +213,19 @@ class SerialRig(BundleNode):
         if self._air.order(now).supply != before:
             self._send(now)
 
-    def _on_e_stop(self, request: Trigger.Request, response: Trigger.Response
-                   ) -> Trigger.Response:
+    def _on_e_stop(self) -> str:
         self._stop_for('e_stop_trigger was called')
         self._announce()
-        response.success, response.message = True, 'stopped; all motor units are vented'
-        return response
+        return 'stopped; all motor units are vented'
 
-    def _on_e_stop_reset(self, request: Trigger.Request, response: Trigger.Response
-                         ) -> Trigger.Response:
+    def _on_e_stop_reset(self) -> str:
         blocked = self._blocked()
-        response.success = not blocked
-        response.message = f'still stopped: {blocked}' if blocked else 'running'
         if not blocked:
             self._stop = ''
         self._announce()
-        return response
+        if blocked:
+            raise InputError(f'still stopped: {blocked}')
+        return 'running'
 
     # --- stop and air --------------------------------------------------------------------------
 
