@@ -38,7 +38,7 @@ Row = dict[str, Any]
 @dataclass(frozen=True, repr=False)
 class Campaign(Told):
     """
-    What many recordings say of one model.
+    Result of a campaign: many recordings compared with one model.
 
     Attributes
     ----------

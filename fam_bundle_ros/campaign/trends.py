@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What recordings of many muscles say together: how often an effect is missing, what goes with what.
+Statistics over many muscles: how often an effect is missing, and which numbers correlate.
 
 Counts have Wilson's interval. A parameter over a number of the table of specimens is a
 meta-regression of logarithms: each muscle has the error of its fit, and muscles differ beyond it.

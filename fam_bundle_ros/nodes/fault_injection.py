@@ -166,7 +166,7 @@ class FaultInjection:
         self.set(faults_from(self._node.p, self._units))
 
     def set(self, faults: Faults) -> None:
-        """Break what is said, in place of what the parameters say until they change."""
+        """Set faults in place of those of the parameters, until a parameter changes."""
         self.faults = faults
         if self._node.lock_step:
             self._apply(replace(copy.deepcopy(self.faults), silent=set()))

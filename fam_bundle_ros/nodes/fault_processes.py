@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Each node in a process of its own, and what comes of it when one is killed or stopped.
+Each node in a process of its own; one is killed or stopped, and the outcome is judged.
 
 Over real ROS and in wall time, on the simulated rig with 6 bar and without a trip of its own. What
 is seen is what a rig sees: valve commands, `supply_enable`, pressures (of sound sensors).
@@ -71,7 +71,7 @@ _RELIEF = ChamberConfig().relief_pressure
 
 @dataclass(frozen=True)
 class _Row:
-    """What was so at a time (s): pressures (Pa gauge), force (N), exhausting, supply shut."""
+    """State at a time (s): pressures (Pa gauge), force (N), exhausting, supply shut."""
 
     time: float
     pressure: tuple[float, ...]
@@ -81,7 +81,7 @@ class _Row:
 
 
 class _Witness(BundleNode):
-    """Hears what a rig hears and what it shows."""
+    """Records what a rig receives and what it shows."""
 
     def __init__(self, context: Context, namespace: str):
         super().__init__('witness', (), context=context, namespace=namespace)
@@ -114,7 +114,7 @@ class _Witness(BundleNode):
     def _note(self) -> None:
         now = time.monotonic()
         heard, leave = self._supply
-        # Who never publishes it shuts nothing.
+        # Where it was never published it shuts nothing.
         shut = math.isfinite(heard) and (not leave or now - heard > _SUPPLY_TIMEOUT)
         self.rows.append(_Row(now, tuple(self._pressure), self._force, tuple(
             value < -0.5 or now - came > _COMMAND_TIMEOUT for came, value in self._commands),
@@ -255,7 +255,7 @@ def _enable(spinner: Spinner, witness: _Witness, patience: float) -> str:
 
 
 def _judge(rows: Sequence[_Row], struck: float, refuse: bool, answer: str) -> dict[str, Any]:
-    """Return what came of it; ``refuse`` where `enable` has to."""
+    """Return the outcome; ``refuse`` where `enable` has to refuse."""
     after = [row for row in rows if row.time >= struck]
     sign = _lasting(after, lambda row: row.shut or any(row.exhausting))
     safe = _lasting(after, lambda row: row.shut or all(row.exhausting))

@@ -86,9 +86,9 @@ class ModelSwap:
 
     def go_on(self, controller: RecruitmentController) -> None:
         """
-        Let a controller that was just enabled know how the strain moves already.
+        Give a controller that was just enabled the present strain rate.
 
-        One that was off begins from the pressures as they are: nothing of before fades.
+        A controller that was off begins from the pressures as they are, without a fade.
         """
         if self._node.command is None:
             self._left, self._rate = 0.0, None

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Node plant_simulator: a rig that is not there, with the names, units and services of a real one.
+Node plant_simulator: a simulated rig with the topics, units and services of a real one.
 
 In wall time it steps at its rate with the latest valve commands and vents the motor units whose
 commands stay away. In lock-step it publishes a sample and ``/clock``, and steps when a valve
@@ -184,7 +184,7 @@ class PlantSimulator(BundleNode):
         command = interface.read_valve(message, unit + 1)
         stamp = interface.stamp_ns(message.header.stamp)
         if self.lock_step:
-            # Late answers to a sample that was sent twice are as good as none.
+            # Late answers to a sample that was sent twice are ignored.
             if stamp == self._stamp and self._gate.put(self._channels[unit], stamp, command):
                 self._step(self._gate_commands())
                 self._publish()
@@ -196,7 +196,7 @@ class PlantSimulator(BundleNode):
                      f'{age:.3f} s ago, received just now; at most '
                      f"{self.p['command_timeout']:g} s is taken")
             return
-        # One from the future is worth as much as one of now: it counts from when it came.
+        # A stamp in the future counts from when the command came.
         self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
 
@@ -204,7 +204,7 @@ class PlantSimulator(BundleNode):
         self._leave.take(message.data)
 
     def _retry(self) -> None:
-        """Send an unanswered sample again; count who never answers as lost."""
+        """Send an unanswered sample again; a unit that never answers counts as lost."""
         silence = time.monotonic() - self._sent
         if silence < _RETRY or self.halted:
             return
@@ -213,7 +213,7 @@ class PlantSimulator(BundleNode):
             if lost:
                 self.say('lost', f"no valve commands for {', '.join(lost)}: venting", 0.0)
             if len(self._gate.lost) == self.units:
-                # Nobody drives time any more: let the air out at about wall speed.
+                # No controller answers any more: let the air out at about wall speed.
                 for _ in range(round(_RETRY * self.p['rate'])):
                     self._step([-1.0] * self.units)
                 self._publish(driven=False)
@@ -236,7 +236,7 @@ class PlantSimulator(BundleNode):
                      'still (lock_step makes this node the clock)')
             return
         before, self._ticked = self._ticked, time.monotonic()
-        # Time in which this very process was held up is nobody's silence.
+        # Time in which this process was suspended does not count as silence of others.
         held_up = max(self._ticked - before - self._period_ns * 1e-9, 0.0)
         self._sent += held_up
         self._received = [received + held_up for received in self._received]

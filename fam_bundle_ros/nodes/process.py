@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The life of a process that runs nodes: start, spin, vent, end.
+Runs nodes in a process: start, spin, vent, end.
 
 Signals only set a flag. rclpy's own handlers would shut the context down before the last vent
 command could be published, and an exception raised inside a callback could leave a node half way.
@@ -42,8 +42,8 @@ def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Con
     """
     Return a context for nodes of this process.
 
-    Those that are ``alone`` hear each other and nobody else: a simulated run must not move a rig
-    that is there under the same names.
+    Nodes that are ``alone`` hear only each other: a simulated run must not move a real rig of the
+    same names.
     """
     context, name = Context(), 'ROS_AUTOMATIC_DISCOVERY_RANGE'
     before = os.environ.get(name)
@@ -118,7 +118,7 @@ class Spinner:
 
     @staticmethod
     def _try(node: BundleNode, action: Callable[[], None]) -> None:
-        """Act; what goes wrong is logged and keeps no other node from being vented."""
+        """Act; an error is logged, so that the other nodes are vented all the same."""
         try:
             action()
         except Exception as error:

@@ -127,7 +127,7 @@ class SerialRig(BundleNode):
             executor.create_task(self._drain)
 
     def _drain(self) -> None:
-        """Work off what happened; stop for what goes wrong in it."""
+        """Handle the events of the link; an error in it stops the rig."""
         try:
             self._work_off()
         except Exception as error:

@@ -3,8 +3,8 @@
 """
 An experiment that is driven on the bundle of the page "Live": a process of `fam_bundle measure`.
 
-ROS stays out of this process. That one ends, and vents, with its standard input: that of a
-workbench that was killed.
+ROS stays out of this process. The other one ends, and vents, when its standard input closes, so
+also when the workbench is killed.
 """
 
 import asyncio

@@ -162,7 +162,7 @@ class Session:
         self.case, self.steps, self.diagnosis, self.incoming = None, [], None, None
         self.selection = Selection()
 
-    # --- what is so ----------------------------------------------------------------------------
+    # --- present state -------------------------------------------------------------------------
 
     @property
     def now(self) -> Step:
