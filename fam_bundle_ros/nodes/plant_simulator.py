@@ -28,9 +28,9 @@ from fam_bundle_ros.nodes.fault_injection import FaultInjection, FAULTS
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.hidden_effect import HIDDEN, HiddenEffect
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.parameters import Spec, table
-from fam_bundle_ros.nodes.process import run
-from fam_bundle_ros.nodes.profile import load_profile, Profile
+from fam_bundle_ros.nodes.parameters import Spec
+from fam_bundle_ros.nodes.process import executable
+from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.nodes.rig_parameters import LOAD, load_change, RIG, rig_config
 from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 from fam_bundle_ros.plant import Dynamometer, Faults, Rig
@@ -104,8 +104,7 @@ class PlantSimulator(BundleNode):
         self.units = self.rig.bundle.n
         self._channels = [f'mu{i + 1}' for i in range(self.units)]
         self._script = script
-        self._profile: Profile | None = load_profile(p['load.profile']) if p['load.profile'] \
-            else None
+        self._profile = load_profile(p['load.profile']) if p['load.profile'] else None
         if self._profile and (self._profile.kind != 'strain' or not isinstance(
                 self.rig.load, Dynamometer)):
             raise InputError('load.profile needs a trajectory of strain and load.kind dynamometer')
@@ -420,7 +419,4 @@ class PlantSimulator(BundleNode):
             report.add(ERROR, 'another rig publishes force under this namespace')
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [PlantSimulator(context=context)],
-               f'{__doc__}\nParameters:\n{table(SPECS)}', args)
+main = executable(PlantSimulator, __doc__, SPECS)

@@ -41,11 +41,10 @@ from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.pid_air import Air, SAMPLES
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
 from fam_bundle_ros.nodes.pid_readings import Stretch
-from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 
 #: A gap between readings longer than this, to either side, is no sample period, s.
@@ -420,7 +419,4 @@ class PressurePidNode(BundleNode):
                        'sensor?')
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [PressurePidNode(context=context)],
-               f'{__doc__}\nParameters:\n{table(SPECS)}', args)
+main = executable(PressurePidNode, __doc__, SPECS)

@@ -27,6 +27,7 @@ from rclpy.utilities import remove_ros_args
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.parameters import Spec, table
 
 #: s. Bounds how late a signal is noticed: with an infinite wait EventsExecutor ignores signals.
 SLICE = 0.1
@@ -180,6 +181,26 @@ class StopSignals:
         elif now - self._first > PATIENCE:
             raise KeyboardInterrupt
         self.received = True
+
+
+def executable(make: Callable[..., BundleNode], words: str | None, specs: Sequence[Spec],
+               ) -> Callable[[list[str] | None], int]:
+    """
+    Return the ``main`` of the executable of a node, which takes a command line.
+
+    Parameters
+    ----------
+    make : callable
+        Gets the context; the class of the node.
+    words : str
+        What the node does, for ``--help``.
+    specs : sequence of Spec
+        Its parameters, for ``--help``.
+    """
+    def main(args: list[str] | None = None) -> int:
+        return run(lambda context: [make(context=context)],
+                   f'{words}\nParameters:\n{table(specs)}', args)
+    return main
 
 
 def node_command(module: str, parameters: Mapping[str, Any], namespace: str) -> list[str]:

@@ -39,8 +39,7 @@ from fam_bundle_ros.nodes.doubts import OffTarget
 from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import Oversight
-from fam_bundle_ros.nodes.parameters import table
-from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.recruitment_parameters import (
     controller_config,
     SPECS,
@@ -414,7 +413,4 @@ class RecruitmentNode(BundleNode):
                 report.add(WARN, f'{count} publishers on {topic}')
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [RecruitmentNode(context=context)],
-               f'{__doc__}\nParameters:\n{table(SPECS)}', args)
+main = executable(RecruitmentNode, __doc__, SPECS)

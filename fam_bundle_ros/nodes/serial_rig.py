@@ -26,8 +26,8 @@ from fam_bundle_ros.nodes.air import Air
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.board import Board
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
-from fam_bundle_ros.nodes.parameters import Parameters, table
-from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.parameters import Parameters
+from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.serial_link import Event, SerialLink
 from fam_bundle_ros.nodes.serial_parameters import Readings, scale_specs, Scales, SPECS, UNITS
 from fam_bundle_ros.nodes.serial_protocol import AIR, command_line, hello_line, OVER_PRESSURE
@@ -349,7 +349,4 @@ def _units(context: Context | None, namespace: str, overrides: dict[str, Any] | 
         node.destroy_node()
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [SerialRig(context=context)],
-               f'{__doc__}\nParameters:\n{table((*SPECS, *scale_specs(2)))}', args)
+main = executable(SerialRig, __doc__, (*SPECS, *scale_specs(2)))
