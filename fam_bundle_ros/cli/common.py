@@ -231,9 +231,9 @@ def yaml_to_write(path: Path, what: str = 'model') -> None:
 
 
 def ask_leave(question: str, yes: bool) -> None:
-    """Ask before air goes in, unless ``yes``; InputError where the answer is no."""
+    """Ask for confirmation unless ``yes``; InputError where the answer is no."""
     if not (yes or typer.confirm(question)):
-        raise InputError('no leave: nothing was done')
+        raise InputError('not confirmed: nothing was done')
 
 
 def save_json(path: Path | None, result: Any) -> None:

@@ -160,7 +160,7 @@ class BundleNode(Node):
 
     @property
     def max_latency(self) -> float:
-        """Return how old a reading may be when it comes, s; infinite where nobody can tell."""
+        """Return how old a reading may be when it comes, s; infinite where clocks may differ."""
         if self.lock_step or not self.p['clocks_synchronised']:
             return math.inf
         given: float = self.p['max_latency']

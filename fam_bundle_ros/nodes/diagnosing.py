@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Service ``diagnose`` of the model monitor: discovery on the memory, and what comes of it.
+Service ``diagnose`` of the model monitor: discovery on the memory, and its result.
 
 The work is done in a process of its own. Its answer goes out latched on ``model/diagnosis`` and
 lies in a folder with the model that it recommends. That model is the candidate; every ten seconds

@@ -199,6 +199,6 @@ class FaultInjection:
 
     def _clear(self) -> str:
         before = self.faults.text
-        # As parameters, so that whoever reads them sees what is so.
+        # As parameters, so that reading them shows the present state.
         self._node.set_parameters([Parameter(spec.name, value=spec.default) for spec in FAULTS])
         return f'repaired: {before}' if before else 'nothing was broken'

@@ -260,7 +260,7 @@ def read_strain(message: JointState, length: float) -> tuple[float, float]:
     ------
     InputError
         When there is neither a joint ``strain`` nor a joint ``contraction``, or positions or
-        velocities are not one for each joint: nobody can tell which is missing.
+        velocities are not one for each joint: which one is missing is unknown.
     """
     joints, rates = len(message.name), len(message.velocity)
     if len(message.position) != joints or rates not in (0, joints):

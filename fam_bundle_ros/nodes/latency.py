@@ -92,7 +92,7 @@ class Stopwatch:
 
 
 class _Timed:
-    """Puts a stopwatch on a rig: what it publishes of a sample, what it hears of the valves."""
+    """Adds a stopwatch to a rig: times the samples it publishes and the valve commands it gets."""
 
     def __init__(self, watch: Stopwatch, *arguments: Any, **keywords: Any):
         self._watch = watch

@@ -163,7 +163,7 @@ class Measuring(BundleNode):
             self._stop(f'the rig was silent for {_SILENT:g} s')
 
     def _stop(self, why: str) -> None:
-        # What somebody does before it has begun or after it is over is no business of it.
+        # Events before the experiment has begun or after it is over do not matter.
         if self.started and not self.stopped and not self._run.done:
             self.stopped = why
 
@@ -332,7 +332,7 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
                              'ROS domain?')
     # A generator that gives way does so at the first pressures that it hears.
     met = time.monotonic()
-    # Whoever sends already may not be known yet.
+    # Another publisher may not be discovered yet.
     if not until(lambda: time.monotonic() - max(node.other[1], met) > _QUIET, 4 * _QUIET):
         raise InputError(f'somebody else sends {node.resolve_topic_name(node.other[0])}; end it, '
                          'or set give_way of reference_generator to true')

@@ -120,7 +120,7 @@ class ModelSwap:
                 controller.update(1e-3, vented, reference)
         except InputError as error:
             self._prepared[file] = Prepared(refusal=str(error))
-        except Exception as error:  # nobody looks at a thread
+        except Exception as error:  # an error in a thread would be lost
             self._prepared[file] = Prepared(refusal=f'{file}: {type(error).__name__}: {error}')
         else:
             self._prepared[file] = Prepared(bundle)

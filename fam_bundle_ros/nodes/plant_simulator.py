@@ -221,7 +221,7 @@ class PlantSimulator(BundleNode):
         self._publish(driven=not self._gate.begun)
 
     def _gate_commands(self) -> list[float]:
-        """Return the commands of this stamp; whoever is lost is vented."""
+        """Return the commands of this stamp; a lost motor unit is vented."""
         return [self._gate.value(channel, -1.0) for channel in self._channels]
 
     # --- wall time -----------------------------------------------------------------------------
@@ -256,7 +256,7 @@ class PlantSimulator(BundleNode):
         Return whether to give the controllers more time.
 
         A desktop holds processes up for longer than a valve may stay open: the rig is then slower
-        than the clock rather than out of control. Who is silent for long is not waited for.
+        than the clock rather than out of control. No unit is waited for long.
         """
         now = time.monotonic()
         since = now - self._sent

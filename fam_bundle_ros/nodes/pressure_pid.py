@@ -252,7 +252,7 @@ class PressurePidNode(BundleNode):
         first = self._answered < 0
         dt = 0.0 if first else (stamp - self._answered) * 1e-9
         if self.lock_step and dt == 0.0 and not first:
-            # Time stands still: who asks again gets the same answer.
+            # Time stands still: a repeated sample gets the same answer.
             self._publish(stamp, self._command)
             return
         # In wall time a stamp that stands still says nothing new, whatever the reading shows.

@@ -95,7 +95,7 @@ class Spinner:
 
     def until(self, done: Callable[[], bool], seconds: float,
               ended: Callable[[], bool] = lambda: False) -> bool:
-        """Spin until something is so, for some time at most or until ``ended``; return it."""
+        """Spin until ``done`` or ``ended``, for some time (s) at most; return whether done."""
         deadline = time.monotonic() + seconds
         while not done() and time.monotonic() < deadline and not ended():
             self.spin(0.02)

@@ -202,7 +202,7 @@ class SerialRig(BundleNode):
                      'taken')
             return
         self._commanded.add(unit)
-        # One line for all motor units; who is missing goes with the next heartbeat.
+        # One line for all motor units; a missing one follows with the next heartbeat.
         if len(self._commanded) == self.units and now - self._last_sent >= _CLOSEST:
             self._send(now)
 

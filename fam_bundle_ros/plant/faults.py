@@ -79,7 +79,7 @@ class Faults:
         self.__dict__.update(Faults().__dict__)
 
     def without_messages(self) -> 'Faults':
-        """Return the faults of the rig alone, for who sends messages."""
+        """Return the faults of the rig alone, where messages are sent elsewhere."""
         rest = copy.deepcopy(self)
         rest.silent, rest.late, rest.lost = set(), {}, {}
         return rest

@@ -37,7 +37,7 @@ class IntakeView:
         self.draw()
 
     def draw(self) -> None:
-        """Read the file as it is told now, and show what came of it."""
+        """Read the file with the present settings, and show the result."""
         seen = self.incoming.look()
         self.kind.set_text(f'{seen.name} · {seen.kind} · {seen.rows} rows')
         self._draw_state(seen)

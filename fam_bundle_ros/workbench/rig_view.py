@@ -117,7 +117,7 @@ class RigView:
         await self._try(lambda: self.rig.order(**order))
 
     async def _try(self, work: Callable[[], Awaitable[Any]]) -> None:
-        """Do something that may be refused; say what came of it."""
+        """Do something that may be refused; show the answer."""
         try:
             answer = await work()
         except InputError as error:

@@ -23,7 +23,7 @@ class StartView:
             parts.text('h1', 'Which effect is your model missing?')
             parts.text('p', 'Lay a measurement beside a model of a fluidic muscle. The workbench '
                        'shows where the model fails, names the effect that is missing, adds it, '
-                       'and the error falls before your eyes.', 'lead')
+                       'and shows how the error falls.', 'lead')
             with parts.box('div', 'start-grid'):
                 self._first()
                 self._drop()
