@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-How every plotly figure of the project looks: axes, legend, fonts, and the pieces of a picture.
+Common look of the plotly figures: axes, legend, fonts, lines, points, bands.
 
 Figures are drawn in the light colours; a page that goes dark exchanges them by
 `palette.by_page`.

@@ -75,7 +75,7 @@ def _bundle(model: Model) -> Bundle:
 @dataclass(frozen=True)
 class Job:
     """
-    What a worker needs to know of a recording. It can be pickled.
+    Work on one recording, as it is sent to a worker. It can be pickled.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which recordings a campaign is about: the files of a folder and the lines of a table."""
+"""Recordings of a campaign: the files of a folder and the lines of a table."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -35,7 +35,7 @@ Row = Mapping[str, Any]
 @dataclass(frozen=True)
 class Share:
     """
-    How often an effect is missing.
+    Share of the muscles that lack an effect.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Share:
 @dataclass(frozen=True)
 class Contrast:
     """
-    Whether muscles that lack an effect differ in a number of the table from those that do not.
+    Comparison of muscles that lack an effect with the others, in one number of the table.
 
     Attributes
     ----------

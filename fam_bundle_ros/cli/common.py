@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What every command shares: arguments, finding files, tables, results as JSON."""
+"""Shared by the commands: options, finding files, tables, results as JSON."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -63,7 +63,7 @@ ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help
 
 @dataclass(frozen=True)
 class Reading:
-    """How a measurement is to be read: the options that every command on data has."""
+    """Options of every command on data: how a measurement is read."""
 
     columns: tuple[str, ...] = ()
     rest_length: str | None = None

@@ -21,7 +21,7 @@ _PERIOD = 1.0
 
 class Adaptation:
     """
-    What the recruitment controller learns, shown and kept.
+    Shows and saves what the recruitment controller has learnt.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ VENT = -1.0
 @dataclass(frozen=True)
 class Order:
     """
-    What the valves are to do now.
+    Commands for supply and valves.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What every node of the bundle shares: parameters, time, QoS, error lines, a safe stop."""
+"""Base class of the nodes: parameters, time, QoS, error lines, a safe stop."""
 
 from collections.abc import Callable, Sequence
 import math

@@ -30,7 +30,7 @@ _OPEN_COMMANDS = 512
 
 
 class Talk(Enum):
-    """How far the conversation has come."""
+    """State of the connection, and why it is not running."""
 
     CLOSED = 'the port is not open'
     GREETING = 'the board has not answered yet'

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the recruitment controller watches: readings, pressure loops, itself; and what latches."""
+"""Watches of the recruitment controller: readings, pressure loops, its own process; latches."""
 
 from collections.abc import Callable
 import math

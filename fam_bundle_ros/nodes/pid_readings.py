@@ -33,7 +33,7 @@ class Latest:
 
 
 class Stretch:
-    """How long a value has been far to one side."""
+    """Time for which a value has been far to one side."""
 
     def __init__(self) -> None:
         self.lasted = 0.0

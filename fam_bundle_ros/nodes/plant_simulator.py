@@ -64,7 +64,7 @@ _SLOW = 0.5
 
 
 class Script(Protocol):
-    """What happens around each step of a simulated rig, and when it ends."""
+    """Hooks before and after each step of a simulated rig; says when to end."""
 
     def before(self, rig: Rig, time: float, period: float) -> None:
         """Act on the rig at a time of the run (s), before it steps by a period."""

@@ -62,7 +62,7 @@ class Seen:
 @dataclass(frozen=True)
 class Asked:
     """
-    What is asked of the rig.
+    Strain and pressures asked of the rig.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes on the topics ``reference/...`` of the recruitment controller: read and checked."""
+"""Reads and checks the topics ``reference/...`` of the recruitment controller."""
 
 from collections.abc import Callable
 import math

@@ -27,7 +27,7 @@ _CHUNK = 4096
 @dataclass(frozen=True)
 class Event:
     """
-    What happened on the port.
+    An event of the port.
 
     Attributes
     ----------

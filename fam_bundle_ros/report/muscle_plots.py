@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What one motor unit can do by itself: its isobars, and its ends over the pressure."""
+"""Figures of one motor unit: isobars; blocked force and free strain over the pressure."""
 
 import numpy as np
 from plotly.subplots import make_subplots

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What went into a result: files with their hashes, versions, the machine's Python."""
+"""Provenance of a result: files with their hashes, versions, the machine's Python."""
 
 from collections.abc import Sequence
 from importlib import metadata

@@ -40,7 +40,7 @@ sys.exit(main())
 @dataclass(frozen=True)
 class Order:
     """
-    What is to be measured.
+    A measurement to be made.
 
     Attributes
     ----------

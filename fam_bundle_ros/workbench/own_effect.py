@@ -33,7 +33,7 @@ class Field:
 
 @dataclass
 class Draft:
-    """What the form holds."""
+    """Contents of the form."""
 
     name: str = 'my_effect'
     formula: str = ''
@@ -67,7 +67,7 @@ class Draft:
 @dataclass(frozen=True)
 class Preview:
     """
-    What an effect does at its start values, before any refit.
+    Change by an effect at its start values, before any refit.
 
     Attributes
     ----------

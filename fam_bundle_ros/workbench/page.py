@@ -60,7 +60,7 @@ def root(first: Case | Incoming | None = None, view: str = 'find'
 
 class Page:
     """
-    What one tab shows.
+    The page of one browser tab.
 
     Parameters
     ----------

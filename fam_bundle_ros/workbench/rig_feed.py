@@ -35,7 +35,7 @@ sys.exit(main())
 
 class Record:
     """
-    What the feed has said.
+    Newest records of the feed.
 
     Attributes
     ----------

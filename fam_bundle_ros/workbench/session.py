@@ -83,7 +83,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Selection:
-    """What every figure shows: one isobar, direction, trial or region, or all (None)."""
+    """Selected rows of the figures: one isobar, direction, trial or region; None for all."""
 
     level: int | None = None
     direction: int | None = None

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What physics leaves: a smooth surface, as `fam_bundle diagnose` writes it."""
+"""The discrepancy: a smooth surface of the error left, as `fam_bundle diagnose` writes it."""
 
 from pathlib import Path
 
