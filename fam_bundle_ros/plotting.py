@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette
 
@@ -18,6 +19,8 @@ FONT = ('system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", "Noto S
         '"Liberation Sans", Arial, sans-serif')
 INK = palette.NEUTRAL['ink'].light
 MUTED = palette.NEUTRAL['muted'].light
+#: What `panels` takes for the layout.
+LAYOUT = ('legend', 'showlegend', 'margin', 'hovermode')
 
 
 def figure(x: str = '', y: str = '', height: int = 380, **layout: Any) -> go.Figure:
@@ -35,6 +38,28 @@ def figure(x: str = '', y: str = '', height: int = 380, **layout: Any) -> go.Fig
     drawing = go.Figure()
     dress(drawing, height, **layout)
     style_axes(drawing, x, y)
+    return drawing
+
+
+def panels(rows: int, columns: int, height: int, x: str = '', **more: Any) -> go.Figure:
+    """
+    Return an empty figure of several panels with the project's look.
+
+    Parameters
+    ----------
+    rows, columns : int
+    height : int, px
+    x : str
+        Title of every horizontal axis.
+    **more
+        Entries of the plotly layout (`LAYOUT`), all others as of plotly's ``make_subplots``.
+    """
+    look = {name: more.pop(name) for name in LAYOUT if name in more}
+    drawing = make_subplots(rows, columns, **more)
+    dress(drawing, height, **look)
+    style_axes(drawing, x)
+    for title in drawing.layout.annotations:
+        title.font = {'size': 13, 'color': MUTED}
     return drawing
 
 
