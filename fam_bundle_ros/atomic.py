@@ -10,8 +10,6 @@ import tempfile
 
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['whole', 'write_whole']
-
 
 def write_whole(path: str | Path, content: str | bytes) -> Path:
     """

@@ -7,8 +7,6 @@ from typing import Any
 
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['EXTRAS', 'library']
-
 #: Package as it is imported -> extra of setup.py.
 EXTRAS = {'distributed': 'cluster', 'h5py': 'files', 'nicegui': 'web', 'nptdms': 'files',
           'openpyxl': 'files', 'pandas': 'tools', 'plotly': 'tools', 'pyarrow': 'files',

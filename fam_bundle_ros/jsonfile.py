@@ -13,8 +13,6 @@ import numpy as np
 
 from fam_bundle_ros.atomic import write_whole
 
-__all__ = ['plain', 'to_json', 'write_json']
-
 
 def plain(value: Any) -> Any:
     """

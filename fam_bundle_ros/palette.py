@@ -10,15 +10,16 @@ first and are dashed, so that colour is never the only difference between them.
 
 from typing import NamedTuple
 
-__all__ = ['by_page', 'Colour', 'CONTROLLERS', 'dash', 'DIRECTIONS', 'effect', 'fade', 'isobar',
-           'NEUTRAL', 'recruitment_state']
-
 
 class Colour(NamedTuple):
     """A colour on a light page and the one that stands for it on a dark page, '#RRGGBB'."""
 
     light: str
     dark: str
+
+    def on(self, dark: bool) -> str:
+        """Return the one for a dark or a light page."""
+        return self.dark if dark else self.light
 
 
 #: Paper, ink and what lies between. ``measured`` and ``reference`` are data, never a hue.

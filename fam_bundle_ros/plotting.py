@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-How every plotly figure of the project looks: axes, legend, fonts, and the pieces of a picture.
+Common look of the plotly figures: axes, legend, fonts, lines, points, bands.
 
 Figures are drawn in the light colours; a page that goes dark exchanges them by
 `palette.by_page`.
@@ -11,15 +11,16 @@ from collections.abc import Iterable
 from typing import Any
 
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette
-
-__all__ = ['FONT', 'band', 'figure', 'label', 'line', 'points', 'style_axes']
 
 FONT = ('system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", "Noto Sans", '
         '"Liberation Sans", Arial, sans-serif')
 INK = palette.NEUTRAL['ink'].light
 MUTED = palette.NEUTRAL['muted'].light
+#: What `panels` takes for the layout.
+LAYOUT = ('legend', 'showlegend', 'margin', 'hovermode')
 
 
 def figure(x: str = '', y: str = '', height: int = 380, **layout: Any) -> go.Figure:
@@ -37,6 +38,28 @@ def figure(x: str = '', y: str = '', height: int = 380, **layout: Any) -> go.Fig
     drawing = go.Figure()
     dress(drawing, height, **layout)
     style_axes(drawing, x, y)
+    return drawing
+
+
+def panels(rows: int, columns: int, height: int, x: str = '', **more: Any) -> go.Figure:
+    """
+    Return an empty figure of several panels with the project's look.
+
+    Parameters
+    ----------
+    rows, columns : int
+    height : int, px
+    x : str
+        Title of every horizontal axis.
+    **more
+        Entries of the plotly layout (`LAYOUT`), all others as of plotly's ``make_subplots``.
+    """
+    look = {name: more.pop(name) for name in LAYOUT if name in more}
+    drawing = make_subplots(rows, columns, **more)
+    dress(drawing, height, **look)
+    style_axes(drawing, x)
+    for title in drawing.layout.annotations:
+        title.font = {'size': 13, 'color': MUTED}
     return drawing
 
 

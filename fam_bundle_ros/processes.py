@@ -6,8 +6,6 @@ import os
 import sys
 from typing import IO
 
-__all__ = ['ENDS_WITH_STDIN', 'environment', 'own_stdout']
-
 #: Python code before a program: it gets Ctrl-C when its standard input is closed, also by a kill
 #: of the process that started it, and where a script put that in the background (its children
 #: ignore Ctrl-C).

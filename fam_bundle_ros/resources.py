@@ -12,8 +12,6 @@ from pathlib import Path
 
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['config_names', 'config_path', 'data_path', 'model_path', 'protocol_path']
-
 
 def config_path(relative: str | Path) -> Path:
     """
@@ -62,6 +60,22 @@ def config_names(folder: str = '.') -> tuple[str, ...]:
     if not path.is_dir():
         return ()
     return tuple(sorted(p.name for p in path.iterdir() if p.name[0] not in '._'))
+
+
+def shipped_or_own(name: str, folder: str) -> Path:
+    """
+    Return the path of a user's file, or of one that ships in a folder of ``config/``.
+
+    A file that exists is taken as it is; else ``spie2021``, ``spie2021.yaml`` and
+    ``models/spie2021.yaml`` all name the one that ships.
+    """
+    path = Path(name).expanduser()
+    if path.is_file():
+        return path
+    stem = Path(name).name
+    if path.is_absolute() or Path(name).parent not in (Path('.'), Path(folder)):
+        raise InputError(f'{name}: no such file')
+    return config_path(f"{folder}/{stem if stem.endswith('.yaml') else stem + '.yaml'}")
 
 
 def model_path(name: str | Path) -> Path:

@@ -45,7 +45,7 @@ _CHUNK = 256
 @dataclass(frozen=True)
 class Trajectory:
     """
-    What is asked over time, and on what load.
+    A reference over time, and the load.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Trajectory:
 @dataclass(frozen=True)
 class Log:
     """
-    What happened, one row per tick; SI units, pressures gauge.
+    Record of a run, one row per tick; SI units, pressures gauge.
 
     Attributes
     ----------

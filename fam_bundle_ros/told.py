@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a result shows itself in a shell and in a notebook."""
+"""Display of results in a shell and in a notebook."""
 
 from html import escape
 

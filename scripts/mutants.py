@@ -186,7 +186,7 @@ def main(folder, count=200, seed=1, jobs=2):
             traced[room].result()
         found, diff = run(noticed, path, change, known(rooms).of(path, start[0]))
         if not (found or last):
-            # Whoever goes unnoticed in the own room may be noticed in another.
+            # One that its own tests do not notice may be noticed by those of another package.
             others = tuple(room for room in ROOMS if room not in rooms)
             work.append(pool.submit(judge, place, others, last=True))
             return

@@ -48,7 +48,7 @@ class Rig:
 
 @dataclass
 class Record:
-    """What the rig did: true strain, pressure, rate, time and trial."""
+    """Motion of the rig: true strain, pressure, rate, time and trial."""
 
     time: np.ndarray
     trial: np.ndarray
@@ -66,7 +66,7 @@ class Record:
 
 @dataclass
 class Hidden:
-    """What is hidden: hooks on the parts of a muscle, and what it is called."""
+    """A hidden effect: its name, and hooks on the parts of a muscle."""
 
     name: str
     form: str

@@ -31,7 +31,7 @@ _NOTICED = _LATCHED | {'SENSOR', 'HOLD', 'NO_SETPOINT', 'NO_SUPPLY', 'E_STOP', '
 @dataclass(frozen=True)
 class Limits:
     """
-    What a run may reach.
+    Limits of a run.
 
     Attributes
     ----------

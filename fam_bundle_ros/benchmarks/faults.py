@@ -106,7 +106,7 @@ _CONDUCTANCE = {'valve conductance 30 % high': 1.3, 'valve conductance 30 % low'
 
 @dataclass(frozen=True)
 class Case:
-    """What is run."""
+    """A case: fault, phase, policy, seed."""
 
     fault: str
     phase: str

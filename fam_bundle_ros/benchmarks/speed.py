@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-How fast the parts run: what a row of `fam_bundle bench` is, and how times are taken.
+Rows of `fam_bundle bench` and how their times are taken.
 
 Every figure stands beside what a user would take instead, measured in the same run, and beside
 what is to be reached. The rows are in the modules ``speed_*``.

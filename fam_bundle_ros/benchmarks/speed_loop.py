@@ -112,7 +112,7 @@ def against_solvers(scale: float) -> list[Figure]:
     """
     Return x real time of the whole loop beside those of ODE solvers on its plant alone.
 
-    The solvers get the loop's valve commands for nothing, and the loosest tolerance at which
+    The solvers are given the loop's valve commands, and the loosest tolerance at which
     they are as exact as the loop against a fine solution.
     """
     bundle = model_of(2)

@@ -58,7 +58,7 @@ class Plant:
     def __init__(self, bundle: Bundle, rig: RigConfig):
         assert isinstance(rig.load, MassSpring)
         self.bundle, self.rig, self.load = bundle, rig, rig.load
-        self.length = float(bundle.motor_units[0].geometry.length)
+        self.length = bundle.length
 
     @property
     def start(self) -> np.ndarray:

@@ -28,8 +28,6 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.resources import model_path
 from fam_bundle_ros.told import Told
 
-__all__ = ['Campaign', 'run_campaign']
-
 FORMAT = 'fam-bundle-campaign/1'
 #: Trends whose corrected probability is above this are not reported.
 CLEAR = 0.05
@@ -40,7 +38,7 @@ Row = dict[str, Any]
 @dataclass(frozen=True, repr=False)
 class Campaign(Told):
     """
-    What many recordings say of one model.
+    Result of a campaign: many recordings compared with one model.
 
     Attributes
     ----------

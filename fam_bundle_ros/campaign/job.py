@@ -22,8 +22,6 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.jsonfile import plain
 from fam_bundle_ros.model import Bundle, loads_model
 
-__all__ = ['Job', 'lost', 'Model', 'run']
-
 #: Format of a result; a change of it makes all of them anew.
 FORMAT = 'fam-bundle-campaign-result/1'
 
@@ -77,7 +75,7 @@ def _bundle(model: Model) -> Bundle:
 @dataclass(frozen=True)
 class Job:
     """
-    What a worker needs to know of a recording. It can be pickled.
+    Work on one recording, as it is sent to a worker. It can be pickled.
 
     Attributes
     ----------

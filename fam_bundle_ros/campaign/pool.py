@@ -35,8 +35,6 @@ from fam_bundle_ros.campaign.version import code_version
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
-__all__ = ['as_done', 'each', 'Progress', 'WorkerDied']
-
 Progress = Callable[[int, int], None] | None
 #: What stands for the result of a task whose process died (default: `WorkerDied` is raised).
 Lost = Callable[[Any], Any] | None

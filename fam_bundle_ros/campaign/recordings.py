@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which recordings a campaign is about: the files of a folder and the lines of a table."""
+"""Recordings of a campaign: the files of a folder and the lines of a table."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,8 +12,6 @@ from fam_bundle_ros.data.formats import SUFFIXES
 from fam_bundle_ros.data.measurement import file_digest
 from fam_bundle_ros.discovery.specimens import read_specimens, Specimen
 from fam_bundle_ros.errors import InputError
-
-__all__ = ['find', 'MARK', 'Recording']
 
 #: File that says that a folder holds the results of a campaign: nothing in it is a recording.
 MARK = 'campaign.json'

@@ -10,8 +10,6 @@ from typing import Any
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['Store']
-
 
 @dataclass(frozen=True)
 class Store:

@@ -14,9 +14,6 @@ from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.campaign.recordings import Recording
 from fam_bundle_ros.discovery.specimens import Specimen
 
-__all__ = ['COLUMNS', 'effect_rows', 'facts_of', 'parameter_rows', 'recording_row',
-           'write_parquet']
-
 Row = dict[str, Any]
 _TEXT, _NUMBER, _COUNT, _BOOL = 'string', 'float64', 'Int64', 'bool'
 #: Columns of each table with their types in pandas; further ones are from the table of specimens.

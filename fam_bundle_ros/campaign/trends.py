@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What recordings of many muscles say together: how often an effect is missing, what goes with what.
+Statistics over many muscles: how often an effect is missing, and which numbers correlate.
 
 Counts have Wilson's interval. A parameter over a number of the table of specimens is a
 meta-regression of logarithms: each muscle has the error of its fit, and muscles differ beyond it.
@@ -22,9 +22,6 @@ import numpy as np
 
 from fam_bundle_ros.discovery.specimens import DIMENSIONS
 
-__all__ = ['Contrast', 'contrasts', 'holm', 'per_muscle', 'power_law', 'Share', 'shares', 'Trend',
-           'trends']
-
 #: Muscles that a trend needs at least: two fix a line, a third one says little of scatter.
 LEAST = 4
 #: Standard deviations of a 95 % interval.
@@ -38,7 +35,7 @@ Row = Mapping[str, Any]
 @dataclass(frozen=True)
 class Share:
     """
-    How often an effect is missing.
+    Share of the muscles that lack an effect.
 
     Attributes
     ----------
@@ -64,7 +61,7 @@ class Share:
 @dataclass(frozen=True)
 class Contrast:
     """
-    Whether muscles that lack an effect differ in a number of the table from those that do not.
+    Comparison of muscles that lack an effect with the others, in one number of the table.
 
     Attributes
     ----------

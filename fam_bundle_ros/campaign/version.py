@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which code gave a result: the version, the sources that results depend on, laws of others."""
+"""Version of the code behind a result: release, hash of the sources, laws of other packages."""
 
 from functools import cache
 import hashlib
@@ -8,8 +8,6 @@ from importlib import metadata
 from pathlib import Path
 
 import fam_bundle_ros
-
-__all__ = ['code_version']
 
 #: What a diagnosis is computed by.
 _SOURCES = ('model', 'data', 'discovery', 'kernels.py', 'units.py')

@@ -17,8 +17,6 @@ import warnings
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import EXTRAS
 
-__all__ = ['main']
-
 #: What typer makes of Ctrl-C.
 _INTERRUPTED = 130
 
@@ -98,7 +96,3 @@ def _show_warning(message, category, filename, lineno, file=None, line=None):
     if issubclass(category, (DeprecationWarning, PendingDeprecationWarning)):
         return
     print(f'fam_bundle: note: {" ".join(str(message).split())}', file=sys.stderr)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

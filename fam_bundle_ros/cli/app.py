@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands put together."""
+"""The command line as one typer application."""
 
 from typing import Annotated
 

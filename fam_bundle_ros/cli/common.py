@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What every command shares: arguments, finding files, tables, results as JSON."""
+"""Shared by the commands: options, finding files, tables, results as JSON."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -63,7 +63,7 @@ ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help
 
 @dataclass(frozen=True)
 class Reading:
-    """How a measurement is to be read: the options that every command on data has."""
+    """Options of every command on data: how a measurement is read."""
 
     columns: tuple[str, ...] = ()
     rest_length: str | None = None
@@ -231,9 +231,9 @@ def yaml_to_write(path: Path, what: str = 'model') -> None:
 
 
 def ask_leave(question: str, yes: bool) -> None:
-    """Ask before air goes in, unless ``yes``; InputError where the answer is no."""
+    """Ask for confirmation unless ``yes``; InputError where the answer is no."""
     if not (yes or typer.confirm(question)):
-        raise InputError('no leave: nothing was done')
+        raise InputError('not confirmed: nothing was done')
 
 
 def save_json(path: Path | None, result: Any) -> None:

@@ -236,7 +236,7 @@ def workbench(
                                               )] = None,
     show: Annotated[bool, typer.Option(help='Open a browser.')] = True,
 ) -> None:
-    """Open the web page where the error falls before your eyes."""
+    """Open the web page that shows where a model fails, and improves it."""
     from fam_bundle_ros.workbench.main import run
     run(data=None if data is None else data_path(data),
         model=None if model is None else model_path(model), host=host, port=port, token=token,

@@ -89,9 +89,9 @@ def record(
     json_file: JsonFile = None,
 ) -> None:
     """Record the topics of a running bundle into a bag that `diagnose` reads."""
-    from fam_bundle_ros.nodes import session
+    from fam_bundle_ros.nodes import recording
     with progress_bar('record') as tick:
-        count = session.record(
+        count = recording.record(
             out, seconds, namespace.strip('/'), progress=lambda elapsed, messages: tick(
                 elapsed / seconds if seconds else 0.0, f'{messages} messages'))
     console.print(f'{count} messages')
@@ -127,20 +127,20 @@ def check_rig(
     --active air goes in: reversed, exchanged and scaled channels, dead time, leaks, drivers that
     do not vent in silence; what was measured goes into a parameter file.
     """
-    from fam_bundle_ros.nodes import session
+    from fam_bundle_ros.nodes import rig_check
     if active and model is None:
         raise InputError('--active without --model; expected the model file of the muscles on the '
                          'rig')
     bundle = open_model(model or PAPER, allow_python)
     show_muscle(bundle, model is not None)
-    length = float(bundle.motor_units[0].geometry.length)
     low = quantity(supply, 'Pa', '--supply')
     tube = quantity(tube_volume, 'm^3', '--tube-volume')
     if active and out.exists():
         raise InputError(f'{out} is there already; expected a new file (--out)')
     with progress_bar('check-rig') as tick:
-        findings = session.check_rig(namespace.strip('/'), seconds, units=bundle.n, length=length,
-                                     gauge=gauge, progress=lambda elapsed: tick(elapsed / seconds))
+        findings = rig_check.check_rig(
+            namespace.strip('/'), seconds, units=bundle.n, length=bundle.length, gauge=gauge,
+            progress=lambda elapsed: tick(elapsed / seconds))
     _show(findings)
     result: dict[str, Any] = {'ok': all(finding.ok for finding in findings),
                               'findings': findings}
@@ -181,13 +181,11 @@ def _write_rig(out: Path, model: str, supply: float, parameters: dict[str, Any])
 
 def _mass(model: str) -> dict[str, Any]:
     """Return parameters for a mass that hangs on the bundle, and that the controller knows."""
-    from fam_bundle_ros.nodes.models import bundle_from
     from fam_bundle_ros.nodes.rig_parameters import LOAD, load_from, load_model_parameters
     kind = {'load.kind': 'mass_spring'}
     load = load_from({spec.name: spec.default for spec in LOAD} | kind)
-    length = float(bundle_from(_file(model)).motor_units[0].geometry.length)
     return {**kind, **{name: round(value, 6) for name, value in load_model_parameters(
-        load, length).items()}}
+        load, open_model(model).length).items()}}
 
 
 def _file(name: str) -> str:

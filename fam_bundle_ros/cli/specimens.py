@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What `diagnose --specimens` does: several recordings, one table of dimensions."""
+"""`diagnose --specimens`: several recordings, one table of dimensions."""
 
 from dataclasses import replace
 from pathlib import Path

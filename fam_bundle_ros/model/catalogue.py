@@ -16,18 +16,20 @@ from fam_bundle_ros.model.laws.base import Law
 #: Entry points in this group name laws of other packages.
 ENTRY_POINT_GROUP = 'fam_bundle_ros.effects'
 
-#: Files of `fam_bundle_ros.model.laws`, in the order in which laws are listed.
-FAMILIES = ('mesh', 'bladder', 'surface', 'resistive', 'slack', 'force_floor', 'dry_friction',
-            'viscous', 'relaxation', 'sheath', 'end_caps', 'braid', 'threshold', 'line_lag',
-            'gas_history', 'temperature', 'softening', 'discrepancy', 'force_sensor',
-            'pressure_sensor', 'strain_sensor', 'mismatch', 'leak', 'supply')
+#: Files of `fam_bundle_ros.model.laws`, in the order in which laws are listed; others follow.
+_ORDER = ('mesh', 'bladder', 'surface', 'resistive', 'slack', 'force_floor', 'dry_friction',
+          'viscous', 'relaxation', 'sheath', 'end_caps', 'braid', 'threshold', 'line_lag',
+          'gas_history', 'temperature', 'softening', 'discrepancy', 'force_sensor',
+          'pressure_sensor', 'strain_sensor', 'mismatch', 'leak', 'supply')
 
 
 @cache
 def built_in() -> Mapping[str, Law]:
     """Return the laws of this package by name."""
-    return MappingProxyType({law.name: law for family in FAMILIES for law in _laws_in(
-        importlib.import_module(f'fam_bundle_ros.model.laws.{family}'))})
+    files = {path.stem for path in Path(__file__).with_name('laws').glob('[a-z]*.py')}
+    return MappingProxyType({
+        law.name: law for file in (*_ORDER, *sorted(files - {'base', *_ORDER}))
+        for law in _laws_in(importlib.import_module(f'fam_bundle_ros.model.laws.{file}'))})
 
 
 @cache

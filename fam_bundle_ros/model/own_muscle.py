@@ -21,9 +21,6 @@ from fam_bundle_ros.model.modelfile import FORMAT
 from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
 from fam_bundle_ros.units import express, parse, spaced
 
-__all__ = ['ENTRIES', 'Entry', 'Part', 'PARTS', 'START_EFFECTS', 'dimensions_of', 'find_part',
-           'fitted_bundle', 'model_text', 'muscle_words', 'new_bundle', 'with_dimensions']
-
 #: What a new model begins with, unless told otherwise: the ideal braid.
 START_EFFECTS = ('mesh',)
 _SHEET = 'Festo data sheet "Fluidic Muscle DMSP/MAS", quoted from memory: check it on your sheet'

@@ -85,7 +85,7 @@ class Overlap:
 @dataclass(frozen=True)
 class SensorError:
     """
-    How readings differ from the truth: shown = true (1 + gain) + bias + drift t.
+    Errors of readings: shown = true (1 + gain) + bias + drift t.
 
     Of each channel: biases in N, Pa and strain, gains dimensionless, drifts per s; t since the
     log, or the rig, began.
@@ -105,7 +105,7 @@ class SensorError:
 @dataclass(frozen=True)
 class Pneumatics:
     """
-    What the plant must know about the air of a bundle.
+    Properties of a bundle's air that the plant needs.
 
     Parameters
     ----------

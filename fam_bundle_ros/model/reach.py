@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a bundle can reach: free strain, the overlap of recruitment states, onset pressures."""
+"""Limits of a bundle: free strain, the overlap of recruitment states, onset pressures."""
 
 from __future__ import annotations
 

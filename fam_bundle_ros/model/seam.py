@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a control loop needs of a model: three functions and the numbers that they take.
+The interface of a model to a control loop: three functions and the numbers that they take.
 
     force(unit, strain, strain_rate, pressure, time, dt, start,
           shape, parameters, tables, memory, after) -> tension of the motor unit, N

@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from fam_bundle_ros.control import RecruitmentController
 from fam_bundle_ros.control.adaptation import forget_adaptation
 from fam_bundle_ros.control.learnt import adapted_bundle, learnt_words, wrong_model
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.modelfile import save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
@@ -23,7 +21,7 @@ _PERIOD = 1.0
 
 class Adaptation:
     """
-    What the recruitment controller learns, shown and kept.
+    Shows and saves what the recruitment controller has learnt.
 
     Parameters
     ----------
@@ -36,8 +34,8 @@ class Adaptation:
         self._node, self._controller = node, controller
         self._publisher = node.publisher(interface.ADAPTATION, String, interface.LATCHED)
         self._said = ''
-        node.create_service(Trigger, interface.ADAPTATION_RESET, self._on_reset)
-        node.create_service(Trigger, interface.ADAPTATION_SAVE, self._on_save)
+        node.trigger(interface.ADAPTATION_RESET, self._reset)
+        node.trigger(interface.ADAPTATION_SAVE, self._save)
         node.every(_PERIOD, self._publish)
 
     def words(self) -> str:
@@ -61,22 +59,15 @@ class Adaptation:
             self._said = words
             self._publisher.publish(String(data=words))
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        controller = self._controller()
-        before = self.words()
+    def _reset(self) -> str:
+        controller, before = self._controller(), self.words()
         forget_adaptation(controller.settings.adaptation, controller.memory.adaptation)
-        response.success, response.message = True, f'forgotten: {before}'
-        return response
+        return f'forgotten: {before}'
 
-    def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _save(self) -> str:
         controller = self._controller()
         # Not beside the model: a shipped one lies where nobody may write.
         model = Path(self._node.p['model'])
         path = Path(self._node.p['adaptation_file'] or f'{model.stem}_adapted.yaml').absolute()
-        try:
-            save_model(adapted_bundle(controller.bundle, controller.memory.adaptation), path)
-        except InputError as error:
-            response.success, response.message = False, str(error)
-        else:
-            response.success, response.message = True, f'{path}: {self.words()}'
-        return response
+        save_model(adapted_bundle(controller.bundle, controller.memory.adaptation), path)
+        return f'{path}: {self.words()}'

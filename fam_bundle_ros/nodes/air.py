@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a driver may do with the air: who asked for it, and how long ago. No ROS.
+What a driver may do with the air, from the commands received and their age. No ROS.
 
 A motor unit whose valve command is old is vented. The supply is open only while `supply_enable`
 is true and fresh and the rig is not stopped; while it is shut, every valve exhausts.
@@ -15,7 +15,7 @@ VENT = -1.0
 @dataclass(frozen=True)
 class Order:
     """
-    What the valves are to do now.
+    Commands for supply and valves.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Order:
 
 class Air:
     """
-    Remembers valve commands and `supply_enable`, and says what is still good.
+    Keeps valve commands and `supply_enable`, and returns what is still valid.
 
     Times are of one steady clock, s.
 
@@ -82,7 +82,7 @@ class Air:
         """
         Take ``supply_enable``.
 
-        With more than one publisher a true counts only when nobody has said false of late.
+        With several publishers a true counts only when no false came within ``supply_timeout``.
         """
         if not value:
             self._forbidden = now

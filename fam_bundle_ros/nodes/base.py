@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What every node of the bundle shares: parameters, time, QoS, error lines, a safe stop."""
+"""Base class of the nodes: parameters, time, QoS, error lines, a safe stop."""
 
 from collections.abc import Callable, Sequence
 import math
@@ -23,6 +23,7 @@ from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
+from std_srvs.srv import Trigger
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
@@ -139,6 +140,16 @@ class BundleNode(Node):
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=lambda event: self._misfit(topic, event)))
 
+    def trigger(self, name: str, act: Callable[[], str]) -> None:
+        """Offer a service that acts and answers in words; an InputError says why it did not."""
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.success, response.message = True, act()
+            except InputError as error:
+                response.success, response.message = False, str(error)
+            return response
+        self.create_service(Trigger, name, answer)
+
     def every(self, period: float, callback: Callable[[], None]) -> Timer:
         """Call back on the steady clock: simulated time may stand still."""
         return self.create_timer(period, callback, clock=self._steady)
@@ -149,7 +160,7 @@ class BundleNode(Node):
 
     @property
     def max_latency(self) -> float:
-        """Return how old a reading may be when it comes, s; infinite where nobody can tell."""
+        """Return how old a reading may be when it comes, s; infinite where clocks may differ."""
         if self.lock_step or not self.p['clocks_synchronised']:
             return math.inf
         given: float = self.p['max_latency']

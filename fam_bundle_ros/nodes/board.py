@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The conversation with a microcontroller: greeting, samples, what is lost, who hears whom.
+The connection to a microcontroller: greeting, samples, losses, time-outs.
 
 No ROS and no port: bytes come in, samples with their times go out.
 """
@@ -30,7 +30,7 @@ _OPEN_COMMANDS = 512
 
 
 class Talk(Enum):
-    """How far the conversation has come."""
+    """State of the connection, and why it is not running."""
 
     CLOSED = 'the port is not open'
     GREETING = 'the board has not answered yet'
@@ -40,7 +40,7 @@ class Talk(Enum):
 
 class Board:
     """
-    What is known of a board.
+    State of the connection to a board.
 
     Times are of one steady clock, s.
 
@@ -148,7 +148,7 @@ class Board:
         return True
 
     def check(self, now: float) -> None:
-        """Look after what does not come; call this often."""
+        """Detect a board that has fallen silent; call this often."""
         if self.running and now - self._received > self._timeout:
             self._leave(Talk.GREETING, f'the board was silent for {now - self._received:.2f} s')
 

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Service ``diagnose`` of the model monitor: discovery on the memory, and what comes of it.
+Service ``diagnose`` of the model monitor: discovery on the memory, and its result.
 
 The work is done in a process of its own. Its answer goes out latched on ``model/diagnosis`` and
 lies in a folder with the model that it recommends. That model is the candidate; every ten seconds
@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.discovery.settings import Choices
@@ -80,7 +79,7 @@ class Diagnosing:
         self._thread = ThreadPoolExecutor(1, 'model_monitor')
         self._look: Future[tuple[str, Candidate | None]] | None = None
         self._publisher = node.publisher(interface.MODEL_DIAGNOSIS, String, interface.LATCHED)
-        node.create_service(Trigger, interface.DIAGNOSE, self._on_diagnose)
+        node.trigger(interface.DIAGNOSE, self._diagnose)
         node.every(_POLL, self._poll)
         node.every(_LOOK, self.look_closer)
 
@@ -118,13 +117,12 @@ class Diagnosing:
 
     # --- the worker ----------------------------------------------------------------------------
 
-    def _on_diagnose(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _diagnose(self) -> str:
         try:
-            response.success, response.message = True, self._start()
+            return self._start()
         except InputError as error:
-            response.success, response.message = False, str(error)
             self._node.get_logger().warning(f'no diagnosis: {error}')
-        return response
+            raise
 
     def _start(self) -> str:
         if self._worker:

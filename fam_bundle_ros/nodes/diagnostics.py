@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes say on /diagnostics, once a second (REP-107)."""
+"""Reports of the nodes on /diagnostics, once a second (REP-107)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

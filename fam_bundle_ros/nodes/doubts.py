@@ -1,20 +1,20 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is not right although every message is: references not reached, refused, contradicting."""
+"""Warnings on references: not reached for long, refused, or of changing kind."""
 
 from collections.abc import Mapping
 
 from fam_bundle_ros.control import Reference
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
 
-#: s: a reference that is missed for less is being approached.
+#: s: an error that lasts less is a transient.
 _PATIENCE = 2.0
 _UNITS = {'force': ' N', 'strain': ''}
 
 
 class OffTarget:
     """
-    Notices a reference that is not reached for so long that it is no transient.
+    Notices a reference that is not reached for longer than a transient takes.
 
     Parameters
     ----------
@@ -44,11 +44,11 @@ class OffTarget:
         """Compare a reference with the readings at a time, s."""
         kind = reference.kind
         if kind not in self._limits:
-            # Pressures are the business of their loops.
+            # Pressure errors are watched by the pressure loops.
             self.reset()
             return
         value = measured[kind]
-        # A reading that is no number is no error here: the sensor's watch tells of it.
+        # nan is not an error here: the sensor watch reports it.
         if not abs(value - reference.value) > self._limits[kind]:
             self.reset()
             return

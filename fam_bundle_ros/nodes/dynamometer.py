@@ -20,7 +20,7 @@ _SILENT = 1.0
 
 class ImposedStrain:
     """
-    Moves the dynamometer of a rig as the last message says, on along its rate until the next.
+    Moves the dynamometer to the strain of the last message, and on at its rate until the next.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a node hears of the emergency stop: whoever says stop, stops.
+The emergency stop as a node receives it: a True of any publisher stops.
 
 The interface has one publisher of ``e_stop``, which knows about all buttons. Messages do not tell
 who sent them: where there are more publishers, a False may come from one that does not know of
-another's stop, and is not believed.
+another's stop, and is ignored.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ class EmergencyStop:
     ----------
     on : bool
     doubt : str
-        Why it is still on although somebody said that it is not; else empty.
+        Why it is still on although a False came; else empty.
     """
 
     def __init__(self, node: BundleNode, on_stop: Callable[[], None]):
@@ -42,7 +42,7 @@ class EmergencyStop:
         node.subscribe(interface.E_STOP, Bool, self.take, interface.LATCHED)
 
     def take(self, message: Bool) -> None:
-        """Hear a message."""
+        """Take a message."""
         node = self._node
         publishers = node.publisher_count(interface.E_STOP)
         if message.data:

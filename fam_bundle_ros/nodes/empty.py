@@ -125,7 +125,7 @@ class EmptyRig(Relay):
             self.create_timer(0.2, self._begin, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def answer(self, stamp: Any) -> None:
-        """Send the next sample; late answers to one that was sent again count for nothing."""
+        """Send the next sample; late answers to one that was sent again are ignored."""
         if interface.stamp_ns(stamp) == self._stamp:
             self._stamp += self._period
             self.send(interface.to_stamp(self._stamp))

@@ -19,7 +19,6 @@ import time
 from typing import Any
 
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
@@ -156,7 +155,7 @@ class FaultInjection:
         self._timer: Any = None
         self.faults = Faults()
         self.take()
-        node.create_service(Trigger, interface.FAULT_CLEAR, self._on_clear)
+        node.trigger(interface.FAULT_CLEAR, self._clear)
 
     def check(self, values: dict[str, Any]) -> None:
         """Refuse parameters that make no sense (InputError)."""
@@ -167,7 +166,7 @@ class FaultInjection:
         self.set(faults_from(self._node.p, self._units))
 
     def set(self, faults: Faults) -> None:
-        """Break what is said, in place of what the parameters say until they change."""
+        """Set faults in place of those of the parameters, until a parameter changes."""
         self.faults = faults
         if self._node.lock_step:
             self._apply(replace(copy.deepcopy(self.faults), silent=set()))
@@ -198,10 +197,8 @@ class FaultInjection:
             self._node.destroy_timer(self._timer)
             self._timer = None
 
-    def _on_clear(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _clear(self) -> str:
         before = self.faults.text
-        # As parameters, so that whoever reads them sees what is so.
+        # As parameters, so that reading them shows the present state.
         self._node.set_parameters([Parameter(spec.name, value=spec.default) for spec in FAULTS])
-        response.success = True
-        response.message = f'repaired: {before}' if before else 'nothing was broken'
-        return response
+        return f'repaired: {before}' if before else 'nothing was broken'

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Each node in a process of its own, and what comes of it when one is killed or stopped.
+Each node in a process of its own; one is killed or stopped, and the outcome is judged.
 
 Over real ROS and in wall time, on the simulated rig with 6 bar and without a trip of its own. What
 is seen is what a rig sees: valve commands, `supply_enable`, pressures (of sound sensors).
@@ -17,7 +17,6 @@ import os
 from pathlib import Path
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from typing import Any
@@ -31,7 +30,7 @@ from std_srvs.srv import SetBool
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, COMMON
-from fam_bundle_ros.nodes.process import Spinner
+from fam_bundle_ros.nodes.process import node_command, Spinner
 from fam_bundle_ros.plant import ChamberConfig
 
 UNITS = 2
@@ -72,7 +71,7 @@ _RELIEF = ChamberConfig().relief_pressure
 
 @dataclass(frozen=True)
 class _Row:
-    """What was so at a time (s): pressures (Pa gauge), force (N), exhausting, supply shut."""
+    """State at a time (s): pressures (Pa gauge), force (N), exhausting, supply shut."""
 
     time: float
     pressure: tuple[float, ...]
@@ -82,7 +81,7 @@ class _Row:
 
 
 class _Witness(BundleNode):
-    """Hears what a rig hears and what it shows."""
+    """Records what a rig receives and what it shows."""
 
     def __init__(self, context: Context, namespace: str):
         super().__init__('witness', (), context=context, namespace=namespace)
@@ -115,7 +114,7 @@ class _Witness(BundleNode):
     def _note(self) -> None:
         now = time.monotonic()
         heard, leave = self._supply
-        # Who never publishes it shuts nothing.
+        # Where it was never published it shuts nothing.
         shut = math.isfinite(heard) and (not leave or now - heard > _SUPPLY_TIMEOUT)
         self.rows.append(_Row(now, tuple(self._pressure), self._force, tuple(
             value < -0.5 or now - came > _COMMAND_TIMEOUT for came, value in self._commands),
@@ -131,15 +130,9 @@ class _Process:
         known = {spec.name for spec in (*COMMON, *specs)}
         parameters = {**{name: value for name, value in _DESKTOP.items() if name in known},
                       **parameters}
-        words = [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{module} import '
-                 f'main; sys.argv[0] = "{module}"; sys.exit(main())', '--ros-args',
-                 '-r', f'__ns:={namespace}']
-        for name, value in parameters.items():
-            shown = str(value).lower() if isinstance(value, bool) else value
-            words += ['-p', f'{name}:={shown}']
         with log.open('ab') as output:
             self._process = subprocess.Popen(
-                words, stdout=output, stderr=output,
+                node_command(module, parameters, namespace), stdout=output, stderr=output,
                 env=os.environ | ({} if domain is None else {'ROS_DOMAIN_ID': str(domain)}))
 
     def signal(self, number: int) -> None:
@@ -256,16 +249,13 @@ def _enable(spinner: Spinner, witness: _Witness, patience: float) -> str:
     if not witness.enable.service_is_ready():
         return 'not there'
     future = witness.enable.call_async(SetBool.Request(data=True))
-    end = time.monotonic() + patience
-    while not future.done() and time.monotonic() < end:
-        spinner.spin(0.02)
-    if not future.done():
+    if not spinner.until(future.done, patience):
         return 'no answer'
     return 'accepted' if future.result().success else 'refused'
 
 
 def _judge(rows: Sequence[_Row], struck: float, refuse: bool, answer: str) -> dict[str, Any]:
-    """Return what came of it; ``refuse`` where `enable` has to."""
+    """Return the outcome; ``refuse`` where `enable` has to refuse."""
     after = [row for row in rows if row.time >= struck]
     sign = _lasting(after, lambda row: row.shut or any(row.exhausting))
     safe = _lasting(after, lambda row: row.shut or all(row.exhausting))

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One run with a fault, through the nodes on real ROS, and what came of it.
+One run with a fault, through the nodes on real ROS, and its record.
 
 The same nodes as the executables, in one process. In lock-step, time is that of the stamps, and
 the run is the same each time; faults of messages (late, lost) need wall time.

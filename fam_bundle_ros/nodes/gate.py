@@ -3,8 +3,8 @@
 """
 Lock-step: collects what belongs to one stamp. No ROS.
 
-Every node of the loop answers a stamp once it has all that belongs to it, and never guesses, so
-that the run is the same whatever order messages arrive in. A channel that stays away for too long
+Every node of the loop answers a stamp once it has all messages of it, so that the run is the same
+whatever order they arrive in. A channel that stays away for too long
 is lost: it is waited for no more until it comes back, and the node treats it as stale.
 """
 

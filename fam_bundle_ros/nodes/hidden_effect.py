@@ -71,7 +71,7 @@ def with_written_effect(bundle: Bundle, text: str) -> Bundle:
         raise InputError(f'{HIDDEN.name} is {text!r}; expected an effect as a model file writes '
                          'it, such as "coulomb_friction: {force: 4 N}"') from error
     except InputError as error:
-        # the line is one of a file that nobody sees
+        # its line number is that of a file made here
         raise InputError(re.sub(r', line \d+', '', str(error))) from error
     if any(own.name == effect.name for own in bundle.effects):
         raise InputError(f'{HIDDEN.name}: {bundle.name} has {effect.name} already')

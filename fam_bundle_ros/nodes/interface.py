@@ -260,7 +260,7 @@ def read_strain(message: JointState, length: float) -> tuple[float, float]:
     ------
     InputError
         When there is neither a joint ``strain`` nor a joint ``contraction``, or positions or
-        velocities are not one for each joint: nobody can tell which is missing.
+        velocities are not one for each joint: which one is missing is unknown.
     """
     joints, rates = len(message.name), len(message.velocity)
     if len(message.position) != joints or rates not in (0, joints):
@@ -359,11 +359,6 @@ def reference_strain_writer() -> Callable[[int, float, float], JointState]:
     return write
 
 
-def reference_strain_message(stamp: int, strain: float, rate: float = 0.0) -> JointState:
-    """Return a message of `reference_strain_writer`."""
-    return reference_strain_writer()(stamp, strain, rate)
-
-
 def reference_pressures_writer(units: int) -> Callable[[int, Iterable[float]], JointState]:
     """Return the writer (stamp, gauge pressures in Pa) of pressure references."""
     return joint_writer([f'mu{k + 1}' for k in range(units)], 'effort')
@@ -406,11 +401,6 @@ def recruitment_writer(units: int) -> Callable[..., JointState]:
 def recruitment_message(stamp: int, active: Sequence[bool], share: Sequence[float]) -> JointState:
     """Return a message of `recruitment_writer`."""
     return recruitment_writer(len(active))(stamp, active, share)
-
-
-def read_recruitment(message: JointState) -> tuple[list[bool], list[float]]:
-    """Return which motor units are on, and their shares."""
-    return [value > 0.5 for value in message.position], list(message.effort)
 
 
 def bool_message(value: bool) -> Bool:

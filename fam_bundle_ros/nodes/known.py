@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All parameters of the package: one that no node has is refused, ROS would ignore it."""
+"""All parameters of the package: an unknown one is refused, where ROS would ignore it."""
 
 from collections.abc import Iterable
 import difflib

@@ -11,7 +11,6 @@ a process of its own.
 from collections.abc import Callable
 import cProfile
 import os
-from pathlib import Path
 import subprocess
 import sys
 import tempfile
@@ -24,12 +23,15 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from fam_bundle_ros.model import Bundle, load_model, save_model
+from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.empty import empty_node, EmptyRig, roles
+from fam_bundle_ros.nodes.models import model_in
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.process import node_command
+from fam_bundle_ros.nodes.session import DESKTOP
 from fam_bundle_ros.resources import config_path
 
 #: What is run: the bundle's nodes, empty nodes, or the bundle's pressure loops among empty nodes.
@@ -90,7 +92,7 @@ class Stopwatch:
 
 
 class _Timed:
-    """Puts a stopwatch on a rig: what it publishes of a sample, what it hears of the valves."""
+    """Adds a stopwatch to a rig: times the samples it publishes and the valve commands it gets."""
 
     def __init__(self, watch: Stopwatch, *arguments: Any, **keywords: Any):
         self._watch = watch
@@ -162,14 +164,11 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
     context = Context()
     context.init(args=['--ros-args', '--log-level', 'error'])
     with tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch:
-        model = str(Path(scratch) / 'model.yaml')
-        save_model(_bundle(units), model)
-        values = {'model': model, 'rate': rate, 'lock_step': lock_step,
-                  'wait_for_reference': lock_step, 'publish_clock': False, 'start_stopped': False,
-                  'start_enabled': True, 'trajectory': 'trajectories/force_ramp.yaml',
-                  'repeat': True, 'load.kind': 'dynamometer', 'load.strain': 0.1,
-                  'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0,
-                  'supply_timeout': 2.0, 'clocks_synchronised': False,
+        values = {'model': model_in(scratch, 'model', _bundle(units)), 'rate': rate,
+                  'lock_step': lock_step, 'wait_for_reference': lock_step,
+                  'publish_clock': False, 'start_stopped': False, 'start_enabled': True,
+                  'trajectory': 'trajectories/force_ramp.yaml', 'repeat': True,
+                  'load.kind': 'dynamometer', 'load.strain': 0.1, **DESKTOP,
                   # An empty rig's readings do not follow the valve.
                   'stuck_time': 0.0, 'strain_stuck_time': 0.0}
         nodes = _others(graph, units, values, context, namespace, processes, children)
@@ -247,16 +246,10 @@ def _others(graph: str, units: int, values: dict[str, Any], context: Context, na
 
 def _own(role: str, values: dict[str, Any], namespace: str) -> list[str]:
     """Return the command that starts one of the bundle's nodes."""
-    name, _, unit = role.partition('_mu')
+    module, _, unit = role.partition('_mu')
     given = {**values, **({'motor_unit': int(unit)} if unit else {})}
-    parameters = []
-    for key, value in given.items():
-        shown = str(value).lower() if isinstance(value, bool) else value
-        parameters += ['-p', f'{key}:={shown}']
-    return [sys.executable, '-c',
-            f'import sys; from fam_bundle_ros.nodes.{name} import main; sys.exit(main())',
-            '--ros-args', '-r', f'__ns:=/{namespace}', '-r', f'__node:={role}', '--log-level',
-            'error', *parameters]
+    return [*node_command(module, given, f'/{namespace}'), '-r', f'__node:={role}',
+            '--log-level', 'error']
 
 
 def _bundle(units: int) -> Bundle:

@@ -11,7 +11,7 @@ times a second, and takes orders on standard input, a line of JSON each::
 
 It ends when standard input does.
 
-Lines have a key ``kind``: ``graph`` (who is there), ``sample`` (newest values, and what the
+Lines have a key ``kind``: ``graph`` (which nodes run), ``sample`` (newest values, and what the
 tracking error of the last tenth of a second adds), ``state`` and ``diagnosis`` (the messages of
 ``model/state`` and ``model/diagnosis``), ``answer`` (to an order).
 """
@@ -44,7 +44,7 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.processes import own_stdout
 
-#: s between two samples, looks at the orders, and looks at who is there.
+#: s between two samples, looks at the orders, and looks at the graph.
 _PERIOD, _POLL, _LOOK = 0.1, 0.05, 1.0
 #: s that a service gets to answer.
 _PATIENCE = 5.0
@@ -153,7 +153,7 @@ class LiveFeed(BundleNode):
         del self._newest['time']
 
     def _look(self) -> None:
-        """Say who is there, and listen to the pressures of motor units that have come."""
+        """Report which nodes run, and subscribe to the pressures of new motor units."""
         space = self.get_namespace().rstrip('/')
         for name, _ in self.get_topic_names_and_types():
             found = _PRESSURE.fullmatch(name.removeprefix(f'{space}/'))

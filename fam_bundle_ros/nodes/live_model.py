@@ -61,7 +61,7 @@ class LiveModel:
 
 class ModelWatch:
     """
-    What is known of a model's error while a rig runs.
+    The error of a model while a rig runs, and the test whether it still holds.
 
     Parameters
     ----------

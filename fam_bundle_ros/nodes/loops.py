@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the recruitment controller and its pressure loops hear of each other.
+How pressure loops report their state to the recruitment controller.
 
-Every pressure loop says on ``mu<i>/pid_state`` how it is, on every change and 20 times a second:
+Every pressure loop publishes ``mu<i>/pid_state`` on every change and 20 times a second:
 one word of `State`, and where there is more to say a cause and a reason, ``LATCHED OVER_PRESSURE:
 mu1 at 410 kPa, above 396 kPa``.
 """
@@ -44,7 +44,7 @@ def read_state(text: str) -> tuple[str, str, str]:
 
 
 class LoopState:
-    """Publishes how a pressure loop is."""
+    """Publishes the state of a pressure loop."""
 
     def __init__(self, node: BundleNode, unit: int):
         publish = node.publisher(interface.pid_state_topic(unit), String,
@@ -52,7 +52,7 @@ class LoopState:
         self._send = lambda text: publish(String(data=text))
         self._text = ''
         if not node.lock_step:
-            # By the time of the control loop: a loop that hangs is silent.
+            # From the executor of the control loop: a loop that hangs is silent.
             node.every(PERIOD, lambda: self._send(self._text))
 
     def say(self, change: Change) -> None:
@@ -63,7 +63,7 @@ class LoopState:
 
 class PressureLoops:
     """
-    Hears the pressure loops of all motor units.
+    Receives the states of the pressure loops of all motor units.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class PressureLoops:
     def silent(self, patience: float) -> list[int]:
         """Return the motor units (from 0) whose loops said nothing for so long, s."""
         if self._lock_step:
-            # There nothing moves without them, and who is lost is vented.
+            # In lock-step nothing moves without them, and a unit that is lost is vented.
             return []
         now = time.monotonic()
         return [unit for unit, heard in enumerate(self._heard)

@@ -11,6 +11,7 @@ pass its limits, watches and latches; strain goes to the dynamometer (``referenc
 from collections.abc import Callable, Sequence
 from contextlib import closing, ExitStack
 from dataclasses import replace
+from functools import partial
 import math
 from pathlib import Path
 import tempfile
@@ -28,16 +29,15 @@ from fam_bundle_ros.control.direct import ROUNDING
 from fam_bundle_ros.data.protocol import minutes, Protocol, segments
 from fam_bundle_ros.data.segment_store import SegmentStore
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, save_model
+from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.diagnostics import ERROR
+from fam_bundle_ros.nodes.models import model_in
 from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
 from fam_bundle_ros.nodes.protocol_run import Asked, ProtocolRun, Seen, Stopped
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
-
-__all__ = ['measure', 'Stopped']
 
 #: s that a rig and its controller get to be heard, a service to answer, a reason to come.
 _PATIENCE, _ANSWER, _REASON = 10.0, 5.0, 2.5
@@ -109,8 +109,7 @@ class Measuring(BundleNode):
         self.enable_client = self.create_client(SetBool, interface.ENABLE)
         self.parameter_client = self.create_client(
             GetParameters, 'recruitment_controller/get_parameters')
-        self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
-                                self._on_sample)
+        self._sensing = Sensing(self, bundle.n, bundle.length, self._on_sample)
         self.every(max(1.0 / self.p['rate'], 2e-3), self._check_time)
 
     @property
@@ -164,7 +163,7 @@ class Measuring(BundleNode):
             self._stop(f'the rig was silent for {_SILENT:g} s')
 
     def _stop(self, why: str) -> None:
-        # What somebody does before it has begun or after it is over is no business of it.
+        # Events before the experiment has begun or after it is over do not matter.
         if self.started and not self.stopped and not self._run.done:
             self.stopped = why
 
@@ -180,8 +179,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
             plant_model: Bundle | None = None, rig: bool = False, resume: bool = False,
             namespace: str = interface.NAMESPACE, domain: int | None = None, rate: float = 200.0,
             seed: int = 0, overrides: dict[str, Any] | None = None,
-            progress: Callable[[float, str], None] | None = None,
-            stop: Callable[[], bool] = lambda: False, log_level: str = 'warn') -> Path:
+            progress: Callable[[float, str], None] | None = None) -> Path:
     """
     Drive an experiment and record it.
 
@@ -209,11 +207,6 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
         Parameters of the simulated rig's nodes, say ``{'faults.leak': 'mu1=2.0'}``.
     progress : callable, optional
         Gets the share that is done, and what is being done and how long it takes still.
-    stop : callable, optional
-        Asked a few times a second; true ends the experiment as Ctrl-C does: for a thread that gets
-        no signals.
-    log_level : str
-        Of the simulated rig's nodes.
 
     Returns
     -------
@@ -227,7 +220,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
     Stopped
         When the experiment had to end: everything is vented, complete segments are kept.
     KeyboardInterrupt
-        After Ctrl-C or ``stop``, alike.
+        After Ctrl-C.
     """
     fits(protocol, model)
     store = SegmentStore(out, protocol, model.names, resume)
@@ -238,7 +231,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
         with ExitStack() as ending:
             # From before the first node: a KeyboardInterrupt in a callback would be lost.
             signals = ending.enter_context(StopSignals())
-            context = begin(log_level, domain, alone=domain is None and not rig)
+            context = begin('warn', domain, alone=domain is None and not rig)
             ending.callback(context.try_shutdown)
             node = {'context': context, 'namespace': namespace}
             if rig:
@@ -247,15 +240,15 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
             else:
                 scratch = ending.enter_context(tempfile.TemporaryDirectory(prefix='fam_bundle_'))
                 values = {**_SIMULATED, 'rate': rate, 'seed': seed, **_load(protocol),
-                          'model': _saved(model, scratch, 'model'),
-                          'plant_model': _saved(plant_model or model, scratch, 'plant'),
+                          'model': model_in(scratch, 'model', model),
+                          'plant_model': model_in(scratch, 'plant', plant_model or model),
                           **(overrides or {})}
                 nodes = make_nodes(context, namespace, overrides=values)
                 measuring = Measuring(model, run, store.clock(), **node, overrides={
                     'lock_step': True, 'rate': rate})
             # A listener first: in lock-step nothing is repeated that way.
             spinner = ending.enter_context(closing(Spinner(context, [measuring, *nodes])))
-            _drive(spinner, measuring, run, lambda: signals.received or stop(), rig, protocol,
+            _drive(spinner, measuring, run, lambda: signals.received, rig, protocol,
                    progress)
     store.finish()
     return store.out
@@ -291,22 +284,10 @@ def _load(protocol: Protocol) -> dict[str, Any]:
     return {'load.kind': 'dynamometer', 'load.strain': first}
 
 
-def _saved(model: Bundle, folder: str, name: str) -> str:
-    path = Path(folder) / f'{name}.yaml'
-    save_model(model, path)
-    return str(path)
-
-
 def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[[], bool],
            rig: bool, protocol: Protocol, progress: Callable[[float, str], None] | None) -> None:
     """Spin until the experiment is over; leave the bundle vented whatever happens."""
-    total = run.left
-
-    def until(condition: Callable[[], bool], seconds: float) -> bool:
-        deadline = time.monotonic() + seconds
-        while not condition() and time.monotonic() < deadline and not ended():
-            spinner.spin(0.02)
-        return condition()
+    total, until = run.left, partial(spinner.until, ended=ended)
     if rig:
         _meet(node, until, protocol)
     node.started = True
@@ -329,9 +310,7 @@ def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[
     finally:
         if rig:
             future = node.enable_client.call_async(SetBool.Request(data=False))
-            deadline = time.monotonic() + _ANSWER
-            while not future.done() and time.monotonic() < deadline:
-                spinner.spin(0.02)
+            spinner.until(future.done, _ANSWER)
     if not run.done:
         raise KeyboardInterrupt
 
@@ -353,7 +332,7 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
                              'ROS domain?')
     # A generator that gives way does so at the first pressures that it hears.
     met = time.monotonic()
-    # Whoever sends already may not be known yet.
+    # Another publisher may not be discovered yet.
     if not until(lambda: time.monotonic() - max(node.other[1], met) > _QUIET, 4 * _QUIET):
         raise InputError(f'somebody else sends {node.resolve_topic_name(node.other[0])}; end it, '
                          'or set give_way of reference_generator to true')

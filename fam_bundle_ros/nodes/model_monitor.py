@@ -28,8 +28,8 @@ from fam_bundle_ros.nodes.diagnosing import Diagnosing
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, Report, WARN
 from fam_bundle_ros.nodes.live_model import LiveModel, ModelWatch
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.parameters import Spec, table
-from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.parameters import Spec
+from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 
 SPECS = (
@@ -75,8 +75,7 @@ class ModelMonitor(BundleNode):
             for topic in (interface.MODEL_FORCE, interface.MODEL_RESIDUAL))
         self._state_publisher = self.publisher(interface.MODEL_STATE, String, interface.LATCHED)
         self._diagnosing = Diagnosing(self, self.watch, self._publish_state)
-        self._sensing = Sensing(self, bundle.n, float(bundle.motor_units[0].geometry.length),
-                                self._on_sample)
+        self._sensing = Sensing(self, bundle.n, bundle.length, self._on_sample)
         self.subscribe(interface.MODEL_APPLIED, String, self._on_applied, interface.LATCHED)
         self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report)
@@ -158,7 +157,4 @@ class ModelMonitor(BundleNode):
             report.add(WARN, watch.words)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [ModelMonitor(context=context)],
-               f'{__doc__}\nParameters:\n{table(SPECS)}', args)
+main = executable(ModelMonitor, __doc__, SPECS)

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from fam_bundle_ros.control import ControllerConfig, Measurement, RecruitmentController, Reference
 from fam_bundle_ros.control.rate import RateState
@@ -66,8 +65,8 @@ class ModelSwap:
         self._rate: RateState | None = None
         self._publisher = node.publisher(interface.MODEL_APPLIED, String, interface.LATCHED)
         node.subscribe(interface.MODEL_STATE, String, self._on_state, interface.LATCHED)
-        node.create_service(Trigger, interface.APPLY_MODEL, self._on_apply)
-        node.create_service(Trigger, interface.RESTORE_MODEL, self._on_restore)
+        node.trigger(interface.APPLY_MODEL, self._apply)
+        node.trigger(interface.RESTORE_MODEL, self._restore)
 
     def bundle(self, model: str) -> Bundle | None:
         """Return the bundle of a model file that is ready; None for any other."""
@@ -87,9 +86,9 @@ class ModelSwap:
 
     def go_on(self, controller: RecruitmentController) -> None:
         """
-        Let a controller that was just enabled know how the strain moves already.
+        Give a controller that was just enabled the present strain rate.
 
-        One that was off begins from the pressures as they are: nothing of before fades.
+        A controller that was off begins from the pressures as they are, without a fade.
         """
         if self._node.command is None:
             self._left, self._rate = 0.0, None
@@ -121,12 +120,12 @@ class ModelSwap:
                 controller.update(1e-3, vented, reference)
         except InputError as error:
             self._prepared[file] = Prepared(refusal=str(error))
-        except Exception as error:  # nobody looks at a thread
+        except Exception as error:  # an error in a thread would be lost
             self._prepared[file] = Prepared(refusal=f'{file}: {type(error).__name__}: {error}')
         else:
             self._prepared[file] = Prepared(bundle)
 
-    def _on_apply(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _apply(self) -> str:
         file = self._candidate
         prepared = self._prepared.get(file, Prepared())
         if not file:
@@ -138,37 +137,34 @@ class ModelSwap:
         else:
             why = self._refusal
         if why:
-            return self._refuse(response, why)
+            raise self._refused(why)
         before, bundle = self._node.p['model'], self._present()
-        response = self._change(file, response)
-        if response.success:
-            self._prepared[before] = Prepared(bundle)
-            self._before.append(before)
-        return response
+        said = self._change(file)
+        self._prepared[before] = Prepared(bundle)
+        self._before.append(before)
+        return said
 
-    def _on_restore(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _restore(self) -> str:
         if not self._before:
-            return self._refuse(response, 'no model was applied: there is none to go back to')
-        response = self._change(self._before[-1], response)
-        if response.success:
-            self._before.pop()
-        return response
+            raise self._refused('no model was applied: there is none to go back to')
+        said = self._change(self._before[-1])
+        self._before.pop()
+        return said
 
-    def _change(self, file: str, response: Trigger.Response) -> Trigger.Response:
+    def _change(self, file: str) -> str:
         before = self._present().name
         self._last, self._offset = list(self._node.setpoints), None
         rate = self._node.controller.memory.rate
         (result,) = self._node.set_parameters([Parameter('model', value=file)])
         if not result.successful:
-            return self._refuse(response, result.reason)
+            raise self._refused(result.reason)
         self._left, self._rate = _FADE, rate
         self._publisher.publish(String(data=file))
-        response.success = True
-        response.message = f'{self._present().name} in use since now, {before} before ({file})'
-        self._node.get_logger().info(response.message)
-        return response
+        said = f'{self._present().name} in use since now, {before} before ({file})'
+        self._node.get_logger().info(said)
+        return said
 
-    def _refuse(self, response: Trigger.Response, why: str) -> Trigger.Response:
-        response.success, response.message = False, why
+    def _refused(self, why: str) -> InputError:
+        """Log why the model stays; return the error that says so."""
         self._node.get_logger().warning(f'model not changed: {why}')
-        return response
+        return InputError(why)

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the recruitment controller watches: readings, pressure loops, itself; and what latches."""
+"""Watches of the recruitment controller: readings, pressure loops, its own process; latches."""
 
 from collections.abc import Callable
 import math
@@ -45,7 +45,7 @@ _FORCE_ERROR = 0.05
 
 class Oversight:
     """
-    Watches for a node, and knows why it must not act.
+    Watches readings and pressure loops for a node, and tells why it must not act.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ class Oversight:
                                f'enable, {latched}')
 
     def _look_for_loss(self) -> None:
-        """Latch after a loss so long that nobody expects pressure to come back."""
+        """Latch after a loss so long that pressure must not return by itself."""
         now, patience = self._clock(), self._node.p['resume_within']
         lost = [watch.reason for watch in self.watches if watch.health == Health.VENT]
         if not lost:
@@ -247,7 +247,7 @@ class Oversight:
         return '; '.join(reasons or self._felt())
 
     def _felt(self) -> list[str]:
-        """Return what the force says of pressures that look harmless."""
+        """Return why the force contradicts pressures that look harmless."""
         limits = [self._trip(unit) for unit in range(self._n)]
         if not math.isfinite(self._force + self._strain + sum(self.pressure)):
             return []

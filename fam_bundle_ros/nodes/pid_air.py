@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a pressure loop knows of the air of its motor unit: volume, supply, and what fits them."""
+"""The air of a motor unit as its pressure loop sees it: volume, supply, plausible pressures."""
 
 import math
 from typing import Any

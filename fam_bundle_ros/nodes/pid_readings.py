@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a pressure loop keeps of readings: the last ones, how long they are off, the gas volume."""
+"""Readings that a pressure loop keeps: last values, how long an error lasts, the gas volume."""
 
 import math
 import time
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Latest:
-    """The last reading (value, rate) of what the loop can do without, until it is too old."""
+    """The last value and rate of an optional reading, until it is too old."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -33,7 +33,7 @@ class Latest:
 
 
 class Stretch:
-    """How long a value has been far to one side."""
+    """Time for which a value has been far to one side."""
 
     def __init__(self) -> None:
         self.lasted = 0.0

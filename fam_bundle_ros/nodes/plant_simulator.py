@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Node plant_simulator: a rig that is not there, with the names, units and services of a real one.
+Node plant_simulator: a simulated rig with the topics, units and services of a real one.
 
 In wall time it steps at its rate with the latest valve commands and vents the motor units whose
 commands stay away. In lock-step it publishes a sample and ``/clock``, and steps when a valve
@@ -18,7 +18,6 @@ from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
@@ -29,9 +28,9 @@ from fam_bundle_ros.nodes.fault_injection import FaultInjection, FAULTS
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.hidden_effect import HIDDEN, HiddenEffect
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.parameters import Spec, table
-from fam_bundle_ros.nodes.process import run
-from fam_bundle_ros.nodes.profile import load_profile, Profile
+from fam_bundle_ros.nodes.parameters import Spec
+from fam_bundle_ros.nodes.process import executable
+from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.nodes.rig_parameters import LOAD, load_change, RIG, rig_config
 from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 from fam_bundle_ros.plant import Dynamometer, Faults, Rig
@@ -65,7 +64,7 @@ _SLOW = 0.5
 
 
 class Script(Protocol):
-    """What happens around each step of a simulated rig, and when it ends."""
+    """Hooks before and after each step of a simulated rig; says when to end."""
 
     def before(self, rig: Rig, time: float, period: float) -> None:
         """Act on the rig at a time of the run (s), before it steps by a period."""
@@ -105,8 +104,7 @@ class PlantSimulator(BundleNode):
         self.units = self.rig.bundle.n
         self._channels = [f'mu{i + 1}' for i in range(self.units)]
         self._script = script
-        self._profile: Profile | None = load_profile(p['load.profile']) if p['load.profile'] \
-            else None
+        self._profile = load_profile(p['load.profile']) if p['load.profile'] else None
         if self._profile and (self._profile.kind != 'strain' or not isinstance(
                 self.rig.load, Dynamometer)):
             raise InputError('load.profile needs a trajectory of strain and load.kind dynamometer')
@@ -161,7 +159,7 @@ class PlantSimulator(BundleNode):
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
-            self.create_service(Trigger, name, answer)
+            self.trigger(name, answer)
         self.p.on_change(self, self._check, self._change)
         self._diagnostics = Diagnostics(self, self._report, 'simulated')
 
@@ -185,7 +183,7 @@ class PlantSimulator(BundleNode):
         command = interface.read_valve(message, unit + 1)
         stamp = interface.stamp_ns(message.header.stamp)
         if self.lock_step:
-            # Late answers to a sample that was sent twice are as good as none.
+            # Late answers to a sample that was sent twice are ignored.
             if stamp == self._stamp and self._gate.put(self._channels[unit], stamp, command):
                 self._step(self._gate_commands())
                 self._publish()
@@ -197,7 +195,7 @@ class PlantSimulator(BundleNode):
                      f'{age:.3f} s ago, received just now; at most '
                      f"{self.p['command_timeout']:g} s is taken")
             return
-        # One from the future is worth as much as one of now: it counts from when it came.
+        # A stamp in the future counts from when the command came.
         self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
 
@@ -205,7 +203,7 @@ class PlantSimulator(BundleNode):
         self._leave.take(message.data)
 
     def _retry(self) -> None:
-        """Send an unanswered sample again; count who never answers as lost."""
+        """Send an unanswered sample again; a unit that never answers counts as lost."""
         silence = time.monotonic() - self._sent
         if silence < _RETRY or self.halted:
             return
@@ -214,7 +212,7 @@ class PlantSimulator(BundleNode):
             if lost:
                 self.say('lost', f"no valve commands for {', '.join(lost)}: venting", 0.0)
             if len(self._gate.lost) == self.units:
-                # Nobody drives time any more: let the air out at about wall speed.
+                # No controller answers any more: let the air out at about wall speed.
                 for _ in range(round(_RETRY * self.p['rate'])):
                     self._step([-1.0] * self.units)
                 self._publish(driven=False)
@@ -223,7 +221,7 @@ class PlantSimulator(BundleNode):
         self._publish(driven=not self._gate.begun)
 
     def _gate_commands(self) -> list[float]:
-        """Return the commands of this stamp; whoever is lost is vented."""
+        """Return the commands of this stamp; a lost motor unit is vented."""
         return [self._gate.value(channel, -1.0) for channel in self._channels]
 
     # --- wall time -----------------------------------------------------------------------------
@@ -237,7 +235,7 @@ class PlantSimulator(BundleNode):
                      'still (lock_step makes this node the clock)')
             return
         before, self._ticked = self._ticked, time.monotonic()
-        # Time in which this very process was held up is nobody's silence.
+        # Time in which this process was suspended does not count as silence of others.
         held_up = max(self._ticked - before - self._period_ns * 1e-9, 0.0)
         self._sent += held_up
         self._received = [received + held_up for received in self._received]
@@ -258,7 +256,7 @@ class PlantSimulator(BundleNode):
         Return whether to give the controllers more time.
 
         A desktop holds processes up for longer than a valve may stay open: the rig is then slower
-        than the clock rather than out of control. Who is silent for long is not waited for.
+        than the clock rather than out of control. No unit is waited for long.
         """
         now = time.monotonic()
         since = now - self._sent
@@ -332,24 +330,20 @@ class PlantSimulator(BundleNode):
 
     # --- services and parameters ---------------------------------------------------------------
 
-    def _on_e_stop(self, request: Trigger.Request, response: Trigger.Response
-                   ) -> Trigger.Response:
+    def _on_e_stop(self) -> str:
         self.rig.e_stop('e_stop_trigger was called')
         self._announce_stop()
-        response.success, response.message = True, 'stopped; all motor units are vented'
-        return response
+        return 'stopped; all motor units are vented'
 
-    def _on_e_stop_reset(self, request: Trigger.Request, response: Trigger.Response
-                         ) -> Trigger.Response:
-        response.success = bool(self.rig.e_stop_reset())
-        response.message = ('running' if response.success else
-                            f'still stopped: {self.rig.e_stopped}, and a motor unit is above '
-                            f"{self.p['trip_pressure'] / 1e3:g} kPa")
+    def _on_e_stop_reset(self) -> str:
+        running = self.rig.e_stop_reset()
         self._announce_stop()
-        return response
+        if not running:
+            raise InputError(f'still stopped: {self.rig.e_stopped}, and a motor unit is above '
+                             f"{self.p['trip_pressure'] / 1e3:g} kPa")
+        return 'running'
 
-    def _on_reset(self, request: Trigger.Request, response: Trigger.Response
-                  ) -> Trigger.Response:
+    def _on_reset(self) -> str:
         stopped = self.rig.e_stopped
         self.rig.reset()
         self._imposed.forget()
@@ -358,19 +352,17 @@ class PlantSimulator(BundleNode):
             self.rig.e_stop(stopped)
         self._steps = 0
         self._announce_stop()
-        response.success = True
-        response.message = 'at rest, vented; faults and the emergency stop stay as they were'
-        return response
+        return 'at rest, vented; faults and the emergency stop stay as they were'
 
-    def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_tare(self) -> str:
         self.rig.tare()
-        response.success, response.message = True, 'force zeroed at the present load'
+        said = 'force zeroed at the present load'
         filled = [f'mu{i + 1} is at {value / 1e3:.0f} kPa'
                   for i, value in enumerate(self.rig.truth.pressure) if value > _VENTED]
         if filled:
-            response.message += f": {', '.join(filled)}, and what that pulls reads as 0 N now"
-            self.get_logger().warning(f'tare: {response.message}')
-        return response
+            said += f": {', '.join(filled)}, and what that pulls reads as 0 N now"
+            self.get_logger().warning(f'tare: {said}')
+        return said
 
     def _check(self, values: dict[str, Any]) -> None:
         self._injection.check(values)
@@ -427,7 +419,4 @@ class PlantSimulator(BundleNode):
             report.add(ERROR, 'another rig publishes force under this namespace')
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [PlantSimulator(context=context)],
-               f'{__doc__}\nParameters:\n{table(SPECS)}', args)
+main = executable(PlantSimulator, __doc__, SPECS)

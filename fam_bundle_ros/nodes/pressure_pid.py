@@ -41,11 +41,10 @@ from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.parameters import table
 from fam_bundle_ros.nodes.pid_air import Air, SAMPLES
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
 from fam_bundle_ros.nodes.pid_readings import Stretch
-from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
 
 #: A gap between readings longer than this, to either side, is no sample period, s.
@@ -82,7 +81,7 @@ class PressurePidNode(BundleNode):
         if self.unit > bundle.n:
             raise InputError(f'{self.get_name()}: motor_unit is {self.unit}; {bundle.name} has '
                              f'{bundle.n}')
-        self._length = float(bundle.motor_units[0].geometry.length)
+        self._length = bundle.length
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
         self.pid = PressurePid(*self._settings())
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(
@@ -253,7 +252,7 @@ class PressurePidNode(BundleNode):
         first = self._answered < 0
         dt = 0.0 if first else (stamp - self._answered) * 1e-9
         if self.lock_step and dt == 0.0 and not first:
-            # Time stands still: who asks again gets the same answer.
+            # Time stands still: a repeated sample gets the same answer.
             self._publish(stamp, self._command)
             return
         # In wall time a stamp that stands still says nothing new, whatever the reading shows.
@@ -420,7 +419,4 @@ class PressurePidNode(BundleNode):
                        'sensor?')
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [PressurePidNode(context=context)],
-               f'{__doc__}\nParameters:\n{table(SPECS)}', args)
+main = executable(PressurePidNode, __doc__, SPECS)

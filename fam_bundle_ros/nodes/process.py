@@ -1,13 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The life of a process that runs nodes: start, spin, vent, end.
+Runs nodes in a process: start, spin, vent, end.
 
 Signals only set a flag. rclpy's own handlers would shut the context down before the last vent
 command could be published, and an exception raised inside a callback could leave a node half way.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 import os
 import signal
@@ -27,6 +27,7 @@ from rclpy.utilities import remove_ros_args
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.parameters import Spec, table
 
 #: s. Bounds how late a signal is noticed: with an infinite wait EventsExecutor ignores signals.
 SLICE = 0.1
@@ -42,8 +43,8 @@ def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Con
     """
     Return a context for nodes of this process.
 
-    Those that are ``alone`` hear each other and nobody else: a simulated run must not move a rig
-    that is there under the same names.
+    Nodes that are ``alone`` hear only each other: a simulated run must not move a real rig of the
+    same names.
     """
     context, name = Context(), 'ROS_AUTOMATIC_DISCOVERY_RANGE'
     before = os.environ.get(name)
@@ -92,6 +93,14 @@ class Spinner:
         self._deadline = time.monotonic() + seconds
         self.executor.spin_until_future_complete(self._slice, timeout_sec=seconds)
 
+    def until(self, done: Callable[[], bool], seconds: float,
+              ended: Callable[[], bool] = lambda: False) -> bool:
+        """Spin until ``done`` or ``ended``, for some time (s) at most; return whether done."""
+        deadline = time.monotonic() + seconds
+        while not done() and time.monotonic() < deadline and not ended():
+            self.spin(0.02)
+        return done()
+
     def interrupt(self) -> None:
         """End the present `spin` once the present callback is done."""
         if not self._slice.done():
@@ -110,7 +119,7 @@ class Spinner:
 
     @staticmethod
     def _try(node: BundleNode, action: Callable[[], None]) -> None:
-        """Act; what goes wrong is logged and keeps no other node from being vented."""
+        """Act; an error is logged, so that the other nodes are vented all the same."""
         try:
             action()
         except Exception as error:
@@ -172,6 +181,36 @@ class StopSignals:
         elif now - self._first > PATIENCE:
             raise KeyboardInterrupt
         self.received = True
+
+
+def executable(make: Callable[..., BundleNode], words: str | None, specs: Sequence[Spec],
+               ) -> Callable[[list[str] | None], int]:
+    """
+    Return the ``main`` of the executable of a node, which takes a command line.
+
+    Parameters
+    ----------
+    make : callable
+        Gets the context; the class of the node.
+    words : str
+        What the node does, for ``--help``.
+    specs : sequence of Spec
+        Its parameters, for ``--help``.
+    """
+    def main(args: list[str] | None = None) -> int:
+        return run(lambda context: [make(context=context)],
+                   f'{words}\nParameters:\n{table(specs)}', args)
+    return main
+
+
+def node_command(module: str, parameters: Mapping[str, Any], namespace: str) -> list[str]:
+    """Return the command that runs a node of this package, by its module, in an own process."""
+    words = [sys.executable, '-c', f'import sys; from fam_bundle_ros.nodes.{module} import main; '
+             f'sys.argv[0] = "{module}"; sys.exit(main())', '--ros-args',
+             '-r', f'__ns:={namespace}']
+    for name, value in parameters.items():
+        words += ['-p', f'{name}:={str(value).lower() if isinstance(value, bool) else value}']
+    return words
 
 
 def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int:

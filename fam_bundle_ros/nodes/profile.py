@@ -17,12 +17,12 @@ Files look like this::
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import yaml
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.nodes.models import shipped_or_own
+from fam_bundle_ros.resources import shipped_or_own
 from fam_bundle_ros.units import parse
 
 FORMAT = 'fam-bundle-trajectory/1'
@@ -30,26 +30,6 @@ _LIKE = {'force': 'N', 'strain': '1'}
 #: Possible references; beyond them somebody mixed up units.
 _LIMITS = {'force': 1e4, 'strain': 0.5}
 _KEYS = {'format', 'name', 'quantity', 'interpolation', 'points', 'notes'}
-
-
-class Profile(Protocol):
-    """What a reference generator needs; `fam_bundle_ros.simulation.Trajectory` is one too."""
-
-    @property
-    def name(self) -> str:
-        """For people."""
-    @property
-    def kind(self) -> str:
-        """Say ``force`` or ``strain``."""
-    @property
-    def duration(self) -> float:
-        """Length in s."""
-    @property
-    def value(self) -> Any:
-        """Return the function from time to reference."""
-    @property
-    def rate(self) -> Any:
-        """Return the function from time to its rate."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-How an experiment goes on from sample to sample: what is asked of the rig now. No ROS.
+An experiment sample by sample: which strain and pressures to ask of the rig now. No ROS.
 
 For each segment: wait where there is a pause, move the dynamometer to the start, fill, wait until
 the pressures are there and have settled, then follow the course and note every sample.
@@ -62,7 +62,7 @@ class Seen:
 @dataclass(frozen=True)
 class Asked:
     """
-    What is asked of the rig.
+    Strain and pressures asked of the rig.
 
     Attributes
     ----------

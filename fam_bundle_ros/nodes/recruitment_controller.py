@@ -39,8 +39,7 @@ from fam_bundle_ros.nodes.doubts import OffTarget
 from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import Oversight
-from fam_bundle_ros.nodes.parameters import table
-from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.recruitment_parameters import (
     controller_config,
     SPECS,
@@ -113,8 +112,8 @@ class RecruitmentNode(BundleNode):
         self._supply = SupplyEnable(self)
         self._oversight = Oversight(self, self.bundle, self._now, self._on_latch, self._on_e_stop)
         extra = ('reference',) if self.p['wait_for_reference'] else ()
-        self._sensing = Sensing(self, n, float(self.bundle.motor_units[0].geometry.length),
-                                self._on_sample, extra, self._oversight.look_at_pressure)
+        self._sensing = Sensing(self, n, self.bundle.length, self._on_sample, extra,
+                                self._oversight.look_at_pressure)
         self._references = ReferenceIntake(self, self.bundle, self._take_reference)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self._adaptation = Adaptation(self, lambda: self.controller)
@@ -351,8 +350,7 @@ class RecruitmentNode(BundleNode):
         # What the pressure loops and the readings of this node rest on.
         for what, new, old in (('motor units', bundle.n, self.bundle.n),
                                ('largest pressures', bundle.max_pressure.tolist(), self._limit),
-                               ('the length', *(float(each.motor_units[0].geometry.length)
-                                                for each in (bundle, self.bundle)))):
+                               ('the length', bundle.length, self.bundle.length)):
             if new != old:
                 raise InputError(f'{model}: {what} {new}, here {old}: restart all nodes with it')
 
@@ -415,7 +413,4 @@ class RecruitmentNode(BundleNode):
                 report.add(WARN, f'{count} publishers on {topic}')
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [RecruitmentNode(context=context)],
-               f'{__doc__}\nParameters:\n{table(SPECS)}', args)
+main = executable(RecruitmentNode, __doc__, SPECS)

@@ -10,7 +10,7 @@ somebody takes the reference. The end is held. With ``give_way`` it is silent wh
 ``reference/pressures``, and goes on a second later where it would be by then.
 """
 
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.context import Context
@@ -22,9 +22,12 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, MODEL
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, Meter, Report, WARN
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.parameters import Spec, table
-from fam_bundle_ros.nodes.process import run
-from fam_bundle_ros.nodes.profile import load_profile, Points, Profile
+from fam_bundle_ros.nodes.parameters import Spec
+from fam_bundle_ros.nodes.process import executable
+from fam_bundle_ros.nodes.profile import load_profile, Points
+
+if TYPE_CHECKING:
+    from fam_bundle_ros.simulation import Trajectory
 
 SPECS = (
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + ': for the rest length'),
@@ -49,19 +52,19 @@ class ReferenceGenerator(BundleNode):
     Parameters
     ----------
     context : Context, optional
-    profile : Profile, optional
+    profile : Points or Trajectory, optional
         In place of the parameter ``trajectory``.
     **keywords
         Of `BundleNode`.
     """
 
-    def __init__(self, *, context: Context | None = None, profile: Profile | None = None,
-                 **keywords: Any):
+    def __init__(self, *, context: Context | None = None,
+                 profile: 'Points | Trajectory | None' = None, **keywords: Any):
         super().__init__('reference_generator', SPECS, context=context, **keywords)
         p = self.p
         if profile is None and p['trajectory']:
             profile = load_profile(p['trajectory'])
-        self._length = float(bundle_from(p['model']).motor_units[0].geometry.length)
+        self._length = bundle_from(p['model']).length
         self._profile = profile
         #: Stamp at which the trajectory began, ns; None while it waits for the loop.
         self.start: int | None = None
@@ -192,7 +195,4 @@ def trajectory_profile(message: JointTrajectory, length: float) -> Points:
     return Points('trajectory', kind, times, values, rates)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [ReferenceGenerator(context=context)],
-               f'{__doc__}\nParameters:\n{table(SPECS)}', args)
+main = executable(ReferenceGenerator, __doc__, SPECS)

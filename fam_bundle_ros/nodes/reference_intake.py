@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes on the topics ``reference/...`` of the recruitment controller: read and checked."""
+"""Reads and checks the topics ``reference/...`` of the recruitment controller."""
 
 from collections.abc import Callable
 import math
@@ -46,7 +46,7 @@ class ReferenceIntake:
     def __init__(self, node: BundleNode, bundle: Bundle, take: Callable[[int, Reference], None]):
         self._take = take
         self._units = bundle.n
-        self._length = float(bundle.motor_units[0].geometry.length)
+        self._length = bundle.length
         self._pressures = DirectPressures(bundle)
         self._rate = ReferenceRate(_STEP * float(bundle.blocked_force(bundle.max_pressure)))
         self._tally = ReferenceTally()

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How references move: between messages, and where the message has no room to say it."""
+"""How references move between messages, and the rate of a force, which a wrench cannot carry."""
 
 from collections import deque
 from dataclasses import replace
@@ -26,7 +26,7 @@ _JITTER, _AGREE = 0.2, 2.0
 
 class ReferenceRate:
     """
-    Works out how fast a force reference moves: a wrench has no room to say it.
+    Estimates how fast a force reference moves: a wrench has no field for the rate.
 
     Lines through the last values: the longest whose slope agrees with those of all shorter ones
     within what jitter of the stamps explains. So a ramp is not read faster than it is, and one

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The hand of `check-rig --active` on the valves: it answers readings, notes them, and lets go.
+Valve control of `check-rig --active`: answers each reading, records both, vents at the end.
 
 Every pressure reading is answered with the command of its motor unit, as the pressure loops do. A
-reading beyond its limit, or silence, vents everything in the same callback; nothing is asked.
+reading beyond its limit, or silence, vents everything in the same callback.
 """
 
 from collections.abc import Callable
@@ -23,11 +23,11 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.supply_enable import PERIOD
 
-#: s: a pressure that says nothing for so long is lost.
+#: s without a reading after which a pressure is lost.
 _SILENCE = 0.25
 #: s that one spin takes at most.
 _SLICE = 0.01
-#: s in which a driver hears the last word.
+#: s for the last messages to reach the driver.
 _FAREWELL = 0.3
 
 
@@ -71,7 +71,7 @@ class Vented(Exception):
 
 class Hand(BundleNode):
     """
-    Opens valves and notes what follows.
+    Opens valves and records the readings.
 
     Parameters
     ----------
@@ -86,9 +86,9 @@ class Hand(BundleNode):
     pressure : list of Channel (n,), Pa as they come
     force, strain, supply : Channel
     command : list (n,)
-        For each valve; None, as at first, to say nothing.
+        For each valve; None, as at first, to publish nothing.
     leave : bool or None
-        For ``supply_enable``; None, as at first, to say nothing.
+        For ``supply_enable``; None, as at first, to publish nothing.
     limit : float, Pa
         Rise of any pressure at which everything is vented.
     most_force : float, N
@@ -122,18 +122,18 @@ class Hand(BundleNode):
         self.every(0.5 * PERIOD, self._beat)
 
     def others(self) -> list[str]:
-        """Return topics on which somebody else speaks: a controller is running."""
+        """Return topics that another node publishes too: a controller is running."""
         names = [interface.SUPPLY_ENABLE, *(interface.valve_topic(i + 1)
                                             for i in range(len(self.pressure)))]
         return [name for name in names if self.publisher_count(name) > 1]
 
     def begin(self) -> None:
-        """Speak from now on: shut and exhausting."""
+        """Begin to publish: supply shut, valves exhausting."""
         self._acting, self.command = True, [-1.0] * len(self.command)
         self.give_leave(False)
 
     def give_leave(self, value: bool | None) -> None:
-        """Say ``supply_enable`` at once, and from now on."""
+        """Publish ``supply_enable`` now, and repeatedly from now on."""
         self.leave = value
         self._beat()
 
@@ -141,7 +141,7 @@ class Hand(BundleNode):
         """Cut the supply and exhaust everything; the first reason stays."""
         self.trouble = self.trouble or why
         if not self._acting:
-            # Who acts is not to be disturbed.
+            # A controller may be at work: publish nothing.
             return
         self.command = [-1.0] * len(self.command)
         self.give_leave(False)
@@ -193,7 +193,7 @@ class Hand(BundleNode):
 
 class Session:
     """
-    A hand with time: lets it act for so long, or until something is so.
+    Runs a `Hand` for some time, or until a condition holds.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ class Session:
         return done
 
     def let_go(self) -> None:
-        """Vent, and see that it is heard."""
+        """Vent, and give the messages time to arrive."""
         self.hand.vent('done')
         end = time.monotonic() + _FAREWELL
         while time.monotonic() < end:

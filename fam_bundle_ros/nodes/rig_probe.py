@@ -3,8 +3,8 @@
 """
 Opens the valves of a rig one at a time, at low pressure, and says what is right and wrong.
 
-What must be known before anything else is asked first: does the air stay out while all valves are
-shut, does an exhaust fill. Then each motor unit: which reading rises at which command, how fast,
+Checked first, with hardly any air: does the air stay out while all valves are shut, does an
+exhaust fill. Then each motor unit: which reading rises at which command, how fast,
 up to what, whether it empties when commands stop. Whatever does not fit ends it with all vented.
 """
 
@@ -70,7 +70,7 @@ def probe_rig(bundle: Bundle, supply: float, *, namespace: str = interface.NAMES
                          f'{_LEAST / 1e3:g} to {most / 1e3:.0f} kPa')
     context = Context()
     context.init(domain_id=domain)
-    hand = Hand(context, namespace, bundle.n, float(bundle.motor_units[0].geometry.length))
+    hand = Hand(context, namespace, bundle.n, bundle.length)
     spinner = Spinner(context, [hand])
     try:
         with StopSignals() as signals:
@@ -103,11 +103,11 @@ class _Work:
         self._units = range(bundle.n)
 
     def do(self, patience: float) -> None:
-        """Do it all; what is wrong with one motor unit does not keep the others from it."""
+        """Take all steps; a fault of one motor unit does not end the tests of the others."""
         hand = self._hand
         if not self._session.wait(patience, lambda: all(c.rows for c in hand.pressure)):
             raise InputError('no pressures from the rig: see what check-rig says without --active')
-        # Who else speaks is found out a little later than who sends pressures.
+        # Other publishers are discovered a little later than the pressures.
         self._session.wait(0.3)
         if others := hand.others():
             raise InputError(f"somebody else publishes {', '.join(others)}: end the controllers")

@@ -46,7 +46,7 @@ COME_UP, _FILL, _EMPTY = 0.4, 1.0, 2.0
 @dataclass
 class Probe:
     """
-    What came of it.
+    Result of `check-rig --active`.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What recruitment and monitor hear of a rig: force, strain and pressures, brought together.
+Samples of a rig for recruitment and monitor: force, strain and pressures brought together.
 
 In lock-step a sample is complete when every channel carries its stamp. In wall time it is
 complete when every channel has sent anew; the owner's timer takes what there is when a channel

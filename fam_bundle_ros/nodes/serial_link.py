@@ -3,7 +3,7 @@
 """
 A port that is opened again whenever it is lost: a serial port, or TCP. No ROS.
 
-One thread opens and reads; nothing that a port does, or does not do, holds the caller up.
+One thread opens and reads; the caller never waits for the port.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ _CHUNK = 4096
 @dataclass(frozen=True)
 class Event:
     """
-    What happened on the port.
+    An event of the port.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class SerialLink:
                 port.open()
                 _prepare(port)
             except Exception as error:
-                # Drivers and URL handlers raise what they like; the thread has to go on.
+                # Drivers and URL handlers raise many kinds of errors; the thread has to go on.
                 self._tell('failed', reason=_reason(error))
                 self._ending.wait(self._retry)
                 continue

@@ -48,7 +48,7 @@ class GarbledLineError(ValueError):
 @dataclass(frozen=True)
 class Hello:
     """
-    What a board says of itself.
+    The greeting of a board.
 
     Attributes
     ----------

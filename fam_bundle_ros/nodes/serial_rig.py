@@ -19,7 +19,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
@@ -27,8 +26,8 @@ from fam_bundle_ros.nodes.air import Air
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.board import Board
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
-from fam_bundle_ros.nodes.parameters import Parameters, table
-from fam_bundle_ros.nodes.process import run
+from fam_bundle_ros.nodes.parameters import Parameters
+from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.serial_link import Event, SerialLink
 from fam_bundle_ros.nodes.serial_parameters import Readings, scale_specs, Scales, SPECS, UNITS
 from fam_bundle_ros.nodes.serial_protocol import AIR, command_line, hello_line, OVER_PRESSURE
@@ -107,8 +106,8 @@ class SerialRig(BundleNode):
                 self._take_valve(i, message)
             self.subscribe(interface.valve_topic(i + 1), JointState, command)
         self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_enable, interface.RELIABLE)
-        self.create_service(Trigger, interface.E_STOP_TRIGGER, self._on_e_stop)
-        self.create_service(Trigger, interface.E_STOP_RESET, self._on_e_stop_reset)
+        self.trigger(interface.E_STOP_TRIGGER, self._on_e_stop)
+        self.trigger(interface.E_STOP_RESET, self._on_e_stop_reset)
         self._diagnostics = Diagnostics(self, self._report, 'rig')
 
     def stop(self) -> None:
@@ -128,7 +127,7 @@ class SerialRig(BundleNode):
             executor.create_task(self._drain)
 
     def _drain(self) -> None:
-        """Work off what happened; stop for what goes wrong in it."""
+        """Handle the events of the link; an error in it stops the rig."""
         try:
             self._work_off()
         except Exception as error:
@@ -203,7 +202,7 @@ class SerialRig(BundleNode):
                      'taken')
             return
         self._commanded.add(unit)
-        # One line for all motor units; who is missing goes with the next heartbeat.
+        # One line for all motor units; a missing one follows with the next heartbeat.
         if len(self._commanded) == self.units and now - self._last_sent >= _CLOSEST:
             self._send(now)
 
@@ -214,22 +213,19 @@ class SerialRig(BundleNode):
         if self._air.order(now).supply != before:
             self._send(now)
 
-    def _on_e_stop(self, request: Trigger.Request, response: Trigger.Response
-                   ) -> Trigger.Response:
+    def _on_e_stop(self) -> str:
         self._stop_for('e_stop_trigger was called')
         self._announce()
-        response.success, response.message = True, 'stopped; all motor units are vented'
-        return response
+        return 'stopped; all motor units are vented'
 
-    def _on_e_stop_reset(self, request: Trigger.Request, response: Trigger.Response
-                         ) -> Trigger.Response:
+    def _on_e_stop_reset(self) -> str:
         blocked = self._blocked()
-        response.success = not blocked
-        response.message = f'still stopped: {blocked}' if blocked else 'running'
         if not blocked:
             self._stop = ''
         self._announce()
-        return response
+        if blocked:
+            raise InputError(f'still stopped: {blocked}')
+        return 'running'
 
     # --- stop and air --------------------------------------------------------------------------
 
@@ -353,7 +349,4 @@ def _units(context: Context | None, namespace: str, overrides: dict[str, Any] | 
         node.destroy_node()
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
-    return run(lambda context: [SerialRig(context=context)],
-               f'{__doc__}\nParameters:\n{table((*SPECS, *scale_specs(2)))}', args)
+main = executable(SerialRig, __doc__, (*SPECS, *scale_specs(2)))

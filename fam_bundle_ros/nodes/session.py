@@ -20,23 +20,20 @@ from rclpy.context import Context
 
 from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, save_model
+from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
-from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.nodes.models import bundle_from, model_in
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
 from fam_bundle_ros.nodes.profile import load_profile, Points
-from fam_bundle_ros.nodes.recording import record, Recorder
+from fam_bundle_ros.nodes.recording import Recorder
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
-from fam_bundle_ros.nodes.rig_check import check_rig, Finding
 from fam_bundle_ros.nodes.rig_parameters import load_model_parameters
 from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
 from fam_bundle_ros.simulation import Log, Trajectory
-
-__all__ = ['check_rig', 'Finding', 'record', 'run_trajectory', 'Watch']
 
 #: Looks at a run: time of the trajectory (s), simulator, all nodes, valve commands of the step.
 Watch = Callable[[float, PlantSimulator, Sequence[BundleNode], list[float]], None]
@@ -44,7 +41,7 @@ Watch = Callable[[float, PlantSimulator, Sequence[BundleNode], list[float]], Non
 #: s of wall time that messages on their way get at the end.
 _DRAIN = 0.3
 #: A desktop holds processes up for longer than a rig's watchdogs allow.
-_DESKTOP = {'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0,
+DESKTOP = {'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0,
             'supply_timeout': 2.0, 'clocks_synchronised': False}
 
 
@@ -114,7 +111,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
         values = {**_parameters(config, hardware), 'model': model_name, 'rate': rate,
                   'lock_step': lock_step, 'wait_for_reference': lock_step,
                   'publish_clock': lock_step, 'start_enabled': True, 'start_stopped': False,
-                  'prepare': plan.prepare, **_DESKTOP, **(overrides or {})}
+                  'prepare': plan.prepare, **DESKTOP, **(overrides or {})}
         # From before the first node: a KeyboardInterrupt in a callback of rclpy would be lost.
         with StopSignals() as signals:
             context = begin(log_level, domain, alone=domain is None)
@@ -255,11 +252,7 @@ def _plan(trajectory: Trajectory | Points | str | Path, load: Load | None) -> Tr
 
 def _as_file(model: Bundle | str | Path, folder: str, name: str) -> str:
     """Return the path of a model: nodes take files, as their parameters do."""
-    if not isinstance(model, Bundle):
-        return str(model)
-    path = Path(folder) / f'{name}.yaml'
-    save_model(model, path)
-    return str(path)
+    return model_in(folder, name, model) if isinstance(model, Bundle) else str(model)
 
 
 def _parameters(config: RigConfig, rig: Rig) -> dict[str, Any]:

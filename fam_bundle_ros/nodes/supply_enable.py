@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The leave to open the supply: who gives it, and who needs it.
+Permission to open the supply: how it is sent and how it is received.
 
 The recruitment controller says on ``supply_enable`` whether the supply may be open: at once when
-that changes, and 10 times a second, so that silence takes the leave away. What a driver makes of
+that changes, and 10 times a second, so that silence withdraws it. What a driver does with
 it: docs/how_to/driver.md.
 """
 
@@ -23,7 +23,7 @@ TIMEOUT = 0.5
 
 class SupplyEnable:
     """
-    Publishes the leave of a node; false at first.
+    Publishes the permission of a node; false at first.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class SupplyEnable:
             self._say(value)
 
     def _beat(self) -> None:
-        # A leave that has lapsed is not renewed by the way: its owner has to give it again.
+        # A permission that has expired is not renewed here: its owner has to set it again.
         self._say(self.value and time.monotonic() - self._said <= TIMEOUT)
 
     def _say(self, value: bool) -> None:
-        #: What was said last.
+        #: What was sent last.
         self.value = value
         self._said = time.monotonic()
         self._send(value)

@@ -77,7 +77,7 @@ class AirConfig:
 
 @dataclass
 class AirScratch:
-    """What one step of the circuit works with; nothing in it outlives the step."""
+    """Work space of one step of the circuit; nothing in it outlives the step."""
 
     #: Mean opening of each valve over a sub-step.
     opening: list[float]

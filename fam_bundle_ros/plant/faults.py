@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What can be broken in a simulated rig: instruments, messages, valves, muscles, supply.
+Faults of a simulated rig: instruments, messages, valves, muscles, supply.
 
 `Faults` is what users say, `FaultRecord` the same as kernels read it. The compiled closed loop
 and the simulator over ROS take the same faults. Only the simulator has messages: there `silent`,
@@ -31,7 +31,7 @@ UNITS: dict[str, dict[str, float]] = {
 @dataclass
 class Faults:
     """
-    What is broken at the moment; change it at any time. Motor units count from 0.
+    The present faults; they may change at any time. Motor units count from 0.
 
     Channels are 'force', 'strain', 'supply', 'mu1/pressure', ... Faults of a reading act on what
     a sound instrument shows, in the order below.
@@ -79,7 +79,7 @@ class Faults:
         self.__dict__.update(Faults().__dict__)
 
     def without_messages(self) -> 'Faults':
-        """Return the faults of the rig alone, for who sends messages."""
+        """Return the faults of the rig alone, where messages are sent elsewhere."""
         rest = copy.deepcopy(self)
         rest.silent, rest.late, rest.lost = set(), {}, {}
         return rest
@@ -110,7 +110,7 @@ def _sentence(field_name: str, name: str, key: Any, value: Any) -> str:
 
 @dataclass
 class FaultRecord:
-    """What is broken, as kernels read it: one value a motor unit, then one a channel."""
+    """Faults as kernels read them: one value a motor unit, then one a channel."""
 
     #: 1/s, rate at which gauge pressure leaks away, with the leak of the plant's own model.
     leak: list[float]

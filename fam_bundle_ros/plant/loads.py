@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the bundle pulls on: a dynamometer, a mass with gravity and springs, a forearm.
+Loads of the bundle: a dynamometer, a mass with gravity and springs, a forearm.
 
 A load is a frozen description; `LoadState` is its state, so that one load serves many rigs. What
 loads do are kernels (`fam_bundle_ros.kernels`) on one record for all kinds, `LoadRecord`:
@@ -26,7 +26,7 @@ DYNAMOMETER, MASS_SPRING, SERIES_SPRING_MASS, ARM = range(4)
 
 @dataclass
 class LoadState:
-    """Where a load is and how fast it moves."""
+    """Position and speed of a load."""
 
     #: 1 and 1/s.
     strain: float
@@ -224,7 +224,7 @@ def damping_rate(load: Any, length: float) -> float:
 # --- descriptions ------------------------------------------------------------------------------
 
 class Load(ABC):
-    """What every load answers."""
+    """Base class of the loads."""
 
     kind: ClassVar[int]
     stops: tuple[float, float]

@@ -67,7 +67,7 @@ DEFAULT_VALVE = ValveConfig()
 @dataclass(frozen=True)
 class ChamberConfig:
     """
-    What surrounds the gas of one motor unit: dead volume, exponents, relief valve.
+    The chamber of one motor unit: dead volume, exponents, relief valve.
 
     dp/dt = (g_in R T m_in - g_out R T m_out - g_v p dV/dt)/V with p absolute.
 

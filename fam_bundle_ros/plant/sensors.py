@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the instruments of the rig show: noise, bias, quantisation, dropout, a filtered rate.
+The instruments of the rig: noise, bias, quantisation, dropout, a filtered rate.
 
 Channels are, in this order: force, strain, supply, and the pressure of each motor unit.
 """
@@ -154,7 +154,7 @@ class SensorRecord:
 
 @dataclass
 class SensorState:
-    """What the instruments showed last."""
+    """State of the instruments with their last readings."""
 
     shown: list[float]
     #: The same without faults.

@@ -6,13 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.campaign import Campaign
 from fam_bundle_ros.campaign.trends import Trend
-
-__all__ = ['errors', 'lacking', 'over_facts']
 
 #: Effects that have a column; the others are rarer.
 _MOST_EFFECTS = 14
@@ -72,9 +69,8 @@ def over_facts(found: Sequence[Trend]) -> go.Figure:
     """Draw parameters over the number that they go with, a point for each muscle, and the fit."""
     columns = min(_COLUMNS, len(found))
     rows = -(-len(found) // columns)
-    drawing = make_subplots(rows, columns, horizontal_spacing=0.09, vertical_spacing=0.28 / rows)
-    plotting.dress(drawing, 60 + 280 * rows, showlegend=False)
-    plotting.style_axes(drawing)
+    drawing = plotting.panels(rows, columns, 60 + 280 * rows, showlegend=False,
+                              horizontal_spacing=0.09, vertical_spacing=0.28 / rows)
     for k, trend in enumerate(found):
         where = {'row': k // columns + 1, 'col': k % columns + 1}
         x, y = np.array(trend.fact_values), np.array(trend.values)

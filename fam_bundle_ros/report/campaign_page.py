@@ -16,8 +16,6 @@ from fam_bundle_ros.report.map_page import effects_table, units_table
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
-__all__ = ['campaign_page']
-
 #: Trends that are drawn; the others are in the table.
 _DRAWN = 6
 #: Longer tables are folded.

@@ -6,15 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.report.paper import force_strain_space
 from fam_bundle_ros.report.paper_plots import state_regions
 from fam_bundle_ros.simulation import Log
-
-__all__ = ['compared', 'run', 'track']
 
 #: More points than this in one line only slow the page down.
 MOST_POINTS = 2500
@@ -30,10 +27,8 @@ def run(log: Log) -> go.Figure:
 
     The state is the strip below and the tint behind the tracking; a line where it chatters.
     """
-    drawing = make_subplots(4, 1, shared_xaxes=True, row_heights=[0.40, 0.17, 0.33, 0.10],
-                            vertical_spacing=0.035)
-    plotting.dress(drawing, 680)
-    plotting.style_axes(drawing)
+    drawing = plotting.panels(4, 1, 680, shared_xaxes=True, vertical_spacing=0.035,
+                              row_heights=[0.40, 0.17, 0.33, 0.10])
     keep = _thin(len(log.time))
     time, scale = log.time[keep], _scale(log.kind)
     reached = (log.force if log.kind == 'force' else log.strain)[keep] * scale
@@ -114,10 +109,8 @@ def compared(logs: Mapping[str, Log]) -> go.Figure:
     """Draw one trajectory under several controllers, by their names: tracking, error below."""
     first = next(iter(logs.values()))
     scale = _scale(first.kind)
-    drawing = make_subplots(2, 1, shared_xaxes=True, row_heights=[0.6, 0.4],
-                            vertical_spacing=0.05)
-    plotting.dress(drawing, 480)
-    plotting.style_axes(drawing)
+    drawing = plotting.panels(2, 1, 480, shared_xaxes=True, row_heights=[0.6, 0.4],
+                              vertical_spacing=0.05)
     keep = _thin(len(first.time))
     drawing.add_trace(plotting.line(first.time[keep], first.reference[keep] * scale, 'asked for',
                                     plotting.INK, 'dash', 1.3), row=1, col=1)

@@ -19,8 +19,6 @@ from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.simulation import Log
 
-__all__ = ['benchmark_page', 'run_pictures']
-
 
 def run_pictures(log: Log, model: Bundle, key: str, title: str) -> list[Picture]:
     """Return a run over time and its track over the regions of the recruitment states."""

@@ -21,8 +21,6 @@ from fam_bundle_ros.report.paper_plots import map_pictures
 from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.simulation import Log
 
-__all__ = ['DemoRun', 'demo_page', 'demo_metrics']
-
 
 @dataclass(frozen=True)
 class DemoRun:

@@ -16,9 +16,6 @@ from fam_bundle_ros.report.map_page import effects_table, units_table
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
-__all__ = ['comparison_page', 'comparison_sections', 'diagnosis_page', 'diagnosis_sections',
-           'ladder_page', 'ladder_picture']
-
 Files = Sequence[tuple[str, str | Path]]
 #: What the ladder's held-out error is; said wherever it is drawn.
 HELD_OUT = ('Held out: each block of rows (isobar, trial or stretch of time) is predicted by a '

@@ -15,8 +15,6 @@ from fam_bundle_ros.report.tendon_plots import tendon_pictures
 from fam_bundle_ros.report.tendons import Ends
 from fam_bundle_ros.units import express
 
-__all__ = ['effects_table', 'map_page', 'units_table']
-
 
 def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path,
              ends: Ends | None = None) -> Page:

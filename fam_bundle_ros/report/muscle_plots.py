@@ -1,16 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What one motor unit can do by itself: its isobars, and its ends over the pressure."""
+"""Figures of one motor unit: isobars; blocked force and free strain over the pressure."""
 
 import numpy as np
-from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper import readings
-
-__all__ = ['muscle_pictures']
 
 #: Isobars that are drawn besides that of zero pressure.
 _ISOBARS = 6
@@ -60,8 +57,7 @@ def _isobars(models, strain, pressure):
 
 
 def _ends(models, most):
-    drawing = make_subplots(1, 2, horizontal_spacing=0.12)
-    plotting.dress(drawing, 360)
+    drawing = plotting.panels(1, 2, 360, 'pressure (kPa)', horizontal_spacing=0.12)
     # without pressure there is no free strain
     pressure = np.linspace(most / _POINTS, most, _POINTS)
     for model, dash, width in models:
@@ -72,5 +68,5 @@ def _ends(models, most):
                 showlegend=False, hovertemplate=f'{unit} at %{{x:.0f}} kPa<extra></extra>'),
                 row=1, col=column)
     for column, words in enumerate(('blocked force (N)', 'free strain'), start=1):
-        plotting.style_axes(drawing, 'pressure (kPa)', words, row=1, col=column)
+        drawing.update_yaxes(title_text=words, row=1, col=column)
     return drawing

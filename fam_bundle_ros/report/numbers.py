@@ -4,8 +4,6 @@
 
 from typing import Any
 
-__all__ = ['number', 'shown']
-
 
 def number(value: float) -> str:
     """

@@ -24,8 +24,6 @@ from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.report.numbers import shown
 
-__all__ = ['Headline', 'Page', 'Picture', 'render', 'Section', 'Table', 'write_page']
-
 _ASSETS = Path(__file__).parent / 'assets'
 
 

@@ -24,9 +24,6 @@ import numpy as np
 
 from fam_bundle_ros.model import Bundle, Place
 
-__all__ = ['force_strain_space', 'ForceStrainSpace', 'FreeStrain', 'Isobars', 'paper_figures',
-           'PaperFigures', 'readings', 'state_forces']
-
 PSI = 6894.757293168
 #: 10 psi; the paper prints 68.1 kPa.
 STEP = 10.0 * PSI

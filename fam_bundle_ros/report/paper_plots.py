@@ -8,14 +8,10 @@ A caption says what the paper's text states and what is this project's own.
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper import ForceStrainSpace, FreeStrain, Isobars, PaperFigures
-
-__all__ = ['force_strain_space', 'free_strain', 'isobars', 'map_pictures', 'muscle_isobars',
-           'state_regions']
 
 PAPER = 'Kim, Mazzoleni and Bryant, Proc. SPIE 11586, 115860L (2021)'
 IDEAL, BLADDER, RESISTIVE, NEGLECTED = (
@@ -109,10 +105,8 @@ def _falls(space):
 
 def muscle_isobars(data: Isobars) -> go.Figure:
     """Draw figure 2a: all of it left, the same about zero force right."""
-    drawing = make_subplots(1, 2, horizontal_spacing=0.09,
-                            subplot_titles=('', 'the same about zero force'))
-    plotting.dress(drawing, 440, legend={'y': 1.09})
-    plotting.style_axes(drawing, 'strain')
+    drawing = plotting.panels(1, 2, 440, 'strain', legend={'y': 1.09}, horizontal_spacing=0.09,
+                              subplot_titles=('', 'the same about zero force'))
     forces = data.forces['included']
     for column in (1, 2):
         for pressure, force in zip(data.pressure, forces, strict=True):
@@ -127,7 +121,6 @@ def muscle_isobars(data: Isobars) -> go.Figure:
     lowest = min(float(forces.min()), -1.0)
     drawing.update_yaxes(title_text='force of one muscle (N)', row=1, col=1)
     drawing.update_yaxes(range=[1.2 * lowest, -1.2 * lowest], row=1, col=2)
-    drawing.layout.annotations[-1].font = {'size': 13, 'color': plotting.MUTED}
     return drawing
 
 
@@ -157,12 +150,11 @@ def force_strain_space(data: ForceStrainSpace) -> go.Figure:
     With the isobars of the second unit, the first one at its largest pressure.
     """
     n = len(data.high['included'])
-    drawing = make_subplots(
-        2, 2, shared_yaxes='rows', horizontal_spacing=0.05, vertical_spacing=0.13,
+    drawing = plotting.panels(
+        2, 2, 820, legend={'y': 1.045}, shared_yaxes='rows', horizontal_spacing=0.05,
+        vertical_spacing=0.13,
         subplot_titles=('resistive force neglected', 'resistive force included',
                         'the same at large strain', 'the same at large strain'))
-    plotting.dress(drawing, 820, legend={'y': 1.045})
-    plotting.style_axes(drawing)
     end = float(data.strain[-1])
     # the zoom shows where the overlap matters: the last quarter of the strain
     start = 0.68 * end
@@ -180,8 +172,6 @@ def force_strain_space(data: ForceStrainSpace) -> go.Figure:
             name_states(drawing, data, reading, left, top, where)
         drawing.update_yaxes(title_text='force of the bundle (N)', row=row, col=1)
     drawing.update_xaxes(title_text='strain', row=2)
-    for annotation in drawing.layout.annotations[:4]:
-        annotation.font = {'size': 13, 'color': plotting.MUTED}
     drawing.update_layout(showlegend=n > 1)
     return drawing
 

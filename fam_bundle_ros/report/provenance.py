@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What went into a result: files with their hashes, versions, the machine's Python."""
+"""Provenance of a result: files with their hashes, versions, the machine's Python."""
 
 from collections.abc import Sequence
 from importlib import metadata
@@ -9,8 +9,6 @@ import platform
 
 import fam_bundle_ros
 from fam_bundle_ros.data.measurement import file_digest
-
-__all__ = ['file_entry', 'provenance']
 
 _PACKAGES = ('numpy', 'scipy', 'plotly', 'control')
 

@@ -4,14 +4,11 @@
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper_plots import name_states, state_regions
 from fam_bundle_ros.report.tendons import Ends
-
-__all__ = ['ends_free_strain', 'ends_looks', 'ends_space', 'tendon_pictures']
 
 STUDY = 'Mazzoleni et al., Proc. SPIE 11374 (2020)'
 AXIS = 'contraction over the packaging length'
@@ -53,10 +50,9 @@ def tendon_pictures(ends: Ends) -> list[Picture]:
 
 def ends_space(ends: Ends) -> go.Figure:
     """Draw what each recruitment state can give: fixed ends left, tendons right."""
-    drawing = make_subplots(1, 2, shared_yaxes=True, horizontal_spacing=0.05,
-                            subplot_titles=[words for _, words, _ in ends_looks(ends)])
-    plotting.dress(drawing, 460, legend={'y': 1.09})
-    plotting.style_axes(drawing, AXIS)
+    drawing = plotting.panels(1, 2, 460, AXIS, legend={'y': 1.09}, shared_yaxes=True,
+                              horizontal_spacing=0.05,
+                              subplot_titles=[words for _, words, _ in ends_looks(ends)])
     end = float(ends.space.strain[-1])
     top = max(float(each.max()) for each in ends.space.high.values())
     for column, (name, *_) in enumerate(ends_looks(ends), start=1):
@@ -67,8 +63,6 @@ def ends_space(ends: Ends) -> go.Figure:
     drawing.update_xaxes(range=[0.0, end])
     drawing.update_yaxes(range=[0.0, 1.03 * top])
     drawing.update_yaxes(title_text='force of the bundle (N)', row=1, col=1)
-    for annotation in drawing.layout.annotations[:2]:
-        annotation.font = {'size': 13, 'color': plotting.MUTED}
     drawing.update_layout(showlegend=len(ends.space.high['fixed']) > 1)
     return drawing
 

@@ -19,8 +19,6 @@ from fam_bundle_ros.model import Bundle, Place
 from fam_bundle_ros.model.geometry import geometry_problem
 from fam_bundle_ros.report.paper import ForceStrainSpace, state_forces
 
-__all__ = ['compare_ends', 'Ends', 'with_tendons']
-
 
 @dataclass(frozen=True)
 class Ends:

@@ -19,8 +19,6 @@ from fam_bundle_ros.workbench.side_view import SideView
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['CaseView']
-
 _CAPTIONS = {
     'curves': 'Points: measured (open: lengthening). Lines: model. Band: noise.',
     'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '
@@ -127,7 +125,6 @@ class CaseView:
         """Draw the error after each step, and the noise floor across all."""
         session = self.session
         most = max(step.error_N for step in session.steps)
-        shade = 'dark' if self.page.dark else 'light'
         floor = 100.0 * min(session.noise / most, 1.0)
         self.ladder.clear()
         with self.ladder:
@@ -142,7 +139,7 @@ class CaseView:
                         with parts.box('span', 'track'):
                             parts.box('i').style(
                                 f'width: {100 * step.error_N / most:.1f}%; '
-                                f'background: {getattr(colour, shade)}')
+                                f'background: {colour.on(self.page.dark)}')
                             parts.box('u').style(f'left: {floor:.1f}%')
                         parts.text('span', f'{short(step.error_N)} N', 'value')
             parts.text('span', f'Error, rms. Dashed: noise floor {short(session.noise)} N. '

@@ -10,8 +10,6 @@ from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench.incoming import Incoming
 
-__all__ = ['Case', 'EXAMPLES', 'Example', 'load_example']
-
 
 @dataclass(frozen=True)
 class Case:

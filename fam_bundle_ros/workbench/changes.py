@@ -13,8 +13,6 @@ from fam_bundle_ros.workbench.cases import Case
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.session import Step
 
-__all__ = ['after', 'Change', 'command', 'Since']
-
 #: Effects added, replaced (old -> new) and removed, all since the first model.
 Since = tuple[tuple[Effect, ...], dict[str, str], tuple[str, ...]]
 

@@ -15,15 +15,12 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.data.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.discovery import figures
 from fam_bundle_ros.workbench.session import Session
 from fam_bundle_ros.workbench.thinning import thin_groups
-
-__all__ = ['CONFIG', 'for_page', 'loops', 'main_figure', 'maps']
 
 #: More points than this in one figure make a page slow.
 MOST_POINTS = 3000
@@ -110,10 +107,8 @@ def main_figure(session: Session, over_time: bool = False, narrow: bool = False,
 
 @functools.lru_cache(maxsize=2)
 def _base_layout(over_time: bool) -> dict[str, Any]:
-    drawing = make_subplots(2, 1, shared_xaxes=True, row_heights=[0.7, 0.3],
-                            vertical_spacing=0.06)
-    plotting.dress(drawing, 520, showlegend=False, margin={'t': 14})
-    plotting.style_axes(drawing)
+    drawing = plotting.panels(2, 1, 520, showlegend=False, margin={'t': 14}, shared_xaxes=True,
+                              row_heights=[0.7, 0.3], vertical_spacing=0.06)
     drawing.update_yaxes(title_text='force (N)', row=1, col=1)
     drawing.update_yaxes(title_text='error (N)', row=2, col=1)
     drawing.update_xaxes(title_text='time (s)' if over_time else 'strain', row=2, col=1)

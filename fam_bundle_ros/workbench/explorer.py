@@ -22,8 +22,6 @@ from fam_bundle_ros.report.tendons import compare_ends, Ends
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.units import parse, spaced
 
-__all__ = ['Explorer', 'paper_explorer']
-
 _HERE = palette.NEUTRAL['ink'].light
 _TENDON = palette.effect('tendon_slack').light
 
@@ -148,10 +146,9 @@ class Explorer:
         if self.ends is None:
             return []
         strain, words = self.ends.space.strain, f'with tendons of {1e3 * self.ends.tendon:.4g} mm'
-        return [{'type': 'scatter', 'mode': 'lines', 'x': strain[high > 0.0].tolist(),
-                 'y': high[high > 0.0].tolist(), 'name': words, 'legendgroup': 'tendons',
-                 'showlegend': k == 0, 'line': {'color': _TENDON, 'width': 1.8, 'dash': 'dash'},
-                 'hovertemplate': f'RS{k + 1} {words}: %{{y:.1f}} N at %{{x:.3f}}<extra></extra>'}
+        return [_line(strain[high > 0.0], high[high > 0.0], _TENDON, 1.8, 'dash', name=words,
+                      legendgroup='tendons', showlegend=k == 0, hovertemplate=f'RS{k + 1} '
+                      f'{words}: %{{y:.1f}} N at %{{x:.3f}}<extra></extra>')
                 for k, high in enumerate(self.ends.space.high['tendons'])]
 
     @cached_property
@@ -177,16 +174,12 @@ class Explorer:
         colour = palette.recruitment_state(unit).light
         figure = json.loads(_empty(f'pressure of MU{unit} (kPa)', 'force at this strain (N)'))
         x = pressure / 1e3
+        here = self.pressure[unit - 1]
         figure['data'] = [
-            {'type': 'scatter', 'mode': 'lines', 'x': x.tolist(), 'y': force.tolist(),
-             'line': {'color': colour, 'width': 2.4}, 'name': f'MU{unit} fills',
-             'hovertemplate': '%{y:.1f} N at %{x:.0f} kPa<extra></extra>'},
-            {'type': 'scatter', 'mode': 'lines', 'x': [0, float(x[-1])],
-             'y': [float(force[0])] * 2, 'hoverinfo': 'skip',
-             'line': {'color': _HERE, 'width': 1, 'dash': 'dot'}},
-            {'type': 'scatter', 'mode': 'markers', 'x': [self.pressure[unit - 1] / 1e3],
-             'y': [float(np.interp(self.pressure[unit - 1], pressure, force))],
-             'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}, 'hoverinfo': 'skip'}]
+            _line(x, force, colour, 2.4, name=f'MU{unit} fills',
+                  hovertemplate='%{y:.1f} N at %{x:.0f} kPa<extra></extra>'),
+            _line(x[[0, -1]], force[[0, 0]], _HERE, 1, 'dot', hoverinfo='skip'),
+            _marker(here / 1e3, np.interp(here, pressure, force))]
         onset = self.bundle.onset_pressure(self.strain, unit)
         if np.isfinite(onset) and onset > 0:
             figure['layout']['annotations'] = [{
@@ -201,32 +194,39 @@ class Explorer:
         figure = json.loads(_empty('pressure of MU2 (kPa)', 'free strain'))
         if free is None:
             return figure
-        x = (free.pressure / 1e3).tolist()
+        x = free.pressure / 1e3
         looks = (('neglected', 'resistive force neglected', palette.effect('tendon_slack').light,
                   'dash', 1.6),
                  ('included', 'as the model has it', palette.effect('resistive_buckling').light,
                   'solid', 2.8))
+        hover = '%{y:.4f} at %{x:.0f} kPa<extra></extra>'
         figure['data'] = [
-            {'type': 'scatter', 'mode': 'lines', 'x': x, 'name': title,
-             'y': [None if v != v else v for v in free.strain[name].tolist()],
-             'line': {'color': colour, 'dash': dash, 'width': width},
-             'hovertemplate': '%{y:.4f} at %{x:.0f} kPa<extra></extra>'}
+            _line(x, free.strain[name], colour, width, dash, name=title, hovertemplate=hover)
             for name, title, colour, dash, width in looks]
         if self.ends is not None:
-            figure['data'].append({
-                'type': 'scatter', 'mode': 'lines', 'x': (self.ends.pressure / 1e3).tolist(),
-                'y': [None if v != v else v for v in self.ends.free_strain['tendons'].tolist()],
-                'name': f'tendons of {1e3 * self.ends.tendon:.4g} mm',
-                'line': {'color': _TENDON, 'width': 2.2},
-                'hovertemplate': '%{y:.4f} at %{x:.0f} kPa<extra></extra>'})
+            figure['data'].append(_line(
+                self.ends.pressure / 1e3, self.ends.free_strain['tendons'], _TENDON, 2.2,
+                name=f'tendons of {1e3 * self.ends.tendon:.4g} mm', hovertemplate=hover))
         at = float(self.pressure[1]) / 1e3
-        figure['data'].append({
-            'type': 'scatter', 'mode': 'markers', 'x': [at], 'hoverinfo': 'skip',
-            'y': [float(np.interp(at, x, free.strain['included']))], 'showlegend': False,
-            'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}})
+        figure['data'].append(_marker(at, np.interp(at, x, free.strain['included'])))
         figure['layout'].update(showlegend=True)
         figure['layout']['yaxis'].update(tickformat='.3f', automargin=True)
         return figure
+
+
+def _line(x: np.ndarray, y: np.ndarray, colour: str, width: float, dash: str = 'solid',
+          **more: Any) -> dict[str, Any]:
+    """Return a line trace; nan is a gap."""
+    return {'type': 'scatter', 'mode': 'lines', 'x': x.tolist(),
+            'y': [None if v != v else v for v in y.tolist()],
+            'line': {'color': colour, 'width': width, 'dash': dash}, **more}
+
+
+def _marker(x: float, y: float) -> dict[str, Any]:
+    """Return the diamond that stands for the present point."""
+    return {'type': 'scatter', 'mode': 'markers', 'x': [float(x)], 'y': [float(y)],
+            'showlegend': False, 'hoverinfo': 'skip',
+            'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}}
 
 
 @lru_cache(maxsize=8)

@@ -14,8 +14,6 @@ from fam_bundle_ros.workbench.explorer import Explorer
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['ExplorerView']
-
 
 class ExplorerView:
     """Sliders move the point; the figures follow."""
@@ -75,7 +73,7 @@ class ExplorerView:
             slider = parts.box('input', '', f'slider:{mark}')
             slider._props.update(type='range', min=low, max=high, step=step, defaultValue=value)
             if colour is not None:
-                slider.style(f'accent-color: {colour.dark if self.page.dark else colour.light}')
+                slider.style(f'accent-color: {colour.on(self.page.dark)}')
             slider.on('input', changed, throttle=0.08, js_handler='(e) => emit(e.target.value)')
 
     def _strain(self, value: float) -> None:

@@ -21,8 +21,6 @@ from fam_bundle_ros.data.vocabulary import likes, recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench.muscle import MuscleForm
 
-__all__ = ['Column', 'Incoming', 'QUANTITY_WORDS', 'UNITS']
-
 #: What a column may be, as the page says it.
 QUANTITY_WORDS = {
     '': 'not used', 'time': 'time', 'trial': 'trial', 'strain': 'strain (shorter is +)',

@@ -24,9 +24,6 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, loads_model
 from fam_bundle_ros.workbench.incoming import Incoming
 
-__all__ = ['incoming_from_bytes', 'incoming_from_path', 'is_model', 'label', 'MAX_UPLOAD',
-           'model_from_bytes', 'TAKEN']
-
 #: Largest file that the page takes, bytes; larger logs are read by the command line.
 MAX_UPLOAD = 100 << 20
 _MAX_MODEL = 1 << 20

@@ -12,8 +12,6 @@ from fam_bundle_ros.workbench.muscle_view import MuscleView
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['IntakeView']
-
 
 class IntakeView:
     """Mapper and muscle; the button is there once both are complete."""
@@ -39,7 +37,7 @@ class IntakeView:
         self.draw()
 
     def draw(self) -> None:
-        """Read the file as it is told now, and show what came of it."""
+        """Read the file with the present settings, and show the result."""
         seen = self.incoming.look()
         self.kind.set_text(f'{seen.name} · {seen.kind} · {seen.rows} rows')
         self._draw_state(seen)

@@ -12,8 +12,6 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.processes import environment
 from fam_bundle_ros.workbench.worker import LENGTH
 
-__all__ = ['Cancelled', 'Job', 'WorkerError']
-
 
 class Cancelled(Exception):
     """The user stopped the work."""

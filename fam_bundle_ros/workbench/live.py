@@ -18,8 +18,6 @@ import tempfile
 from fam_bundle_ros.discovery import Measurement, read_measurement
 from fam_bundle_ros.errors import InputError
 
-__all__ = ['available', 'check_namespace', 'end', 'LONGEST', 'record']
-
 #: Longest recording, s.
 LONGEST = 600.0
 

@@ -20,8 +20,6 @@ from fam_bundle_ros.workbench.incoming import Incoming
 from fam_bundle_ros.workbench.intake import incoming_from_path, MAX_UPLOAD
 from fam_bundle_ros.workbench.muscle import MuscleForm
 
-__all__ = ['first_case', 'run']
-
 _SHORTEST_TOKEN = 8
 
 

@@ -3,8 +3,8 @@
 """
 An experiment that is driven on the bundle of the page "Live": a process of `fam_bundle measure`.
 
-ROS stays out of this process. That one ends, and vents, with its standard input: that of a
-workbench that was killed.
+ROS stays out of this process. The other one ends, and vents, when its standard input closes, so
+also when the workbench is killed.
 """
 
 import asyncio
@@ -18,10 +18,8 @@ import sys
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.processes import ENDS_WITH_STDIN, environment
-from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.resources import shipped_or_own
 from fam_bundle_ros.workbench import live
-
-__all__ = ['FOLDER', 'MeasureRun', 'Order', 'model_file']
 
 #: Where the recordings go, below the working directory.
 FOLDER = 'fam_bundle_measurements'
@@ -42,7 +40,7 @@ sys.exit(main())
 @dataclass(frozen=True)
 class Order:
     """
-    What is to be measured.
+    A measurement to be made.
 
     Attributes
     ----------
@@ -186,19 +184,8 @@ def reason(lines: list[str]) -> str:
 
 
 def model_file(told: str) -> str:
-    """
-    Return the file of a model as nodes name it: a path, or one that ships.
-
-    Raises
-    ------
-    InputError
-        Where there is no such file on this machine.
-    """
-    path = Path(told).expanduser()
-    if path.is_file():
-        return str(path.absolute())
-    stem = Path(told).name.removesuffix('.yaml')
-    if path.is_absolute() or not stem or Path(told).parent not in (Path('.'), Path('models')):
-        raise InputError(f"model '{told}': no such file here; expected the model file of the "
-                         'controller')
-    return str(config_path(f'models/{stem}.yaml'))
+    """Return the path of a model as nodes find it; InputError where there is none here."""
+    try:
+        return str(shipped_or_own(told, 'models').absolute())
+    except InputError as error:
+        raise InputError(f'{error}; expected the model file of the controller') from None

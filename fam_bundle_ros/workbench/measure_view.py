@@ -20,8 +20,6 @@ from fam_bundle_ros.workbench.rig_feed import LiveRig
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['MeasureView']
-
 #: Choices besides the protocols that ship.
 _FILE, _NEXT = 'file:', 'next:'
 #: What ships and is chosen first.

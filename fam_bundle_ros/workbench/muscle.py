@@ -24,8 +24,6 @@ from fam_bundle_ros.model.own_muscle import (
 )
 from fam_bundle_ros.units import parse, spaced
 
-__all__ = ['MuscleForm', 'STARTS']
-
 #: What a new model may begin with: key, words, effects of the catalogue.
 STARTS = (('braid', 'the ideal braid', START_EFFECTS),
           ('bladder', 'the braid and a rubber bladder', (*START_EFFECTS, 'bladder_elasticity')))

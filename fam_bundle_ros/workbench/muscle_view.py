@@ -11,8 +11,6 @@ from fam_bundle_ros.model.own_muscle import ENTRIES, PARTS
 from fam_bundle_ros.workbench import parts
 from fam_bundle_ros.workbench.muscle import MuscleForm, STARTS
 
-__all__ = ['MuscleView']
-
 
 class MuscleView:
     """

@@ -16,8 +16,6 @@ from fam_bundle_ros.model.expression import expression_law, FUNCTIONS, RESULTS, 
 from fam_bundle_ros.units import express, parse, registry
 from fam_bundle_ros.workbench.session import Session
 
-__all__ = ['Draft', 'Field', 'PLACES', 'Preview', 'from_template', 'names_in', 'preview']
-
 #: Where a formula may act, in words.
 PLACES = {'force': 'a force (N), elastic', 'loss': 'a force (N), lost or delayed',
           'pressure': 'a change of pressure (Pa)', 'geometry': 'a change of strain',
@@ -35,7 +33,7 @@ class Field:
 
 @dataclass
 class Draft:
-    """What the form holds."""
+    """Contents of the form."""
 
     name: str = 'my_effect'
     formula: str = ''
@@ -69,7 +67,7 @@ class Draft:
 @dataclass(frozen=True)
 class Preview:
     """
-    What an effect does at its start values, before any refit.
+    Change by an effect at its start values, before any refit.
 
     Attributes
     ----------

@@ -17,8 +17,6 @@ from fam_bundle_ros.workbench.thinning import thin
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.case_view import CaseView
 
-__all__ = ['OwnEffectDialog']
-
 
 class OwnEffectDialog:
     """A dialog around a `Draft`."""

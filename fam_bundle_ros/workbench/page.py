@@ -24,8 +24,6 @@ from fam_bundle_ros.workbench.rig_view import RigView
 from fam_bundle_ros.workbench.session import Session
 from fam_bundle_ros.workbench.start_view import StartView
 
-__all__ = ['Page', 'register', 'root']
-
 _LOOK = '[matchMedia("(prefers-color-scheme: dark)").matches, ' \
         'matchMedia("(prefers-reduced-motion: reduce)").matches, innerWidth < 600]'
 
@@ -62,7 +60,7 @@ def root(first: Case | Incoming | None = None, view: str = 'find'
 
 class Page:
     """
-    What one tab shows.
+    The page of one browser tab.
 
     Parameters
     ----------

@@ -14,9 +14,6 @@ from nicegui.elements.mixins.text_element import TextElement
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.workbench.jobs import Job
 
-__all__ = ['box', 'button', 'choose', 'pick', 'plot', 'progress', 'segments', 'sentence', 'style',
-           'swatch', 'text', 'typed', 'words']
-
 _ASSETS = Path(__file__).parent / 'assets'
 
 
@@ -161,8 +158,7 @@ def swatch(effect: str, dark: bool) -> ui.element:
     """Return the line in the colour and dash that stands for an effect everywhere."""
     colour = palette.effect(effect)
     dash = {'solid': 'solid', 'dot': 'dotted'}.get(palette.dash(effect), 'dashed')
-    shade = colour.dark if dark else colour.light
-    return box('span', 'swatch').style(f'border-top: 4px {dash} {shade}').props(
+    return box('span', 'swatch').style(f'border-top: 4px {dash} {colour.on(dark)}').props(
         'aria-hidden=true')
 
 

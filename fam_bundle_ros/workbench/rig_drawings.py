@@ -5,11 +5,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from plotly.subplots import make_subplots
-
 from fam_bundle_ros import palette, plotting
-
-__all__ = ['live_figure']
 
 #: Residuals within so many standard deviations of the noise are noise.
 _BAND = 2.0
@@ -40,10 +36,9 @@ def live_figure(samples: Sequence[dict[str, Any]], noise: float | None) -> dict[
         return [sample[key][k] / 1e3 if k < len(sample[key]) and sample[key][k] is not None
                 else None for sample in samples]
 
-    drawing = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.045,
-                            row_heights=[0.36, 0.24, 0.24, 0.16])
-    plotting.dress(drawing, 700, hovermode='x unified',
-                   margin={'l': 62, 'r': 16, 't': 34, 'b': 44})
+    drawing = plotting.panels(4, 1, 700, hovermode='x unified', shared_xaxes=True,
+                              margin={'l': 62, 'r': 16, 't': 34, 'b': 44},
+                              vertical_spacing=0.045, row_heights=[0.36, 0.24, 0.24, 0.16])
     kind = next((sample.get('reference_kind') for sample in reversed(samples)), None)
     ink, muted, faint = (palette.NEUTRAL[name] for name in ('ink', 'muted', 'faint'))
 
@@ -69,7 +64,6 @@ def live_figure(samples: Sequence[dict[str, Any]], noise: float | None) -> dict[
     if kind == 'strain':
         add(4, of('reference', 100.0), 'reference', muted, 'dot', 1.4)
     add(4, of('strain', 100.0), 'strain', ink)
-    plotting.style_axes(drawing)
     for row, title in enumerate(('force (N)', 'residual (N)', 'pressure (kPa)', 'strain (%)'), 1):
         drawing.update_yaxes(title_text=title, row=row, col=1)
     drawing.update_xaxes(range=[-_SHOWN, 0.0])

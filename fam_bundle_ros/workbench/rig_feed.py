@@ -20,8 +20,6 @@ from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench import live
 from fam_bundle_ros.workbench.measure_run import MeasureRun, Order
 
-__all__ = ['LiveRig', 'Record']
-
 #: s of samples that are kept, and over which the tracking error is taken.
 KEPT, MINUTE = 20.0, 60.0
 #: s to wait for an answer to an order, and for a process to end.
@@ -37,7 +35,7 @@ sys.exit(main())
 
 class Record:
     """
-    What the feed has said.
+    Newest records of the feed.
 
     Attributes
     ----------

@@ -21,8 +21,6 @@ from fam_bundle_ros.workbench.rig_feed import LiveRig
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['RigView']
-
 #: s between two looks at the bundle, and between two figures.
 _PERIOD, _DRAW = 0.5, 0.9
 #: What the simulated bundle gets at a click, as `hidden_effect` takes it, and its name.
@@ -119,7 +117,7 @@ class RigView:
         await self._try(lambda: self.rig.order(**order))
 
     async def _try(self, work: Callable[[], Awaitable[Any]]) -> None:
-        """Do something that may be refused; say what came of it."""
+        """Do something that may be refused; show the answer."""
         try:
             answer = await work()
         except InputError as error:

@@ -21,8 +21,6 @@ from fam_bundle_ros.workbench.cases import Case
 from fam_bundle_ros.workbench.changes import Change
 from fam_bundle_ros.workbench.incoming import Incoming
 
-__all__ = ['Choice', 'Refit', 'Selection', 'Session', 'Step']
-
 
 @dataclass(frozen=True)
 class Refit:
@@ -85,7 +83,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Selection:
-    """What every figure shows: one isobar, direction, trial or region, or all (None)."""
+    """Selected rows of the figures: one isobar, direction, trial or region; None for all."""
 
     level: int | None = None
     direction: int | None = None
@@ -164,7 +162,7 @@ class Session:
         self.case, self.steps, self.diagnosis, self.incoming = None, [], None, None
         self.selection = Selection()
 
-    # --- what is so ----------------------------------------------------------------------------
+    # --- present state -------------------------------------------------------------------------
 
     @property
     def now(self) -> Step:

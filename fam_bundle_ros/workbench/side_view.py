@@ -25,8 +25,6 @@ from fam_bundle_ros.workbench.trial_view import TrialDialog
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.case_view import CaseView
 
-__all__ = ['SideView']
-
 
 class SideView:
     """Regions, candidates, downloads."""
@@ -110,7 +108,6 @@ class SideView:
 
     def _choice(self, choice: Choice) -> None:
         c = choice.candidate
-        shade = 'dark' if self.case.page.dark else 'light'
         with parts.box('article', 'choice found' if choice.found else 'choice',
                        f'choice:{choice.effect}'):
             with parts.box('div', 'head'):
@@ -126,7 +123,7 @@ class SideView:
             with parts.box('div', 'chances').props(
                     f'role=img aria-label="probability {c.probability:.2f}"'):
                 parts.box('i').style(f'width: {100 * min(c.probability, 1.0):.0f}%; background: '
-                                     f'{getattr(palette.effect(choice.effect), shade)}')
+                                     f'{palette.effect(choice.effect).on(self.case.page.dark)}')
             with parts.box('div', 'facts'):
                 found = self.session.diagnosis
                 answered = found is None or found.verdict != 'unexplained'

@@ -13,8 +13,6 @@ from fam_bundle_ros.workbench.cases import EXAMPLES
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-__all__ = ['StartView']
-
 
 class StartView:
     """Examples, upload, live graph."""
@@ -25,7 +23,7 @@ class StartView:
             parts.text('h1', 'Which effect is your model missing?')
             parts.text('p', 'Lay a measurement beside a model of a fluidic muscle. The workbench '
                        'shows where the model fails, names the effect that is missing, adds it, '
-                       'and the error falls before your eyes.', 'lead')
+                       'and shows how the error falls.', 'lead')
             with parts.box('div', 'start-grid'):
                 self._first()
                 self._drop()
@@ -48,10 +46,9 @@ class StartView:
             ui.html(self._sketch(), sanitize=False)
 
     def _sketch(self) -> str:
-        shade = 'dark' if self.page.dark else 'light'
-        start = getattr(palette.NEUTRAL['faint'], shade)
-        found = getattr(palette.effect('coulomb_friction'), shade)
-        ink = getattr(palette.NEUTRAL['muted'], shade)
+        start, found, ink = (colour.on(self.page.dark) for colour in (
+            palette.NEUTRAL['faint'], palette.effect('coulomb_friction'),
+            palette.NEUTRAL['muted']))
         return (f'<svg viewBox="0 0 184 132" aria-hidden="true" font-family="inherit" '
                 f'font-size="13" fill="{ink}"><rect x="14" y="20" width="62" height="92" rx="4" '
                 f'fill="{start}"/><rect x="96" y="104" width="62" height="8" rx="2" '

@@ -17,8 +17,6 @@ from fam_bundle_ros.report.page import Headline, Page, render, Section
 from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.workbench.session import Session, short
 
-__all__ = ['csv_text', 'file_stem', 'model_text', 'report_text']
-
 
 def file_stem(session: Session) -> str:
     """Return a name for downloads: the case's title in ASCII letters and digits."""

@@ -4,8 +4,6 @@
 
 import numpy as np
 
-__all__ = ['thin', 'thin_groups']
-
 
 def thin(values: np.ndarray, most: int) -> np.ndarray:
     """

@@ -20,8 +20,6 @@ from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory
 
-__all__ = ['ControllerTrial', 'controller_trial', 'figure']
-
 
 @dataclass(frozen=True)
 class Track:

@@ -13,8 +13,6 @@ from fam_bundle_ros.workbench.jobs import Cancelled, Job, WorkerError
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.case_view import CaseView
 
-__all__ = ['TrialDialog']
-
 #: Length of the task, s.
 _SECONDS = 5.0
 

@@ -17,8 +17,6 @@ from typing import Any
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.processes import own_stdout
 
-__all__ = ['LENGTH', 'diagnose_job', 'refit_job', 'trial_job']
-
 #: How the length of a message is written before it.
 LENGTH = struct.Struct('>Q')
 

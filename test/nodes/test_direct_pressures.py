@@ -84,7 +84,7 @@ def test_dynamometer_of_the_simulator_goes_where_it_is_told(graph, bundle):
         stamp = interface.stamp_ns(message.header.stamp)
         begun.append(stamp)
         time = (stamp - begun[0]) * 1e-9
-        publisher.publish(interface.reference_strain_message(stamp, 0.1 + 0.05 * time, 0.05))
+        publisher.publish(interface.reference_strain_writer()(stamp, 0.1 + 0.05 * time, 0.05))
     graph.probe.create_subscription(WrenchStamped, 'force', move, interface.LOCK_STEP)
     graph.advance(rig, 1.0)
     assert asking.ask[0] == 50e3
@@ -103,7 +103,7 @@ def test_a_profile_stands_back_while_messages_move_the_dynamometer(graph, bare):
         **bare, 'lock_step': True, 'load.strain': 0.04, 'load.repeat': True, 'load.speed': 0.2,
         'load.profile': 'trajectories/live_strain.yaml'}))
     for k in range(200):
-        node._imposed._take(interface.reference_strain_message(k, 0.02, 0.0))
+        node._imposed._take(interface.reference_strain_writer()(k, 0.02, 0.0))
         node._step([-1.0, -1.0])
     assert node.rig.truth.strain == pytest.approx(0.02)
     strain = []

@@ -15,7 +15,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.session import check_rig
+from fam_bundle_ros.nodes.rig_check import check_rig
 from fam_bundle_ros.resources import config_path
 
 DRIVER = config_path('examples/driver.py')

@@ -86,7 +86,7 @@ def test_names_are_relative_but_for_ros_own():
 def test_recruitment_says_who_is_on_and_how_much():
     """Per motor unit on or off, and its share."""
     message = interface.recruitment_message(3, np.array([True, False]), np.array([0.7, 0.3]))
-    assert interface.read_recruitment(message) == ([True, False], [0.7, 0.3])
+    assert (list(message.position), list(message.effort)) == ([1.0, 0.0], [0.7, 0.3])
     assert list(message.name) == ['mu1', 'mu2']
 
 

@@ -325,9 +325,8 @@ def test_setpoints_are_absolute_and_carry_the_sample_s_stamp(graph, bundle):
     assert setpoints[-1].fluid_pressure == pytest.approx(node.setpoints[0] + 101325.0)
     stamps = [interface.stamp_ns(m.header.stamp) for m in setpoints]
     assert {b - a for a, b in zip(stamps, stamps[1:])} == {5_000_000}
-    on, share = interface.read_recruitment(shares[-1])
-    assert on == [True, False]
-    assert sum(share) == pytest.approx(1.0)
+    assert list(shares[-1].position) == [1.0, 0.0]
+    assert sum(shares[-1].effort) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize('stamps', ['ahead', 'frozen', 'zero'])
@@ -437,7 +436,7 @@ def test_diagnostics_warn_of_who_talks_in_between(graph, live):
 
     def in_turn():
         force.publish(interface.force_message(1, 40.0))
-        strain.publish(interface.reference_strain_message(1, 0.1))
+        strain.publish(interface.reference_strain_writer()(1, 0.1, 0.0))
         return warned('times between force and strain')
     graph.until(in_turn, 'the modes in turn')
 

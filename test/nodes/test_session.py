@@ -21,9 +21,10 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.profile import Points
+from fam_bundle_ros.nodes.recording import record
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
-from fam_bundle_ros.nodes.rig_check import _judge_latency
-from fam_bundle_ros.nodes.session import _parameters, check_rig, record, run_trajectory
+from fam_bundle_ros.nodes.rig_check import _judge_latency, check_rig
+from fam_bundle_ros.nodes.session import _parameters, run_trajectory
 from fam_bundle_ros.plant import Dynamometer, MassSpring, Rig, SensorConfig
 from fam_bundle_ros.plant.rig import RigConfig
 from fam_bundle_ros.resources import config_path

@@ -18,6 +18,8 @@ BLINDNESS = {
     'deuteranopia': np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
                               [-0.011820, 0.042940, 0.968881]]),
 }
+#: As plotly names them.
+DASHES = ('solid', 'dash', 'dot', 'dashdot', 'longdash', 'longdashdot')
 # What meets in one picture with solid lines: the steps of a ladder, the states of one bundle.
 TOGETHER = {
     'ladder': ['mesh', 'bladder_elasticity', 'resistive_buckling', 'coulomb_friction'],
@@ -79,7 +81,12 @@ def test_colours_that_meet_are_told_apart(group, sight, theme):
 
 def test_no_two_effects_look_the_same():
     """Colour and dash together name one effect, and every built-in has its own."""
-    looks = [(palette.effect(name), palette.dash(name)) for name in catalogue.names()]
-    assert len(set(looks)) == len(looks)
+    looks: dict[tuple[str, str], list[str]] = {}
+    for name, law in catalogue.available().items():
+        looks.setdefault(law.look, []).append(name)
+    free = [f'{hue} {dash}' for hue in palette._HUES for dash in DASHES
+            if (hue, dash) not in looks]
+    assert [names for names in looks.values() if len(names) > 1] == [], f'free: {free}'
+    assert len(set(palette._HUES.values())) == len(palette._HUES)
     own = palette.effect('a_users_own')
     assert [name for name in catalogue.names() if palette.effect(name) == own] == []

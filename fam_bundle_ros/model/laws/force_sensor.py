@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the load cell shows against the force that the bundle has.
+Errors of the load cell.
 
 Sensor laws belong to the comparison with data and to a simulated rig's readings, never to the
 muscle that the controller inverts. They are linear in what is read.

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the pressure was before: creep after a change, and a play between filling and venting."""
+"""Effects of past pressure: creep after a change, and a play between filling and venting."""
 
 import numpy as np
 

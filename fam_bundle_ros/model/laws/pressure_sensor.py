@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the pressure gauges show against the pressure in the line."""
+"""Errors of the pressure gauges."""
 
 from typing import Any
 

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the displacement sensor shows against the strain of the muscle."""
+"""Errors of the displacement sensor."""
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 
