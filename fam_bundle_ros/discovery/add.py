@@ -169,9 +169,8 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
 
 def recommend(physics: Bundle, joint: Fit, held: HeldOut, fitter: Fitter) -> Recommended:
     """Return physics, or physics with the discrepancy, whichever foretells unseen rows better."""
-    needed = not joint.hyper._replace(slow=0, speed=0).is_white
-    surface = needed and held.discrepancy < held.physics
-    leftover = Leftover.of(fitter.covariance, joint) if surface else None
+    surface = joint.hyper.fits_a_table and held.discrepancy < held.physics
+    leftover = Leftover.of(fitter, joint) if surface else None
     model = joint.model.named(f'{physics.name}_and_discrepancy') if surface else physics
     return Recommended(model, tuple(effect.name for effect in physics.effects), leftover,
                        held.best if surface else held.physics, held.physics, held.discrepancy,

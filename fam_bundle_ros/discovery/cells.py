@@ -92,6 +92,11 @@ class Cells:
         """Whether there are cells of both directions."""
         return bool((self.direction > 0).any() and (self.direction < 0).any())
 
+    @property
+    def row_turn(self) -> np.ndarray:
+        """Direction of each row as a law feels it, (T,)."""
+        return np.tanh(self.data.strain_rate / ROUNDING)
+
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return averages over cells, (n,) or (n, k), of values of rows, (T,) or (T, k)."""
         return average_over(self.label, self.count, values)
@@ -135,12 +140,12 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     noise = max(min(known, default=0.0), settings.LEAST_NOISE * float(np.abs(data.force).max()))
     strain_range = max(float(np.ptp(data.strain)), 1e-6)
     pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
-    label = _labels(data, strain_range, pressure_range, most)
+    label = _labels(data, strain_range, pressure_range, most, not data.is_static)
     label = np.where(spikes(data, residual, noise) | unknown_direction(data), -1, label)
-    label = _renumbered(label)
+    label = renumbered(label)
     if label.max() + 1 > most:
         kept = np.unique(np.linspace(0, label.max(), most).astype(int))
-        label = _renumbered(np.where(np.isin(label, kept), label, -1))
+        label = renumbered(np.where(np.isin(label, kept), label, -1))
     count = np.bincount(label[label >= 0]).astype(float)
 
     def mean(values: np.ndarray) -> np.ndarray:
@@ -173,15 +178,20 @@ def unknown_direction(data: Measurement) -> np.ndarray:
     return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
 
 
-def _renumbered(label: np.ndarray) -> np.ndarray:
+def places(cells: Cells) -> np.ndarray:
+    """Return a cell of strain, pressure and direction for each row, (T,) int, whatever visit."""
+    return _labels(cells.data, cells.strain_range, cells.pressure_range, settings.CELLS, False)
+
+
+def renumbered(label: np.ndarray) -> np.ndarray:
     """Return labels without gaps; -1 stays."""
     _, new = np.unique(label, return_inverse=True)
     return new.ravel() - (1 if (label < 0).any() else 0)
 
 
 def _labels(data: Measurement, strain_range: float, pressure_range: np.ndarray,
-            most: int) -> np.ndarray:
-    """Return a cell of strain, pressure, direction and visit for each row, (T,) int."""
+            most: int, by_visit: bool) -> np.ndarray:
+    """Return a cell of strain, pressure, direction (and visit) for each row, (T,) int."""
     if len(data) <= most:
         return np.arange(len(data))
     label = np.zeros(len(data), int)
@@ -191,7 +201,7 @@ def _labels(data: Measurement, strain_range: float, pressure_range: np.ndarray,
                   for column, size in zip(data.pressure.T, pressure_range)]
         _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
         label = cell.ravel()
-        if not data.is_static:
+        if by_visit:
             change = np.ones(len(label), bool)
             change[1:] = (np.diff(label) != 0) | (np.diff(data.trial) != 0)
             label = np.cumsum(change) - 1

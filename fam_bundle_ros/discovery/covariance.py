@@ -46,6 +46,11 @@ class Hyper(NamedTuple):
         """Whether there is no discrepancy."""
         return not (self.even or self.odd or self.slow or self.speed)
 
+    @property
+    def fits_a_table(self) -> bool:
+        """Whether part of the discrepancy is a function of strain, pressure and direction."""
+        return bool(self.even or self.odd)
+
 
 #: Length of each grid, in the order of `Hyper`.
 GRID = Hyper(*(len(grid) for grid in (
@@ -62,12 +67,14 @@ class Covariance:
     cells : Cells
     unexplained : float
         Mean of the prior on the amplitudes, as a share of the force's standard deviation.
+    force_sd : float, N, optional
+        That standard deviation; by default the cells'.
     """
 
-    def __init__(self, cells: Cells, unexplained: float):
+    def __init__(self, cells: Cells, unexplained: float, force_sd: float | None = None):
         self.cells = cells
         self.unexplained = unexplained
-        self._variance = (settings.AMPLITUDES * cells.force_sd) ** 2
+        self._variance = (settings.AMPLITUDES * (force_sd or cells.force_sd)) ** 2
         self._noise = cells.noise ** 2 / cells.count
         both = np.outer(cells.direction, cells.direction)
         #: By axis: what the Matern part is multiplied by, or the gap in time within a trial, s.
@@ -96,6 +103,10 @@ class Covariance:
         """Return the log prior of the amplitudes, up to a constant."""
         total = sum(settings.AMPLITUDES[k] for k in (h.even, h.odd, h.white, h.slow, h.speed))
         return -float(total) / self.unexplained
+
+    def variance(self, place: int) -> float:
+        """Return the square of an amplitude by its place on the grid, N^2."""
+        return float(self._variance[place])
 
     def white_sd(self, h: Hyper) -> float:
         """Return the size of the white misfit, N."""

@@ -113,6 +113,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     final, joint = (physics, chosen) if finding.named else (base, search.null)
     posterior = Posterior.of(search)
     ties = tuple(posterior.ties(answer, chosen, choices.odds))
+    trades = tuple(posterior.trades(chosen, choices.odds)) if answer else ()
     told = estimates(final, posterior if answer else None)
     best, recalibrated = _written(model, final, told), _written(model, base, estimates(base))
     if finding.verdict == 'adequate':
@@ -123,14 +124,14 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     beyond = beyond_cells(cells, final, error['best'] if final is not base else
                           error['recalibrated'])
     held = held.of_rows(beyond)
-    before, leftover = (Leftover.of(fitter.covariance, fit) for fit in (search.null, joint))
+    before, leftover = (Leftover.of(fitter, fit) for fit in (search.null, joint))
     recommended = recommend(best, joint, held, fitter)
     residual = data.force - predict(best, data)
     shapes = describe(cells, final)
     further = next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes)
     return Diagnosis(
         verdict=finding.verdict, model=model, measurement=comparison.measurement,
-        summary=summarise(finding, answer, found, ties, base, shapes),
+        summary=summarise(finding, answer, found, ties, trades, base, shapes),
         comparison=comparison,
         effects=tuple(change.label for change in answer if not change.old),
         shapes=tuple(change.new for change in answer if not change.old),
@@ -147,7 +148,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
                *notes_on(cells, comparison.noise, base, final, held)),
         rows_left_out=int((cells.label < 0).sum()), confounding=confounding(final),
         held_out=held, recommended=recommended, leftover=leftover,
-        leftover_before=before, likely=tuple(posterior.likely(joint.names)),
+        leftover_before=before, likely=tuple(posterior.likely(joint.names)), traded=trades,
         ladder=_ladder(search, answer, error, base, held, beyond),
         seconds=time.perf_counter() - begun)
 

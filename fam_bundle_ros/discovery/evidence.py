@@ -222,11 +222,13 @@ class Fitter:
         return lambda values: self.covariance.whiten(h, values)
 
     def best_hyper(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
-                   priors: Sequence[Prior], reach: int = 99) -> tuple[Hyper, float, float]:
+                   priors: Sequence[Prior], reach: int = 99, fixed: Sequence[str] = (),
+                   ) -> tuple[Hyper, float, float]:
         """
         Return the hyperparameters of the highest evidence near h, it, and that of h.
 
-        Coordinate ascent on the grid; ``reach`` is how many places each may move.
+        Coordinate ascent on the grid; ``reach`` is how many places each may move, except those
+        that are ``fixed``.
         """
         known: dict[Hyper, float] = {}
 
@@ -240,6 +242,8 @@ class Fitter:
         for _ in range(6):
             before = h
             for axis in self.covariance.axes:
+                if axis in fixed:
+                    continue
                 if axis in ('strain', 'pressure') and not (h.even or h.odd or h.speed):
                     continue
                 if axis == 'tau' and not h.slow:

@@ -17,8 +17,9 @@ from scipy.linalg import cholesky, solve_triangular
 from fam_bundle_ros.data.folds import fold_labels, KINDS
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Hyper
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.rivals import BLIND, missed, RIVALS
+from fam_bundle_ros.discovery.surface import Surface
 
 #: Steps of a fit that begins at that on all cells.
 _STEPS = 3
@@ -167,10 +168,12 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     counts: dict[str, float] = {}
     seen: dict[str, list[np.ndarray]] = {}
     shown = [names.index(name) for name in ('physics', 'discrepancy', 'empirical')]
+    hyper = Surface.of(fitter, joint.model, joint).hyper if joint.hyper.fits_a_table else None
     folds = list(_folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
     for kind, train, test in folds:
         weight = cells.count[test]
-        errors = [_without(fitter, physics, train)[test], _with(fitter, joint, train)[test],
+        errors = [_without(fitter, physics, train)[test],
+                  _with(fitter, joint, hyper, train, test),
                   *(missed(rival, cells, train, test) for rival in names[2:])]
         force = cells.force[test]
         seen.setdefault(kind, []).append(
@@ -198,20 +201,25 @@ def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
     return fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[1]
 
 
-def _with(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
-    """Return the same with the mean of the discrepancy taken off."""
-    covariance = fitter.covariance
-    lower = cholesky(covariance.matrix(fit.hyper)[np.ix_(train, train)], lower=True,
+def _with(fitter: Fitter, fit: Fit, hyper: Hyper | None, train: np.ndarray, test: np.ndarray,
+          ) -> np.ndarray:
+    """
+    Return the residual of other cells after a refit beside a discrepancy, its table taken off.
+
+    ``hyper`` is that of the table, None without one.
+    """
+    cells = fitter.cells
+    lower = cholesky(fitter.covariance.matrix(fit.hyper)[np.ix_(train, train)], lower=True,
                      check_finite=False)
 
     def part(values: np.ndarray) -> np.ndarray:
         return solve_triangular(lower, values[train], lower=True, check_finite=False)
 
-    residual = fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[1]
-    weights = solve_triangular(lower, part(residual), lower=True, trans=1, check_finite=False)
-    direction = fitter.cells.direction[train]
-    # what a table over strain, pressure and direction can hold
-    even = covariance.structured(fit.hyper._replace(slow=0, speed=0, odd=0))[:, train] @ weights
-    odd = covariance.structured(Hyper(even=fit.hyper.odd, strain=fit.hyper.strain,
-                                      pressure=fit.hyper.pressure))
-    return residual - even - fitter.cells.turn * (odd[:, train] @ (direction * weights))
+    u, residual, _ = fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)
+    if hyper is None:
+        return residual[test]
+    surface = Surface.of(fitter, with_coordinates(fit.model, fit.priors, u), fit, train, hyper)
+    rows = np.flatnonzero((cells.label >= 0) & test[cells.label])
+    added = np.zeros(len(cells.label))
+    added[rows] = surface.of_rows(cells, rows)
+    return (residual - cells.mean(added))[test]

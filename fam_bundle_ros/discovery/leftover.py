@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from fam_bundle_ros.atomic import whole
-from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.surface import Surface
 from fam_bundle_ros.model import Bundle
 
 #: Points of the table across strain and pressure: a length of 0.06 of the range is met.
@@ -50,30 +48,22 @@ class Leftover:
     model: Bundle
 
     @classmethod
-    def of(cls, covariance: Covariance, fit: Fit) -> Leftover:
+    def of(cls, fitter: Fitter, fit: Fit) -> Leftover:
         """Return the discrepancy that a fit needs."""
-        cells, h = covariance.cells, fit.hyper
-        rows = cells.data
+        rows = fitter.cells.data
         strain = np.linspace(rows.strain.min(), rows.strain.max(), _STRAINS)
-        units = cells.pressure.shape[1]
+        units = rows.pressure.shape[1]
         pressure = np.stack([np.linspace(column.min(), max(column.max(), column.min() + 1e3),
                                          _PRESSURES) for column in rows.pressure.T])
-        shape = (units, _STRAINS, _PRESSURES)
-        even, odd, sd = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        if h.even or h.odd:
-            lower = np.linalg.cholesky(covariance.matrix(h))
-            weights = np.linalg.solve(lower.T, np.linalg.solve(lower, fit.residual))
-            scale = (settings.AMPLITUDES * cells.force_sd) ** 2
+        maps = np.zeros((3, units, _STRAINS, _PRESSURES))
+        if fit.hyper.fits_a_table:
+            surface = Surface.of(fitter, fit.model, fit)
             for i in range(units):
                 e, p = (grid.ravel() for grid in np.meshgrid(strain, pressure[i], indexing='ij'))
                 points = np.zeros((len(e), units))
                 points[:, i] = p
-                across = covariance.across(h, e, points, i)
-                even[i] = (scale[h.even] * across @ weights).reshape(shape[1:])
-                odd[i] = (scale[h.odd] * across @ (cells.direction * weights)).reshape(shape[1:])
-                known = solve_triangular(lower, scale[h.even] * across.T, lower=True)
-                left = scale[h.even] / units - np.sum(known ** 2, axis=0)
-                sd[i] = np.sqrt(np.maximum(left, 0.0)).reshape(shape[1:])
+                maps[:, i] = np.reshape(surface.parts(e, points, i), maps[:, i].shape)
+        even, odd, sd = maps
         return cls(strain, pressure, even, odd, sd, fit.model)
 
     def write(self, path: Path) -> None:

@@ -228,7 +228,7 @@ def without(names: Names, name: str) -> Names:
 
 def _without_numbers(effect: Effect) -> bool:
     """Return whether an effect is a force without parameters, which nothing can fit."""
-    return effect.place is Place.FORCE and not effect.parameters
+    return effect.place in (Place.FORCE, Place.RESIDUAL) and not effect.parameters
 
 
 def _is_silent(model: Bundle, effect: Effect, cells: Cells) -> bool:

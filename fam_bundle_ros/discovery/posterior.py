@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -85,6 +85,32 @@ class LikelySet:
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as JSON has it."""
         return {'set': str(self), 'probability': self.probability, 'chosen': self.chosen}
+
+
+class Trade(NamedTuple):
+    """Changes of the chosen set, and those that all together do as well in their place."""
+
+    gone: frozenset[Change]
+    came: frozenset[Change]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of all effects that it is about, as a ranking shows them."""
+        return tuple(dict.fromkeys(change.label for changes_ in self
+                                   for change in sorted(changes_, key=str)))
+
+    def without(self, other: Trade) -> Trade:
+        """Return what is left when another trade, where this one holds it, is taken out."""
+        if self.gone >= other.gone and self.came >= other.came:
+            return Trade(self.gone - other.gone, self.came - other.came)
+        return self
+
+    def to_dict(self) -> dict[str, list[str]]:
+        """Return the entry as JSON has it."""
+        return {key: sorted(map(str, changes_)) for key, changes_ in self._asdict().items()}
+
+    def __str__(self) -> str:
+        return ' and '.join(' with '.join(sorted(map(str, changes_))) for changes_ in self)
 
 
 @dataclass(frozen=True)
@@ -166,6 +192,25 @@ class Posterior:
             if others:
                 groups.append((change.label, *dict.fromkeys(others)))
         return groups
+
+    def trades(self, chosen: Fit, odds: float) -> list[Trade]:
+        """
+        Return what changes of the chosen set can be traded for where it is more than one for one.
+
+        Sets within ``odds`` of the chosen one have others in their place. What a smaller trade
+        says already is left out of a larger one.
+        """
+        own = frozenset(changes(self.options, chosen.names))
+        sets = [frozenset(set_) for fit, set_ in zip(self.fits, self._changes)
+                if fit.posterior >= chosen.posterior - np.log(odds)]
+        found: list[Trade] = []
+        for other in sorted(sets, key=lambda set_: len(own ^ set_)):
+            trade = Trade(own - other, other - own)
+            for known in found:
+                trade = trade.without(known)
+            if trade.gone and trade.came:
+                found.append(trade)
+        return [trade for trade in found if len(trade.gone) + len(trade.came) > 2]
 
     def spread(self, key: str, value: float) -> float | None:
         """

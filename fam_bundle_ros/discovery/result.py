@@ -18,7 +18,7 @@ from fam_bundle_ros.discovery.estimates import Estimate
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.locate import Region
-from fam_bundle_ros.discovery.posterior import LikelySet
+from fam_bundle_ros.discovery.posterior import LikelySet, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.jsonfile import to_json
 from fam_bundle_ros.model import Bundle
@@ -186,6 +186,8 @@ class Diagnosis(Told):
         The discrepancy beside the best model, and beside the model as it came, as maps.
     likely : tuple of LikelySet
         The most probable sets of effects, and the chosen one.
+    traded : tuple of Trade
+        Changes that are named and others that, all together, do as well in their place.
     ladder : list of dict
         The steps from the model as it was to the best one: ``step``, ``error_N``, ``held_out_N``.
     """
@@ -218,6 +220,7 @@ class Diagnosis(Told):
     leftover: Leftover = field(repr=False)
     leftover_before: Leftover = field(repr=False)
     likely: tuple[LikelySet, ...]
+    traded: tuple[Trade, ...] = ()
     ladder: list[dict[str, Any]] = field(default_factory=list)
     seconds: float = 0.0
     next_protocol: Protocol | None = None
@@ -235,6 +238,7 @@ class Diagnosis(Told):
                              f'{entry.error_N:8.3g} N   {entry.reason}')
         for group in self.tied:
             lines.append('tied: ' + ', '.join(group))
+        lines += [f'tied: {trade}' for trade in self.traded]
         if self.parameters:
             lines.append('parameters of the best model')
             lines += [f'  {estimate}' for estimate in self.parameters]
@@ -278,7 +282,9 @@ class Diagnosis(Told):
             'recommended': self.recommended.to_dict(),
             'ranking': [entry.to_dict() for entry in self.ranking],
             'sets': [each.to_dict() for each in self.likely],
-            'tied': [list(group) for group in self.tied],
+            'tied': [list(group) for group in self.tied]
+            + [list(trade.labels) for trade in self.traded],
+            'traded': [trade.to_dict() for trade in self.traded],
             'located': [region.to_dict() for region in self.located],
             'next_experiment': self.next_experiment,
             'parameters': {e.key: e.to_dict() for e in self.parameters},

@@ -36,6 +36,19 @@ class Screened(NamedTuple):
     white_start: dict[str, float]
 
 
+class _Ranking(NamedTuple):
+    """What sets are ranked by: log posterior of those fitted, of those screened, its start."""
+
+    of_fit: Callable[[Fit], float]
+    of_screened: Callable[[Screened], float]
+    start: Callable[[Screened], dict[str, float]]
+
+
+#: With the discrepancy, and without it.
+_WHOLE = _Ranking(lambda fit: fit.posterior, lambda s: s.value, lambda s: s.start)
+_WHITE = _Ranking(lambda fit: fit.white_posterior, lambda s: s.white, lambda s: s.white_start)
+
+
 def _unlike(ranked: list[Fit]) -> list[Fit]:
     """Return the first sets that have other families of effects: look-alikes fill no beam."""
     kept: dict[frozenset[str], Fit] = {}
@@ -82,8 +95,9 @@ class Search:
                 best = ranked[0]
             elif depth > self.options.changes(best.names) + 1:
                 break
+        self._around(_WHITE)
         self.again(self.best.names)
-        self._around()
+        self._around(_WHOLE)
         self.again(self.best.names)
         self._settle()
         return self
@@ -131,23 +145,22 @@ class Search:
         return [*known, *(self.fit(s.names, s.start, node.hyper) for s in by_value),
                 *(self.fit(s.names, s.white_start, node.hyper) for s in by_white)]
 
-    def _around(self) -> None:
+    def _around(self, ranking: _Ranking) -> None:
         """Drop, swap and reshape effects of the best set until none of it is better."""
         for turn in range(3):
-            best = self.best
+            best = max(self.fits.values(), key=ranking.of_fit)
             self._tell(6 + turn)
             for names in self.options.back(best.names):
                 # from here again: in a trap the smaller set would make its effect seem needed
                 fewer = self.again(names, best.start, best.hyper)
                 swaps = [self.screen(fewer, other) for other in self.options.further(names)
                          if other not in self.fits]
-                for s in sorted(swaps, key=lambda s: -s.value)[:settings.BEAM]:
-                    self.fit(s.names, s.start, best.hyper)
+                for s in sorted(swaps, key=ranking.of_screened)[-settings.BEAM:]:
+                    self.fit(s.names, ranking.start(s), best.hyper)
             for names in self.options.reshaped(best.names):
                 if names not in self.fits:
-                    s = self.screen(best, names)
-                    self.fit(names, s.start, best.hyper)
-            if self.best is best:
+                    self.fit(names, ranking.start(self.screen(best, names)), best.hyper)
+            if max(self.fits.values(), key=ranking.of_fit) is best:
                 break
 
     def _settle(self) -> None:

@@ -18,11 +18,13 @@ from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.experiment import best_experiment, finer, plain, without_force
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import head
-from fam_bundle_ros.discovery.posterior import Change, Posterior
+from fam_bundle_ros.discovery.posterior import Change, Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding
 
 Ties = tuple[tuple[str, ...], ...]
+#: Trades that a sentence tells; the others stand in a list.
+_TOLD = 2
 
 
 class Next(NamedTuple):
@@ -43,7 +45,7 @@ def what(change: Change) -> str:
 
 
 def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change], ties: Ties,
-              base: Fit, shapes: Sequence[Template]) -> str:
+              trades: Sequence[Trade], base: Fit, shapes: Sequence[Template]) -> str:
     """
     Return the verdict in a sentence.
 
@@ -53,6 +55,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     answer, found : sequence of Change
         What is named, and what was chosen before the verdict refused it.
     ties : tuple of tuple of str
+    trades : sequence of Trade
     base : Fit
         The model recalibrated.
     shapes : sequence of Template
@@ -83,8 +86,10 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
             text += '; doubtful: ' + '; '.join(finding.warnings)
     else:
         text += 'the error down to the noise'
-    if ties:
-        text += '; these data cannot tell apart ' + '; '.join(' and '.join(g) for g in ties)
+    if ties or trades:
+        more = f' (and {len(trades) - _TOLD} trades more)' if len(trades) > _TOLD else ''
+        text += '; these data cannot tell apart ' + '; '.join(
+            [*(' and '.join(group) for group in ties), *map(str, trades[:_TOLD])]) + more
     return text
 
 

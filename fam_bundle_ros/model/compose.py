@@ -178,9 +178,12 @@ class Composition:
         force = self._parts[Place.FORCE]
         bladder = [part for part in force if part[1].family == 'bladder']
         others = [part for part in force if part[1].family != 'bladder']
-        used = self._used(Place.PRESSURE, Place.GEOMETRY, Place.FORCE, Place.LIMIT, Place.LOSS)
+        used = self._used(Place.PRESSURE, Place.GEOMETRY, Place.FORCE, Place.LIMIT, Place.LOSS,
+                          Place.RESIDUAL)
         lines = [f'{name} = shape[{SHAPE.index(name)}]' for name in SHAPE if name in used]
         lines += ['braid = 1.0', 'bladder = 0.0', 'force = 0.0', 'stretch = 1.0 - strain']
+        residual = self._parts[Place.RESIDUAL]
+        lines += self._calls(residual, static)
         lines += self._felt_pressure(static)
         lines += self._calls(self._parts[Place.GEOMETRY], static)
         for quantity, start in (('strain', 'strain'), ('braid', '1.0')):
@@ -203,8 +206,7 @@ class Composition:
         lines += [f'force = np.maximum(force, by_{called})' for called, _, _ in limits]
         losses = self._parts[Place.LOSS]
         lines += self._calls(losses, static)
-        if losses:
-            lines.append(f'force = force + {_total(losses)}')
+        lines += [f'force = force + {_total(parts)}' for parts in (losses, residual) if parts]
         stepping = '' if static else ', dt, start, log_start'
         ends = '' if static else ', memory, after'
         return _function(

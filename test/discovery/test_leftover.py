@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import rivals
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
@@ -66,6 +67,18 @@ def test_the_odd_part_follows_the_direction_of_motion(surface, paper_muscle):
     assert (up + down) / 2 == pytest.approx(with_it.force(0.1, [200e3]))
 
 
+@pytest.mark.parametrize(('name', 'values'), [
+    ('threshold_pressure', {'pressure': 40e3}), ('end_caps', {'dead_length': 12e-3}),
+    ('tendon_slack', {}), ('pressure_creep', {'share': 0.2})])
+def test_the_surface_is_added_over_what_gauges_show(surface, paper_muscle, name, values):
+    """Whatever the muscle makes of strain and pressure, and where it would be slack."""
+    bare = paper_muscle.with_effect(name, **values)
+    added = bare.with_effect(surface)
+    for strain in (0.1, 0.19):
+        extra = added.force(strain, [100e3], 0.05) - bare.force(strain, [100e3], 0.05)
+        assert extra == pytest.approx(1.5 + 7.5 * strain + 0.5 + 5.0 * strain)
+
+
 def test_a_table_with_a_hole_is_refused(tmp_path):
     """Every pair of strain and pressure once, said with the numbers found."""
     (tmp_path / 'left.csv').write_text(TABLE[:TABLE.rindex('0.2,400')])
@@ -79,7 +92,7 @@ def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscl
     """A smooth error of 8 N that no law explains: physics with the table foretells it."""
     data = sweeps(extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5 + 2.0 * way)
     fitter, joint, physics = fitted(paper_muscle, data)
-    left = Leftover.of(fitter.covariance, joint)
+    left = Leftover.of(fitter, joint)
     left.write(tmp_path / 'left.csv')
     model = joint.model.with_effect(catalogue.get('discrepancy_surface')(
         table='left.csv', folder=tmp_path))
@@ -93,13 +106,34 @@ def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscl
     assert left.odd.mean() == pytest.approx(2.0, abs=0.4)
 
 
+def test_a_table_is_finer_than_the_visits_of_a_fast_log(paper_muscle):
+    """Filled and vented within seconds at fixed lengths: a bump 40 kPa wide is in the table."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 96.0, 0.1)
+    pressure = 2e5 * (1.0 - np.cos(2.0 * np.pi * time / 8.0))
+    strain = 0.04 * np.floor(time / 24.0)
+
+    def bump(p):
+        return 6.0 * np.exp(-((p - 2e5) / 4e4) ** 2)
+    motion = Motion(strain, pressure[:, None], 0.0 * strain, time, np.diff(strain, prepend=-1) > 0)
+    force = paper_muscle.predict(motion) + bump(pressure) + rng.normal(0.0, 0.3, len(time))
+    data = build('bump', strain, pressure, force, np.floor(time / 24.0), time)
+    fitter, joint, _ = fitted(paper_muscle, data)
+    left = Leftover.of(fitter, joint)
+    still = joint.model.predict(motion) - paper_muscle.predict(motion)
+    table = np.array([
+        np.interp(p, left.pressure[0], left.even[0, np.abs(left.strain - e).argmin()])
+        for e, p in zip(strain, pressure)])
+    assert np.sqrt(np.mean((table + still - bump(pressure)) ** 2)) < 0.2
+
+
 def test_the_discrepancy_is_unsure_where_nothing_was_measured(sweeps, paper_muscle):
     """Its standard deviation between two isobars far apart is above that on one."""
     pressure = sweeps().pressure[:, 0]
     measured = (pressure < 100e3) | (pressure > 300e3)
     fitter, joint, _ = fitted(paper_muscle, sweeps(
         extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5).select(measured))
-    left = Leftover.of(fitter.covariance, joint)
+    left = Leftover.of(fitter, joint)
     middle = left.sd[0][len(left.strain) // 2]
     gap = np.abs(left.pressure[0] - 200e3) < 60e3
     assert middle[gap].mean() > 1.5 * middle[left.pressure[0] < 60e3].mean()
@@ -154,7 +188,7 @@ def test_the_empirical_form_ends_at_the_lowest_force():
 def test_no_discrepancy_is_a_flat_table(sweeps, paper_muscle):
     """Where nothing is left the table is zero."""
     fitter, joint, physics = fitted(paper_muscle, sweeps())
-    left = Leftover.of(fitter.covariance, physics)
+    left = Leftover.of(fitter, physics)
     assert physics.hyper == Hyper(white=physics.hyper.white)
     assert not left.even.any()
     assert not left.odd.any()

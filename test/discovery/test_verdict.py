@@ -14,7 +14,7 @@ from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import Options
-from fam_bundle_ros.discovery.posterior import named
+from fam_bundle_ros.discovery.posterior import changes, named, Posterior
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
@@ -99,6 +99,42 @@ def test_folds_choose_among_ties_but_add_nothing_to_them(search, monkeypatch):
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
     best, _ = steps._best_of_ties(made, chosen, found, worth, Choices())
     assert best.names == chosen.names
+
+
+def trades(made, odds):
+    """Return the trades of the best set in words, and what is tied one for one."""
+    posterior = Posterior.of(made)
+    tied = posterior.ties(changes(made.options, made.best.names), made.best, odds)
+    return [str(trade) for trade in posterior.trades(made.best, odds)], tied
+
+
+def test_two_effects_that_do_as_well_as_two_others_are_a_trade(search):
+    """Neither is tied with one of the others: they go together, within the odds only."""
+    made = search(nothing=0.0, end_caps__coulomb_friction=9.0,
+                  threshold_pressure__viscous_damping=7.0)
+    assert trades(made, 20.0) == (['coulomb_friction with end_caps and threshold_pressure with '
+                                   'viscous_damping'], [])
+    assert trades(made, 2.0) == ([], [])
+
+
+def test_a_trade_leaves_out_what_ties_by_itself(search):
+    """Friction of two kinds ties; what is left of the other set takes the place of the rest."""
+    made = search(nothing=0.0, coulomb_friction__end_caps__force_sensor_gain=9.0,
+                  end_caps__force_sensor_gain__viscous_damping=8.5,
+                  threshold_pressure__viscous_damping=8.0)
+    assert trades(made, 20.0) == (['end_caps with force_sensor_gain and threshold_pressure'],
+                                  [('coulomb_friction', 'viscous_damping')])
+
+
+def test_another_shape_may_need_a_further_effect(search):
+    """The shape by itself is no trade, an effect more than the answer needs is none either."""
+    made = search(nothing=0.0, end_caps=9.0, end_caps__threshold_pressure=8.0)
+    assert trades(made, 20.0) == ([], [])
+    made = search(nothing=0.0, end_caps=9.0, saturating_sheath__tondu_factor=8.0)
+    assert trades(made, 20.0) == (['end_caps and saturating_sheath with tondu_factor'], [])
+    made = search(nothing=0.0, end_caps=9.0, tondu_factor=8.5,
+                  saturating_sheath__tondu_factor=8.0)
+    assert trades(made, 20.0) == ([], [])
 
 
 @pytest.mark.parametrize(('blind', 'refused'), [(0.9, True), (1.2, False)])

@@ -33,6 +33,8 @@ class Place(Enum):
     FORCE = 'force'
     LIMIT = 'limit'
     LOSS = 'loss'
+    #: Added last; feels strain and pressure before any other law changed them.
+    RESIDUAL = 'residual'
 
 
 #: What a law may feel. ``strain``, ``pressure`` (gauge, of its own unit) and ``stretch``

@@ -45,19 +45,18 @@ class Table(ForceTable):
         super().__init__(path, strain, pressure, force, len(units))
 
 
-@law('force', family='discrepancy', candidate=False, load=Table, look=('grey', 'dot'),
+@law('residual', family='discrepancy', candidate=False, load=Table, look=('grey', 'dot'),
      summary='what no law of the model explains: a smooth surface, not physics',
      source="derived: mean of a Gaussian process (Kennedy and O'Hagan 2001), by diagnose",
      signature='whatever is left, inside the range that was measured')
-def discrepancy_surface(unit, strain, pressure, tables, table):
-    """F(e, P) of a `Table`: bilinear between its points, the nearest edge outside it."""
-    grids = int(tables[table])
-    return interpolated(tables, table, np.minimum(unit, grids - 1), strain, pressure)
+def discrepancy_surface(unit, strain, strain_rate, pressure, tables, table):
+    """
+    F(e, P) of a `Table` and, by the smoothed sign of the rate, its odd part.
 
-
-@discrepancy_surface.also('loss')
-def _odd(unit, strain, strain_rate, pressure, tables, table):
-    """Add the odd part, with the smoothed sign of the rate."""
+    Bilinear between points, the nearest edge outside them.
+    """
     grids = int(tables[table])
-    return np.tanh(strain_rate / ROUNDING) * interpolated(
-        tables, table, grids + np.minimum(unit, grids - 1), strain, pressure)
+    grid = np.minimum(unit, grids - 1)
+    odd = interpolated(tables, table, grids + grid, strain, pressure)
+    return (interpolated(tables, table, grid, strain, pressure)
+            + np.tanh(strain_rate / ROUNDING) * odd)

@@ -51,5 +51,5 @@ def end_effect_of_length(strain, length, dead_length, share):
     On muscles of one length only the factor is known, which a dead length alone (`end_caps`) or a
     factor alone (`tondu_factor`) gives too: it takes two lengths to part Le from k.
     """
-    active = np.maximum(length - dead_length, 0.2 * length)
-    return strain * ((1.0 + share) * length / active - 1.0)
+    active = np.maximum((length - dead_length) / (1.0 + share), 0.2 * length)
+    return strain * (length / active - 1.0)

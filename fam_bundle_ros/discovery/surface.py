@@ -1,0 +1,132 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What physics leaves as a function of strain, pressure and direction: what a table can hold.
+
+The search works on cells of each visit, which are wide where a log is fast. For a table all visits
+to a place count together: that leaves rows enough for places a sixtieth of the range wide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from fam_bundle_ros.discovery.cells import average_over, Cells, places, renumbered
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.model import Bundle
+
+
+@dataclass(frozen=True)
+class Surface:
+    """
+    The mean of a Gaussian process over strain, pressure and direction (Kennedy and O'Hagan 2001).
+
+    Attributes
+    ----------
+    covariance : Covariance
+        Of the places.
+    hyper : Hyper
+    lower : ndarray, shape (n, n)
+        Cholesky factor of the places' covariance.
+    weights : ndarray, shape (n,)
+    """
+
+    covariance: Covariance
+    hyper: Hyper
+    lower: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, fitter: Fitter, model: Bundle, fit: Fit, used: np.ndarray | None = None,
+           hyper: Hyper | None = None) -> Surface:
+        """
+        Return the surface that a model leaves.
+
+        Parameters
+        ----------
+        fitter : Fitter
+        model : Bundle
+        fit : Fit
+            Says whether there is an even and an odd part; the search for the hyperparameters
+            begins with its own.
+        used : ndarray of bool, shape (n,), optional
+            Cells whose rows count, all by default.
+        hyper : Hyper, optional
+            Hyperparameters, where they are known.
+        """
+        cells = fitter.cells
+        kept = cells.label >= 0
+        if used is not None:
+            kept &= used[cells.label]
+        there = _averaged(cells, cells.data.force - model.predict(cells.motion), kept)
+        covariance = Covariance(there, fitter.covariance.unexplained, cells.force_sd)
+        if hyper is None:
+            local = Fitter(there, covariance)
+            none = tuple(axis for axis in ('even', 'odd') if not getattr(fit.hyper, axis))
+            begin = fit.hyper._replace(slow=0, speed=0)
+            small = local.first_hyper()._replace(**dict.fromkeys(none, 0))
+            found = [local.best_hyper(h, there.force, np.zeros((len(there), 0)), np.zeros(0), (),
+                                      fixed=none) for h in (begin, small)]
+            hyper = max(found, key=lambda each: each[1])[0]
+        lower = cholesky(covariance.matrix(hyper), lower=True)
+        half = solve_triangular(lower, there.force, lower=True)
+        return cls(covariance, hyper, lower,
+                   solve_triangular(lower, half, lower=True, trans=1))
+
+    def parts(self, strain: np.ndarray, pressure: np.ndarray, unit: int | None = None,
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """
+        Return the even part, the odd part while shortening, and the sd of the even one, (k,), N.
+
+        Parameters
+        ----------
+        strain : ndarray, shape (k,)
+        pressure : ndarray, shape (k, m), Pa
+        unit : int, optional
+            The share of this motor unit alone.
+        """
+        cells, h = self.covariance.cells, self.hyper
+        even, odd = (self.covariance.variance(place) for place in (h.even, h.odd))
+        across = self.covariance.across(h, strain, pressure, unit)
+        known = solve_triangular(self.lower, even * across.T, lower=True)
+        left = even / (1 if unit is None else pressure.shape[1]) - np.sum(known ** 2, axis=0)
+        return (even * across @ self.weights, odd * across @ (cells.direction * self.weights),
+                np.sqrt(np.maximum(left, 0.0)))
+
+    def of_rows(self, cells: Cells, rows: np.ndarray) -> np.ndarray:
+        """Return what the surface adds to the force of some rows of the cells' record, N."""
+        data = cells.data
+        even, odd, _ = self.parts(data.strain[rows], data.pressure[rows])
+        return even + odd * cells.row_turn[rows]
+
+
+def _averaged(cells: Cells, off: np.ndarray, kept: np.ndarray) -> Cells:
+    """
+    Return residuals of rows (T,), N, averaged over all visits to a place, as cells without time.
+
+    What visits differ by is noise of the mean: a place counts as so many rows as that leaves.
+    """
+    data = cells.data
+    label = renumbered(np.where(kept, places(cells), -1))
+    rows = np.bincount(label[kept]).astype(float)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return average_over(label, rows, values)
+
+    force = mean(off)
+    visit, index, length = np.unique(np.stack([label[kept], data.trial[kept]]), axis=1,
+                                     return_inverse=True, return_counts=True)
+    visits = np.bincount(visit[0])
+    apart = np.bincount(index.ravel(), off[kept]) / length - force[visit[0]]
+    between = np.sum(apart ** 2) / max(len(apart) - len(force), 1)
+    variance = cells.noise ** 2 / rows + between / visits
+    nowhere = np.zeros(len(rows))
+    return replace(
+        cells, label=label, count=cells.noise ** 2 / variance, force=force,
+        strain=mean(data.strain), pressure=mean(data.pressure),
+        direction=np.sign(np.round(mean(data.direction.astype(float)))), turn=mean(cells.row_turn),
+        speed=nowhere, trial=nowhere, time=None, stiffness=None)
