@@ -9,6 +9,7 @@ mu1 at 410 kPa, above 396 kPa``.
 """
 
 from collections.abc import Callable
+from functools import partial
 import time
 
 from std_msgs.msg import String
@@ -81,15 +82,13 @@ class PressureLoops:
         #: Since when a loop vents for a reason of its own, s; None while it does not.
         self._troubled: list[float | None] = [None] * units
         for unit in range(units):
-            def take(message: String, unit: int = unit) -> None:
-                self._take(unit, message.data)
-            node.subscribe(interface.pid_state_topic(unit + 1), String, take,
+            node.subscribe(interface.pid_state_topic(unit + 1), String, partial(self._take, unit),
                            interface.LATCHED)
 
-    def _take(self, unit: int, text: str) -> None:
+    def _take(self, unit: int, message: String) -> None:
         now = time.monotonic()
         self._heard[unit] = now
-        before, self._states[unit] = self._states[unit], read_state(text)
+        before, self._states[unit] = self._states[unit], read_state(message.data)
         state, cause, reason = self._states[unit]
         if cause not in TROUBLE or state != State.VENT.value:
             self._troubled[unit] = None

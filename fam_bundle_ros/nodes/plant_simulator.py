@@ -9,6 +9,7 @@ command with that sample's stamp has come for every motor unit. Its supply is op
 ``supply_enable`` says so; a load that is a dynamometer goes where ``reference/dynamometer`` says.
 """
 
+from functools import partial
 import math
 import time
 from typing import Any, Protocol
@@ -151,9 +152,8 @@ class PlantSimulator(BundleNode):
         self._time_publisher = (self.publisher(interface.CLOCK, Clock)
                        if self.lock_step and self.p['publish_clock'] else None)
         for i in range(self.units):
-            def command(message: JointState, i: int = i) -> None:
-                self._take_command(i, message)
-            self.subscribe(interface.valve_topic(i + 1), JointState, command)
+            self.subscribe(interface.valve_topic(i + 1), JointState,
+                           partial(self._take_command, i))
         if self.p['obey_supply_enable']:
             self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_leave, interface.RELIABLE)
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),

@@ -9,6 +9,7 @@ reading beyond its limit, or silence, vents everything in the same callback.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 import math
 import time
 
@@ -112,9 +113,8 @@ class Hand(BundleNode):
         self._send = [self.sender(interface.valve_topic(i + 1), JointState,
                                   interface.valve_writer(i + 1)) for i in range(units)]
         for i in range(units):
-            def take(message: FluidPressure, i: int = i) -> None:
-                self._on_pressure(i, message)
-            self.subscribe(interface.pressure_topic(i + 1), FluidPressure, take)
+            self.subscribe(interface.pressure_topic(i + 1), FluidPressure,
+                           partial(self._on_pressure, i))
         self.subscribe(interface.FORCE, WrenchStamped, self._on_force)
         self.subscribe(interface.STRAIN, JointState, self._on_strain)
         self.subscribe(interface.SUPPLY, FluidPressure, self._on_supply)

@@ -11,6 +11,7 @@ there already: pressure loops in the same process answer first.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 import math
 import time
 from typing import Any
@@ -133,9 +134,8 @@ class Sensing:
         self._listen('force', interface.FORCE, WrenchStamped, interface.read_force)
         self._listen('strain', interface.STRAIN, JointState, self._read_strain)
         for i in range(units):
-            def read(message: FluidPressure, unit: int = i) -> float:
-                return self._read_pressure(unit, message)
-            self._listen(f'mu{i + 1}', interface.pressure_topic(i + 1), FluidPressure, read)
+            self._listen(f'mu{i + 1}', interface.pressure_topic(i + 1), FluidPressure,
+                         partial(self._read_pressure, i))
 
     @property
     def begun(self) -> bool:

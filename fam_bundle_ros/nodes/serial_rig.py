@@ -10,6 +10,7 @@ that is lost, restarts, or trips stops the rig until `e_stop_reset`.
 """
 
 from collections import deque
+from functools import partial
 import time
 from typing import Any
 
@@ -102,9 +103,7 @@ class SerialRig(BundleNode):
             for topic, frame in interface.pressure_channels(self.units))
         self._e_stop = self.publisher(interface.E_STOP, Bool, interface.LATCHED)
         for i in range(self.units):
-            def command(message: JointState, i: int = i) -> None:
-                self._take_valve(i, message)
-            self.subscribe(interface.valve_topic(i + 1), JointState, command)
+            self.subscribe(interface.valve_topic(i + 1), JointState, partial(self._take_valve, i))
         self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_enable, interface.RELIABLE)
         self.trigger(interface.E_STOP_TRIGGER, self._on_e_stop)
         self.trigger(interface.E_STOP_RESET, self._on_e_stop_reset)

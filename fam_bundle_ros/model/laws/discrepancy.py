@@ -57,6 +57,6 @@ def discrepancy_surface(unit, strain, strain_rate, pressure, tables, table):
     """
     grids = int(tables[table])
     grid = np.minimum(unit, grids - 1)
+    odd = interpolated(tables, table, grids + grid, strain, pressure)
     return (interpolated(tables, table, grid, strain, pressure)
-            + np.tanh(strain_rate / ROUNDING)
-            * interpolated(tables, table, grids + grid, strain, pressure))
+            + np.tanh(strain_rate / ROUNDING) * odd)
