@@ -164,15 +164,27 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     held = held.of_rows(beyond_cells(cells, physics, error))
     return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
                  noise_floor(data, data.force - predict(new, data)), tuple(told), asked,
-                 replacing, tuple(removing), recommend(new, chosen, held, fitter))
+                 replacing, tuple(removing), recommend(new, physics, chosen, held, fitter))
 
 
-def recommend(physics: Bundle, joint: Fit, held: HeldOut, fitter: Fitter) -> Recommended:
-    """Return physics, or physics with the discrepancy, whichever foretells unseen rows better."""
+def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
+              ) -> Recommended:
+    """
+    Return physics, or physics with what it leaves, whichever foretells unseen rows better.
+
+    Parameters
+    ----------
+    best : Bundle
+        Physics as it is written.
+    physics, joint : Fit
+        Fitted without a discrepancy and with one.
+    held : HeldOut
+    fitter : Fitter
+    """
     surface = joint.hyper.fits_a_table and held.discrepancy < held.physics
-    leftover = Leftover.of(fitter, joint) if surface else None
-    model = joint.model.named(f'{physics.name}_and_discrepancy') if surface else physics
-    return Recommended(model, tuple(effect.name for effect in physics.effects), leftover,
+    leftover = Leftover.of(fitter, physics, joint.hyper) if surface else None
+    model = best.named(f'{best.name}_and_discrepancy') if surface else best
+    return Recommended(model, tuple(effect.name for effect in best.effects), leftover,
                        held.best if surface else held.physics, held.physics, held.discrepancy,
                        dict(held.rivals))
 

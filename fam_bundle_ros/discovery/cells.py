@@ -140,12 +140,9 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     noise = max(min(known, default=0.0), settings.LEAST_NOISE * float(np.abs(data.force).max()))
     strain_range = max(float(np.ptp(data.strain)), 1e-6)
     pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
-    label = _labels(data, strain_range, pressure_range, most, not data.is_static)
-    label = np.where(spikes(data, residual, noise) | unknown_direction(data), -1, label)
-    label = renumbered(label)
-    if label.max() + 1 > most:
-        kept = np.unique(np.linspace(0, label.max(), most).astype(int))
-        label = renumbered(np.where(np.isin(label, kept), label, -1))
+    label = _labels(data, data.direction, strain_range, pressure_range, most, not data.is_static)
+    label = _at_most(most, np.where(
+        spikes(data, residual, noise) | unknown_direction(data), -1, label))
     count = np.bincount(label[label >= 0]).astype(float)
 
     def mean(values: np.ndarray) -> np.ndarray:
@@ -178,25 +175,47 @@ def unknown_direction(data: Measurement) -> np.ndarray:
     return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
 
 
-def places(cells: Cells) -> np.ndarray:
-    """Return a cell of strain, pressure and direction for each row, (T,) int, whatever visit."""
-    return _labels(cells.data, cells.strain_range, cells.pressure_range, settings.CELLS, False)
+def places(cells: Cells, kept: np.ndarray, both_ways: bool) -> np.ndarray:
+    """
+    Return a cell of strain and pressure for each row, (T,) int, whatever visit; -1 for none.
+
+    Parameters
+    ----------
+    cells : Cells
+    kept : ndarray of bool, shape (T,)
+        Rows that are in one.
+    both_ways : bool
+        Whether the directions of motion have cells of their own.
+    """
+    data, most = cells.data, settings.PLACES
+    direction = data.direction if both_ways else np.zeros_like(data.direction)
+    label = _labels(data, direction, cells.strain_range, cells.pressure_range, most, False)
+    return _at_most(most, np.where(kept, label, -1))
 
 
-def renumbered(label: np.ndarray) -> np.ndarray:
+def _at_most(most: int, label: np.ndarray) -> np.ndarray:
+    """Return labels without gaps (-1 stays), an even choice of them where there are more."""
+    label = _renumbered(label)
+    if label.max() + 1 > most:
+        kept = np.unique(np.linspace(0, label.max(), most).astype(int))
+        label = _renumbered(np.where(np.isin(label, kept), label, -1))
+    return label
+
+
+def _renumbered(label: np.ndarray) -> np.ndarray:
     """Return labels without gaps; -1 stays."""
     _, new = np.unique(label, return_inverse=True)
     return new.ravel() - (1 if (label < 0).any() else 0)
 
 
-def _labels(data: Measurement, strain_range: float, pressure_range: np.ndarray,
-            most: int, by_visit: bool) -> np.ndarray:
+def _labels(data: Measurement, direction: np.ndarray, strain_range: float,
+            pressure_range: np.ndarray, most: int, by_visit: bool) -> np.ndarray:
     """Return a cell of strain, pressure, direction (and visit) for each row, (T,) int."""
     if len(data) <= most:
         return np.arange(len(data))
     label = np.zeros(len(data), int)
     for bins in _BINS:
-        parts = [np.round(data.strain / strain_range * bins).astype(int), data.direction]
+        parts = [np.round(data.strain / strain_range * bins).astype(int), direction]
         parts += [np.round(column / size * bins).astype(int)
                   for column, size in zip(data.pressure.T, pressure_range)]
         _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)

@@ -124,8 +124,9 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     beyond = beyond_cells(cells, final, error['best'] if final is not base else
                           error['recalibrated'])
     held = held.of_rows(beyond)
-    before, leftover = (Leftover.of(fitter, fit) for fit in (search.null, joint))
-    recommended = recommend(best, joint, held, fitter)
+    before, leftover = (Leftover.of(fitter, fit, beside.hyper)
+                        for fit, beside in ((base, search.null), (final, joint)))
+    recommended = recommend(best, final, joint, held, fitter)
     residual = data.force - predict(best, data)
     shapes = describe(cells, final)
     further = next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes)

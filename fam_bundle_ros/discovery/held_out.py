@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from fam_bundle_ros.data.folds import fold_labels, KINDS
 from fam_bundle_ros.discovery.cells import Cells
@@ -20,6 +19,7 @@ from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.rivals import BLIND, missed, RIVALS
 from fam_bundle_ros.discovery.surface import Surface
+from fam_bundle_ros.model import Bundle
 
 #: Steps of a fit that begins at that on all cells.
 _STEPS = 3
@@ -142,7 +142,7 @@ def squares_of_folds(fitter: Fitter, fit: Fit) -> np.ndarray:
     cells = fitter.cells
     found, rows = [], 0.0
     for _, train, test in _folds(cells):
-        off = _without(fitter, fit, train)[test]
+        off = _without(fitter, fit, train)[1][test]
         found.append(float(np.sum(cells.count[test] * off ** 2)))
         rows += float(cells.count[test].sum())
     if not found:
@@ -168,13 +168,17 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     counts: dict[str, float] = {}
     seen: dict[str, list[np.ndarray]] = {}
     shown = [names.index(name) for name in ('physics', 'discrepancy', 'empirical')]
-    hyper = Surface.of(fitter, joint.model, joint).hyper if joint.hyper.fits_a_table else None
+    needed = joint.hyper.fits_a_table
+    hyper = Surface.best(fitter, physics.model, joint.hyper).hyper if needed else None
     folds = list(_folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
     for kind, train, test in folds:
         weight = cells.count[test]
-        errors = [_without(fitter, physics, train)[test],
-                  _with(fitter, joint, hyper, train, test),
-                  *(missed(rival, cells, train, test) for rival in names[2:])]
+        u, residual = _without(fitter, physics, train)
+        alone = with_table = residual[test]
+        if hyper is not None:
+            model = with_coordinates(physics.model, physics.priors, u)
+            with_table = alone - _on_a_table(fitter, model, hyper, train, test)
+        errors = [alone, with_table, *(missed(rival, cells, train, test) for rival in names[2:])]
         force = cells.force[test]
         seen.setdefault(kind, []).append(
             np.stack([force, *(force - errors[place] for place in shown)]))
@@ -190,36 +194,22 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         blind)
 
 
-def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> np.ndarray:
-    """Return the residual of all cells after a refit on some, without discrepancy."""
+def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return u and the residual of all cells after a refit on some, without discrepancy."""
     whiten = fitter.covariance.whiten
     sd = 1.0 / whiten(fit.hyper, np.ones(len(train)))[train]
 
     def part(values: np.ndarray) -> np.ndarray:
         return values[train] / (sd if values.ndim == 1 else sd[:, None])
 
-    return fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[1]
+    return fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[:2]
 
 
-def _with(fitter: Fitter, fit: Fit, hyper: Hyper | None, train: np.ndarray, test: np.ndarray,
-          ) -> np.ndarray:
-    """
-    Return the residual of other cells after a refit beside a discrepancy, its table taken off.
-
-    ``hyper`` is that of the table, None without one.
-    """
+def _on_a_table(fitter: Fitter, model: Bundle, hyper: Hyper, train: np.ndarray, test: np.ndarray,
+                ) -> np.ndarray:
+    """Return what a table adds to some cells that is made of what a model leaves in others."""
     cells = fitter.cells
-    lower = cholesky(fitter.covariance.matrix(fit.hyper)[np.ix_(train, train)], lower=True,
-                     check_finite=False)
-
-    def part(values: np.ndarray) -> np.ndarray:
-        return solve_triangular(lower, values[train], lower=True, check_finite=False)
-
-    u, residual, _ = fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)
-    if hyper is None:
-        return residual[test]
-    surface = Surface.of(fitter, with_coordinates(fit.model, fit.priors, u), fit, train, hyper)
     rows = np.flatnonzero((cells.label >= 0) & test[cells.label])
     added = np.zeros(len(cells.label))
-    added[rows] = surface.of_rows(cells, rows)
-    return (residual - cells.mean(added))[test]
+    added[rows] = Surface.of(fitter, model, hyper, train).of_rows(cells, rows)
+    return cells.mean(added)[test]

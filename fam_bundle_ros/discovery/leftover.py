@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fam_bundle_ros.atomic import whole
+from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.surface import Surface
 from fam_bundle_ros.model import Bundle
@@ -27,7 +28,7 @@ _STRAINS, _PRESSURES = 41, 25
 @dataclass(frozen=True)
 class Leftover:
     """
-    The discrepancy of a fit over a grid.
+    What physics leaves over a grid.
 
     Attributes
     ----------
@@ -37,7 +38,7 @@ class Leftover:
     even, odd, sd : ndarray, shape (n, s, p), N
         Per motor unit; ``odd`` holds while shortening, ``sd`` is that of the even part.
     model : Bundle
-        The physics beside it: fitted together with the discrepancy.
+        The physics that leaves it.
     """
 
     strain: np.ndarray
@@ -48,23 +49,33 @@ class Leftover:
     model: Bundle
 
     @classmethod
-    def of(cls, fitter: Fitter, fit: Fit) -> Leftover:
-        """Return the discrepancy that a fit needs."""
+    def of(cls, fitter: Fitter, physics: Fit, needed: Hyper) -> Leftover:
+        """
+        Return what physics leaves.
+
+        Parameters
+        ----------
+        fitter : Fitter
+        physics : Fit
+            Fitted without a discrepancy.
+        needed : Hyper
+            Of the same effects fitted with one: the map is zero where that has none.
+        """
         rows = fitter.cells.data
         strain = np.linspace(rows.strain.min(), rows.strain.max(), _STRAINS)
         units = rows.pressure.shape[1]
         pressure = np.stack([np.linspace(column.min(), max(column.max(), column.min() + 1e3),
                                          _PRESSURES) for column in rows.pressure.T])
         maps = np.zeros((3, units, _STRAINS, _PRESSURES))
-        if fit.hyper.fits_a_table:
-            surface = Surface.of(fitter, fit.model, fit)
+        if needed.fits_a_table:
+            surface = Surface.best(fitter, physics.model, needed)
             for i in range(units):
                 e, p = (grid.ravel() for grid in np.meshgrid(strain, pressure[i], indexing='ij'))
                 points = np.zeros((len(e), units))
                 points[:, i] = p
                 maps[:, i] = np.reshape(surface.parts(e, points, i), maps[:, i].shape)
         even, odd, sd = maps
-        return cls(strain, pressure, even, odd, sd, fit.model)
+        return cls(strain, pressure, even, odd, sd, physics.model)
 
     def write(self, path: Path) -> None:
         """

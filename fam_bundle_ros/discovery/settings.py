@@ -66,6 +66,8 @@ TIME_LENGTHS = np.array([0.3, 3.0, 30.0])
 SPEED_LENGTH = 1.0
 #: Most cells that the data are averaged to: the work grows with the cube.
 CELLS = 300
+#: Most places of the table of what is left: it is fitted once, not for each set of effects.
+PLACES = 600
 #: Most rows that physics runs on; longer logs are averaged in blocks of neighbours.
 ROWS = 8000
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from fam_bundle_ros.discovery.cells import average_over, Cells, places, renumbered
+from fam_bundle_ros.discovery.cells import average_over, Cells, places
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.model import Bundle
 
 
@@ -41,41 +41,46 @@ class Surface:
     weights: np.ndarray
 
     @classmethod
-    def of(cls, fitter: Fitter, model: Bundle, fit: Fit, used: np.ndarray | None = None,
-           hyper: Hyper | None = None) -> Surface:
+    def of(cls, fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | None = None,
+           ) -> Surface:
         """
-        Return the surface that a model leaves.
+        Return the surface that a model leaves, with given hyperparameters.
 
         Parameters
         ----------
         fitter : Fitter
         model : Bundle
-        fit : Fit
-            Says whether there is an even and an odd part; the search for the hyperparameters
-            begins with its own.
+        hyper : Hyper
         used : ndarray of bool, shape (n,), optional
             Cells whose rows count, all by default.
-        hyper : Hyper, optional
-            Hyperparameters, where they are known.
         """
-        cells = fitter.cells
-        kept = cells.label >= 0
-        if used is not None:
-            kept &= used[cells.label]
-        there = _averaged(cells, cells.data.force - model.predict(cells.motion), kept)
-        covariance = Covariance(there, fitter.covariance.unexplained, cells.force_sd)
-        if hyper is None:
-            local = Fitter(there, covariance)
-            none = tuple(axis for axis in ('even', 'odd') if not getattr(fit.hyper, axis))
-            begin = fit.hyper._replace(slow=0, speed=0)
-            small = local.first_hyper()._replace(**dict.fromkeys(none, 0))
-            found = [local.best_hyper(h, there.force, np.zeros((len(there), 0)), np.zeros(0), (),
-                                      fixed=none) for h in (begin, small)]
-            hyper = max(found, key=lambda each: each[1])[0]
+        covariance = _covariance(fitter, model, hyper, used)
         lower = cholesky(covariance.matrix(hyper), lower=True)
-        half = solve_triangular(lower, there.force, lower=True)
+        half = solve_triangular(lower, covariance.cells.force, lower=True)
         return cls(covariance, hyper, lower,
                    solve_triangular(lower, half, lower=True, trans=1))
+
+    @classmethod
+    def best(cls, fitter: Fitter, model: Bundle, needed: Hyper) -> Surface:
+        """
+        Return the most probable surface with the parts, even and odd, of a discrepancy.
+
+        Parameters
+        ----------
+        fitter : Fitter
+        model : Bundle
+        needed : Hyper
+            Of a fit of the model beside a discrepancy; the search begins there, too.
+        """
+        covariance = _covariance(fitter, model, needed, None)
+        there = covariance.cells
+        local = Fitter(there, covariance)
+        none = tuple(axis for axis in ('even', 'odd') if not getattr(needed, axis))
+        small = local.first_hyper()._replace(**dict.fromkeys(none, 0))
+        found = [local.best_hyper(h, there.force, np.zeros((len(there), 0)), np.zeros(0), (),
+                                  fixed=none)
+                 for h in (needed._replace(slow=0, speed=0), small)]
+        return cls.of(fitter, model, max(found, key=lambda each: each[1])[0])
 
     def parts(self, strain: np.ndarray, pressure: np.ndarray, unit: int | None = None,
               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -104,14 +109,25 @@ class Surface:
         return even + odd * cells.row_turn[rows]
 
 
-def _averaged(cells: Cells, off: np.ndarray, kept: np.ndarray) -> Cells:
+def _covariance(fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | None,
+                ) -> Covariance:
+    """Return the covariance of what a model leaves, averaged over all visits to each place."""
+    cells = fitter.cells
+    kept = cells.label >= 0
+    if used is not None:
+        kept &= used[cells.label]
+    off = cells.data.force - model.predict(cells.motion)
+    there = _averaged(cells, off, places(cells, kept, bool(hyper.odd)))
+    return Covariance(there, fitter.covariance.unexplained, cells.force_sd)
+
+
+def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray) -> Cells:
     """
-    Return residuals of rows (T,), N, averaged over all visits to a place, as cells without time.
+    Return residuals of rows (T,), N, averaged over places by their label, as cells without time.
 
     What visits differ by is noise of the mean: a place counts as so many rows as that leaves.
     """
-    data = cells.data
-    label = renumbered(np.where(kept, places(cells), -1))
+    data, kept = cells.data, label >= 0
     rows = np.bincount(label[kept]).astype(float)
 
     def mean(values: np.ndarray) -> np.ndarray:

@@ -92,9 +92,9 @@ def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscl
     """A smooth error of 8 N that no law explains: physics with the table foretells it."""
     data = sweeps(extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5 + 2.0 * way)
     fitter, joint, physics = fitted(paper_muscle, data)
-    left = Leftover.of(fitter, joint)
+    left = Leftover.of(fitter, physics, joint.hyper)
     left.write(tmp_path / 'left.csv')
-    model = joint.model.with_effect(catalogue.get('discrepancy_surface')(
+    model = physics.model.with_effect(catalogue.get('discrepancy_surface')(
         table='left.csv', folder=tmp_path))
     save_model(model, tmp_path / 'model.yaml')
     again = load_model(tmp_path / 'model.yaml')
@@ -118,9 +118,9 @@ def test_a_table_is_finer_than_the_visits_of_a_fast_log(paper_muscle):
     motion = Motion(strain, pressure[:, None], 0.0 * strain, time, np.diff(strain, prepend=-1) > 0)
     force = paper_muscle.predict(motion) + bump(pressure) + rng.normal(0.0, 0.3, len(time))
     data = build('bump', strain, pressure, force, np.floor(time / 24.0), time)
-    fitter, joint, _ = fitted(paper_muscle, data)
-    left = Leftover.of(fitter, joint)
-    still = joint.model.predict(motion) - paper_muscle.predict(motion)
+    fitter, joint, physics = fitted(paper_muscle, data)
+    left = Leftover.of(fitter, physics, joint.hyper)
+    still = physics.model.predict(motion) - paper_muscle.predict(motion)
     table = np.array([
         np.interp(p, left.pressure[0], left.even[0, np.abs(left.strain - e).argmin()])
         for e, p in zip(strain, pressure)])
@@ -131,9 +131,9 @@ def test_the_discrepancy_is_unsure_where_nothing_was_measured(sweeps, paper_musc
     """Its standard deviation between two isobars far apart is above that on one."""
     pressure = sweeps().pressure[:, 0]
     measured = (pressure < 100e3) | (pressure > 300e3)
-    fitter, joint, _ = fitted(paper_muscle, sweeps(
+    fitter, joint, physics = fitted(paper_muscle, sweeps(
         extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5).select(measured))
-    left = Leftover.of(fitter, joint)
+    left = Leftover.of(fitter, physics, joint.hyper)
     middle = left.sd[0][len(left.strain) // 2]
     gap = np.abs(left.pressure[0] - 200e3) < 60e3
     assert middle[gap].mean() > 1.5 * middle[left.pressure[0] < 60e3].mean()
@@ -188,7 +188,7 @@ def test_the_empirical_form_ends_at_the_lowest_force():
 def test_no_discrepancy_is_a_flat_table(sweeps, paper_muscle):
     """Where nothing is left the table is zero."""
     fitter, joint, physics = fitted(paper_muscle, sweeps())
-    left = Leftover.of(fitter, physics)
+    left = Leftover.of(fitter, physics, physics.hyper)
     assert physics.hyper == Hyper(white=physics.hyper.white)
     assert not left.even.any()
     assert not left.odd.any()
