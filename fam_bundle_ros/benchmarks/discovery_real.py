@@ -97,9 +97,9 @@ def score(split: Split, choices: Choices | None = None) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``data``, ``away``, ``verdict``, ``effects``, ``families``, ``held_out_N`` of the model
-        that `diagnose` recommends, ``physics_N`` of its effects alone, ``empirical_N``, and the
-        ``ratio`` of the first to the last.
+        ``data``, ``away``, ``verdict``, ``effects``, ``ties`` (trades too), ``families`` of all of
+        these, ``held_out_N`` of the model that `diagnose` recommends, ``physics_N`` of its effects
+        alone, ``empirical_N``, and the ``ratio`` of the first to the last.
     """
     data, model = read_measurement(split.data), load_model(split.model)
     train, test = data.select(~split.test), data.select(split.test)
@@ -109,9 +109,11 @@ def score(split: Split, choices: Choices | None = None) -> dict[str, Any]:
               'physics_N': rms(test.force - predict(result.recommended.model, test)),
               'empirical_N': rms(test.force - rival(test.strain, test.pressure))}
     named = sorted({*result.effects, *result.replaced.values()})
+    ties = [*map(list, result.tied), *(list(trade.labels) for trade in result.traded)]
     return {'data': split.data.stem, 'away': split.away, 'verdict': result.verdict,
-            'effects': named, 'families': sorted({family(name) for name in named}),
-            'ties': [list(group) for group in result.tied], **errors,
+            'effects': named, 'ties': ties,
+            'families': sorted({family(name) for group in (named, *ties) for name in group}),
+            **errors,
             'ratio': errors['held_out_N'] / errors['empirical_N']}
 
 
@@ -156,7 +158,7 @@ class Summary:
     worst_physics, median_physics : float
         The same of effects alone.
     always : dict of str to tuple of str
-        Families that are named on every split of a measurement.
+        Families that are named, or tied with what is, on every split of a measurement.
     """
 
     splits: int

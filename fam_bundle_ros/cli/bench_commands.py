@@ -155,7 +155,8 @@ def _benchmark_real(folder: Path, workers: int | None, scheduler: str | None,
                   f'{found["worst"]:.2f}; effects alone: median {found["median_physics"]:.2f}, '
                   f'worst {found["worst_physics"]:.2f}')
     for name, families in found['always'].items():
-        console.print(f'named on every split of {name}: {", ".join(families) or "none"}')
+        console.print(f'named, or tied with what is, on every split of {name}: '
+                      f'{", ".join(families) or "none"}')
     save_json(json_file, result)
 
 

@@ -20,7 +20,7 @@ _FAMILY: dict[str, Any] = {
      dead_length=Parameter(8.0, 'mm', 0.0, 100.0, 'length that takes no part'))
 def end_caps(strain, length, dead_length):
     """E -> e L0/(L0 - Le): a length Le of the muscle takes no part."""
-    active = np.maximum(length - dead_length, 0.2 * length)
+    active = np.maximum(length - dead_length, 0.25 * length)
     return strain * (length / active - 1.0)
 
 
@@ -51,5 +51,5 @@ def end_effect_of_length(strain, length, dead_length, share):
     On muscles of one length only the factor is known, which a dead length alone (`end_caps`) or a
     factor alone (`tondu_factor`) gives too: it takes two lengths to part Le from k.
     """
-    active = np.maximum((length - dead_length) / (1.0 + share), 0.2 * length)
+    active = np.maximum((length - dead_length) / (1.0 + share), 0.25 * length)
     return strain * (length / active - 1.0)
