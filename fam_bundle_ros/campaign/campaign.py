@@ -164,12 +164,12 @@ def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
     path = model_path(model)
     wanted = job.Model.of(path, allow_python)
     bundle, digest = wanted.bundle(), wanted.digest
-    leave = [] if recipe is None or isinstance(recipe, Recipe) else [Path(recipe)]
+    skip = [] if recipe is None or isinstance(recipe, Recipe) else [Path(recipe)]
     how = recipe if isinstance(recipe, Recipe) else (
         Recipe() if recipe is None else load_recipe(recipe))
     chosen = choices or Choices()
     recordings = find(folder, None if specimens is None else Path(specimens), pattern,
-                      tuple(leave))
+                      tuple(skip))
     jobs = [job.Job.of(recording, wanted, how, chosen) for recording in recordings]
     addresses = [each.address(digest) for each in jobs]
     store = Store(out / 'recordings')

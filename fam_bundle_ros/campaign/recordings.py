@@ -55,7 +55,7 @@ class Recording:
 
 
 def find(folder: Path, table: Path | None = None, pattern: str = '*',
-         leave: tuple[Path, ...] = ()) -> list[Recording]:
+         skip: tuple[Path, ...] = ()) -> list[Recording]:
     """
     Return the recordings below a folder, and those of a table, by their names.
 
@@ -68,7 +68,7 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
         Table of specimens; a file in it that is not there is a recording with a problem.
     pattern : str
         Names of files that are wanted, ``'*.csv'``.
-    leave : tuple of Path
+    skip : tuple of Path
         Files that are no recordings: recipes, tables.
 
     Raises
@@ -85,7 +85,7 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
             raise InputError(f"{table}: {specimen.data} is in column 'file' twice; expected one "
                              'line for each recording')
         told[path] = specimen
-    left = {path.resolve() for path in (*leave, *([table] if table is not None else []))}
+    left = {path.resolve() for path in (*skip, *([table] if table is not None else []))}
     # by the name in the folder, which may be a link; the table may name it by another way
     names = {str(path.relative_to(folder)): path for path in _files(folder, pattern)
              if path.resolve() not in left}

@@ -230,7 +230,7 @@ def yaml_to_write(path: Path, what: str = 'model') -> None:
         raise InputError(f'{path}: expected the name of a {what} file (.yaml) to write')
 
 
-def ask_leave(question: str, yes: bool) -> None:
+def confirm(question: str, yes: bool) -> None:
     """Ask for confirmation unless ``yes``; InputError where the answer is no."""
     if not (yes or typer.confirm(question)):
         raise InputError('not confirmed: nothing was done')

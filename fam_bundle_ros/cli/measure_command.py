@@ -10,7 +10,7 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     AllowPython,
-    ask_leave,
+    confirm,
     console,
     ControllerModel,
     JsonFile,
@@ -81,7 +81,7 @@ def measure(
         save_json(json_file, result)
         return
     if rig:
-        ask_leave(f'Now the muscles are filled, up to {max(plan.highest) / 1e3:.0f} kPa, and '
+        confirm(f'Now the muscles are filled, up to {max(plan.highest) / 1e3:.0f} kPa, and '
                   'moved: is everybody away from them and the stop button at hand?', yes)
     try:
         with progress_bar('measure') as tick:

@@ -10,7 +10,7 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     AllowPython,
-    ask_leave,
+    confirm,
     console,
     ControllerModel,
     JsonFile,
@@ -145,7 +145,7 @@ def check_rig(
     result: dict[str, Any] = {'ok': all(finding.ok for finding in findings),
                               'findings': findings}
     if active and model is not None and result['ok']:
-        ask_leave('Now the valves are opened one at a time, up to the supply: is the regulator '
+        confirm('Now the valves are opened one at a time, up to the supply: is the regulator '
                   f'at {low / 1e3:.0f} kPa, is everybody away from the muscles, are hoses tied '
                   'down and the stop button at hand?', yes)
         from fam_bundle_ros.nodes.rig_probe import probe_rig

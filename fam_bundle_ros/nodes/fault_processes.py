@@ -113,9 +113,9 @@ class _Witness(BundleNode):
 
     def _note(self) -> None:
         now = time.monotonic()
-        heard, leave = self._supply
+        heard, permitted = self._supply
         # Where it was never published it shuts nothing.
-        shut = math.isfinite(heard) and (not leave or now - heard > _SUPPLY_TIMEOUT)
+        shut = math.isfinite(heard) and (not permitted or now - heard > _SUPPLY_TIMEOUT)
         self.rows.append(_Row(now, tuple(self._pressure), self._force, tuple(
             value < -0.5 or now - came > _COMMAND_TIMEOUT for came, value in self._commands),
             shut))

@@ -51,7 +51,7 @@ MODEL_STATE = 'model/state'
 MODEL_DIAGNOSIS = 'model/diagnosis'
 MODEL_APPLIED = 'model/applied'
 E_STOP = 'e_stop'
-#: Leave to open the supply; see docs/how_to/driver.md.
+#: Permission to open the supply; see docs/how_to/driver.md.
 SUPPLY_ENABLE = 'supply_enable'
 # Global by convention (REP-107 and use_sim_time); all other names are relative.
 DIAGNOSTICS = '/diagnostics'

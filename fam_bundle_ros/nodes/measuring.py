@@ -119,7 +119,7 @@ class Measuring(BundleNode):
 
     @property
     def cut_off(self) -> bool:
-        """Whether the controller has taken its leave of the supply back."""
+        """Whether the controller has withdrawn its permission to open the supply."""
         return self.stopped == _CUT
 
     def _on_sample(self, sample: Sample) -> None:

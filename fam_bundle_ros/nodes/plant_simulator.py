@@ -33,7 +33,7 @@ from fam_bundle_ros.nodes.parameters import Spec
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.nodes.rig_parameters import LOAD, load_change, RIG, rig_config
-from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
+from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 
 SPECS = (
@@ -119,7 +119,7 @@ class PlantSimulator(BundleNode):
         self._meter = Meter()
         self._injection = FaultInjection(self, self.units, self._break)
         self._imposed = ImposedStrain(self, self.rig)
-        self._leave = Leave(math.inf if self.lock_step else p['supply_timeout'])
+        self._permission = Permission(math.inf if self.lock_step else p['supply_timeout'])
         self._set_up_interface()
         if p['start_stopped']:
             self.rig.e_stop('stopped at start: call e_stop_reset')
@@ -155,7 +155,8 @@ class PlantSimulator(BundleNode):
             self.subscribe(interface.valve_topic(i + 1), JointState,
                            partial(self._take_command, i))
         if self.p['obey_supply_enable']:
-            self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_leave, interface.RELIABLE)
+            self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_supply_enable,
+                           interface.RELIABLE)
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
@@ -199,8 +200,8 @@ class PlantSimulator(BundleNode):
         self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
 
-    def _take_leave(self, message: Bool) -> None:
-        self._leave.take(message.data)
+    def _take_supply_enable(self, message: Bool) -> None:
+        self._permission.take(message.data)
 
     def _retry(self) -> None:
         """Send an unanswered sample again; a unit that never answers counts as lost."""
@@ -296,8 +297,8 @@ class PlantSimulator(BundleNode):
             self._imposed.follow(target, period)
         stopped = self.rig.e_stopped
         if self.p['obey_supply_enable']:
-            self.rig.open_supply(self._leave.given)
-            if not self._leave.given:
+            self.rig.open_supply(self._permission.given)
+            if not self._permission.given:
                 commands = [-1.0] * self.units
         self.rig.step(commands, period)
         self._steps += 1
@@ -372,7 +373,7 @@ class PlantSimulator(BundleNode):
         self._injection.take()
         self._hidden.take(self.p[HIDDEN.name])
         if not self.lock_step:
-            self._leave.timeout = self.p['supply_timeout']
+            self._permission.timeout = self.p['supply_timeout']
         fields = load_change(self.p['load.kind'], changes)
         if fields and isinstance(self.rig.load, Dynamometer):
             self.rig.impose_strain(self.p['load.strain'], self.p['load.speed'])
@@ -390,8 +391,8 @@ class PlantSimulator(BundleNode):
         report.value('run time, s', self._steps * self._period_ns * 1e-9, 6)
         report.value('e_stop', self.rig.e_stopped or 'off')
         if self.p['obey_supply_enable']:
-            report.value('supply', 'open' if self._leave.given else 'shut by supply_enable'
-                         if self._leave.heard else 'shut: nothing on supply_enable yet')
+            report.value('supply', 'open' if self._permission.given else 'shut by supply_enable'
+                         if self._permission.heard else 'shut: nothing on supply_enable yet')
         report.value('air drawn, g', 1e3 * self.rig.air_mass)
         report.value('work, J', self.rig.work)
         behind = max(self._behind, 0) * 1e-9

@@ -45,7 +45,7 @@ from fam_bundle_ros.nodes.pid_air import Air, SAMPLES
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
 from fam_bundle_ros.nodes.pid_readings import Stretch
 from fam_bundle_ros.nodes.process import executable
-from fam_bundle_ros.nodes.supply_enable import Leave, TIMEOUT
+from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 
 #: A gap between readings longer than this, to either side, is no sample period, s.
 _GAP = 0.5
@@ -89,7 +89,8 @@ class PressurePidNode(BundleNode):
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
             max_latency=self.max_latency))
         self._air = Air(self, bundle, self.unit, self.pid.config)
-        self._leave = Leave(math.inf if self.lock_step else max(TIMEOUT, p['sensor_timeout']))
+        self._permission = Permission(math.inf if self.lock_step
+                                      else max(TIMEOUT, p['sensor_timeout']))
         self._setpoint: tuple[int, float] | None = None
         self._setpoint_received = 0.0
         self._guard = Guard(self._on_state)
@@ -179,7 +180,7 @@ class PressurePidNode(BundleNode):
         self._vent_now('E_STOP')
 
     def _on_leave(self, message: Bool) -> None:
-        if not self._leave.take(message.data):
+        if not self._permission.take(message.data):
             return
         if message.data:
             now = self._now(max(self._answered, 0))
@@ -282,7 +283,7 @@ class PressurePidNode(BundleNode):
         # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
         # nobody cuts it, the rig asks again.
         self._withheld = (self.lock_step and self._guard.latched and not latched
-                          and self._leave.given)
+                          and self._permission.given)
         if not self._withheld:
             self._publish(stamp, self._command)
 
@@ -320,7 +321,7 @@ class PressurePidNode(BundleNode):
             return self._vent(now, 'E_STOP')
         if guard.latched:
             return -1.0
-        if self._leave.heard and not self._leave.given:
+        if self._permission.heard and not self._permission.given:
             return self._vent(now, 'OFF')
         if health == Health.VENT:
             return self._vent(now, 'SENSOR', f'{watch.reason}: venting')

@@ -88,7 +88,7 @@ class Hand(BundleNode):
     force, strain, supply : Channel
     command : list (n,)
         For each valve; None, as at first, to publish nothing.
-    leave : bool or None
+    permission : bool or None
         For ``supply_enable``; None, as at first, to publish nothing.
     limit : float, Pa
         Rise of any pressure at which everything is vented.
@@ -104,12 +104,12 @@ class Hand(BundleNode):
         self.pressure = [Channel() for _ in range(units)]
         self.force, self.strain, self.supply = Channel(), Channel(), Channel()
         self.command: list[float | None] = [None] * units
-        self.leave: bool | None = None
+        self.permission: bool | None = None
         self._acting = False
         self.limit = self.most_force = math.inf
         self.trouble = ''
         self.stopped: bool | None = None
-        self._send_leave = self.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
+        self._send_permission = self.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
         self._send = [self.sender(interface.valve_topic(i + 1), JointState,
                                   interface.valve_writer(i + 1)) for i in range(units)]
         for i in range(units):
@@ -130,11 +130,11 @@ class Hand(BundleNode):
     def begin(self) -> None:
         """Begin to publish: supply shut, valves exhausting."""
         self._acting, self.command = True, [-1.0] * len(self.command)
-        self.give_leave(False)
+        self.permit(False)
 
-    def give_leave(self, value: bool | None) -> None:
+    def permit(self, value: bool | None) -> None:
         """Publish ``supply_enable`` now, and repeatedly from now on."""
-        self.leave = value
+        self.permission = value
         self._beat()
 
     def vent(self, why: str) -> None:
@@ -144,7 +144,7 @@ class Hand(BundleNode):
             # A controller may be at work: publish nothing.
             return
         self.command = [-1.0] * len(self.command)
-        self.give_leave(False)
+        self.permit(False)
         for send in self._send:
             send(self.now_ns(), -1.0)
 
@@ -153,8 +153,8 @@ class Hand(BundleNode):
         self.vent('ended')
 
     def _beat(self) -> None:
-        if self.leave is not None:
-            self._send_leave(self.leave)
+        if self.permission is not None:
+            self._send_permission(self.permission)
 
     def _note(self, channel: Channel, stamp: int, value: float, command: float = math.nan) -> None:
         channel.seen = time.monotonic()
@@ -187,7 +187,7 @@ class Hand(BundleNode):
 
     def _on_e_stop(self, message: Bool) -> None:
         self.stopped = message.data
-        if message.data and self.leave:
+        if message.data and self.permission:
             self.vent('the emergency stop went on')
 
 
@@ -223,7 +223,7 @@ class Session:
                 raise KeyboardInterrupt
             now = time.monotonic()
             for i, channel in enumerate(self.hand.pressure):
-                if channel.rows and self.hand.leave and now - channel.seen > _SILENCE:
+                if channel.rows and self.hand.permission and now - channel.seen > _SILENCE:
                     self.hand.vent(f'mu{i + 1}/pressure fell silent')
             if self.hand.trouble:
                 self.let_go()

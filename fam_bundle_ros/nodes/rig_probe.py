@@ -25,7 +25,7 @@ from fam_bundle_ros.nodes.rig_unit import COME_UP, Probe, UnitProbe
 _LEAST = 40e3
 #: Readings above the supply by this share and this much (Pa) more are no readings of this supply.
 _OVER, _OVER_MORE = 0.3, 10e3
-#: s that valves get to shut once there is leave; share of the supply that is no first gulp.
+#: s that valves get to shut once there is permission; share of the supply that is no first gulp.
 _SHUT, _OPEN = 0.15, 0.8
 #: s: readings that are older come by clocks that disagree.
 _AGREE = 0.1
@@ -124,7 +124,7 @@ class _Work:
         if self._fits:
             self._progress(0.95, 'supply_enable')
             tight = min(self._fits, key=lambda unit: self._unit.loss[unit])
-            self._unit.answers_silent_leave(tight, self._fits[tight])
+            self._unit.answers_silent_permission(tight, self._fits[tight])
         self._session.let_go()
         if len(self._fits) == len(self._units) and all(f.ok for f in self._result.findings):
             self._sum_up()
@@ -149,7 +149,7 @@ class _Work:
         hand.most_force = 20.0 + 2.0 * float(self._bundle.blocked_force(
             [most] * len(self._units)))
         hand.command = [0.0] * len(self._units)
-        hand.give_leave(True)
+        hand.permit(True)
         wait(_SHUT)
         early = [channel.level(3) for channel in hand.pressure]
         wait(COME_UP)

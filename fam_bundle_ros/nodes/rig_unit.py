@@ -33,9 +33,9 @@ _LOW, _HIGH = 0.25, 0.65
 _MISFIT = 0.03
 #: s for which a shut valve is watched; share lost in a second that plausibility takes for a fault.
 _HOLD, _LEAK = 0.2, 1.0
-#: s: commands are silent for so long (docs/how_to/driver.md: 0.1), and the leave (0.5); what is
-#: taken.
-_MUTE, _MUTE_MOST, _LEAVE_MUTE, _LEAVE_MOST = 0.6, 0.25, 1.2, 0.8
+#: s, for which commands are silent (a driver vents after 0.1, docs/how_to/driver.md) and the most
+#: that is accepted; the same for the permission (0.5).
+_MUTE, _MUTE_MOST, _PERMISSION_MUTE, _PERMISSION_MOST = 0.6, 0.25, 1.2, 0.8
 #: What a driver may have multiplied a pressure by.
 _FACTORS = {1e-3: 'kPa', 1e-5: 'bar', 1.0 / 6894.757: 'psi', 1e-2: 'mbar', 0.5: 'half of it',
             2.0: 'twice it'}
@@ -126,13 +126,13 @@ class UnitProbe:
 
     def _dump(self) -> None:
         """Let all air out by the supply, whichever way the valves go, and open it again."""
-        self._hand.give_leave(False)
+        self._hand.permit(False)
         self._hand.command = [0.0] * len(self._units)
         emptied = self._session.wait(_EMPTY, lambda: not self.risen())
         if not emptied:
             self._hand.vent(f'{self._named(self.risen())} does not empty with supply_enable '
                             'false')
-        self._hand.give_leave(True)
+        self._hand.permit(True)
         self._session.wait(COME_UP)
 
     def probe(self, unit: int) -> ValveFit | None:
@@ -280,7 +280,7 @@ class UnitProbe:
             + ('' if fell and took < _MUTE_MOST else '; expected to exhaust after 0.1 s '
                '(docs/how_to/driver.md)'))
 
-    def answers_silent_leave(self, unit: int, fit: ValveFit) -> None:
+    def answers_silent_permission(self, unit: int, fit: ValveFit) -> None:
         """Shut a full motor unit; it must empty when supply_enable falls silent."""
         hand, channel = self._hand, self._hand.pressure[unit]
         self._tell(unit, min(0.3 + fit.dead_band, 1.0))
@@ -288,13 +288,13 @@ class UnitProbe:
         self._tell(unit, 0.0)
         self._session.wait(0.1)
         full, begin = channel.level(), len(channel.rows)
-        hand.leave = None
-        fell = self._session.wait(_LEAVE_MUTE, lambda: channel.last < 0.7 * full)
+        hand.permission = None
+        fell = self._session.wait(_PERMISSION_MUTE, lambda: channel.last < 0.7 * full)
         rows = channel.since(begin)
         took = rows[-1, 1] - rows[0, 1] if len(rows) else 0.0
-        self._result.say(fell and took < _LEAVE_MOST, 'supply_enable', (
+        self._result.say(fell and took < _PERMISSION_MOST, 'supply_enable', (
             f'exhausts {took:.2f} s after its last message' if fell else
-            f'mu{unit + 1} stays at {channel.level() / 1e3:.1f} kPa for {_LEAVE_MUTE:g} s '
+            f'mu{unit + 1} stays at {channel.level() / 1e3:.1f} kPa for {_PERMISSION_MUTE:g} s '
             'without it')
-            + ('' if fell and took < _LEAVE_MOST else '; expected to shut and exhaust after '
+            + ('' if fell and took < _PERMISSION_MOST else '; expected to shut and exhaust after '
                '0.5 s (docs/how_to/driver.md)'))

@@ -52,7 +52,7 @@ class SupplyEnable:
         self._send(value)
 
 
-class Leave:
+class Permission:
     """
     Remembers what was heard on ``supply_enable``.
 

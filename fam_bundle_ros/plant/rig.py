@@ -4,8 +4,8 @@
 The simulated rig as an object: a plant with its valves, supply, load and sensors.
 
 The equations are kernels: `fam_bundle_ros.plant.circuit` the air, `loads` the load, `motion` both
-with the bundle's force, `sensors` the instruments. This is their state, their checks and their
-words. Deterministic: the same seed and the same calls give the same bytes.
+with the bundle's force, `sensors` the instruments. `Rig` holds their state and checks what it is
+given. Deterministic: the same seed and the same calls give the same bytes.
 """
 
 from collections.abc import Sequence
@@ -84,7 +84,7 @@ class RigConfig:
 
 
 def _dependences(plant, model) -> tuple[bool, bool]:
-    """Return whether the plant's force knows the strain rate, and its volume the pressure."""
+    """Return whether the plant's force depends on the strain rate, its volume on pressure."""
     rate = volume = False
     for strain in (0.0, 0.1, 0.2):
         for share in (0.0, 0.3, 0.9):

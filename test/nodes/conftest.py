@@ -120,7 +120,7 @@ class Graph:
             self._supply_enable = self.probe.create_publisher(
                 Bool, interface.SUPPLY_ENABLE, interface.RELIABLE)
         self._supply_enable.publish(interface.bool_message(value))
-        self.until(lambda: (node._leave.heard and node._leave.given == value)
+        self.until(lambda: (node._permission.heard and node._permission.given == value)
                    or self._supply_enable.publish(interface.bool_message(value)),
                    'supply_enable')
 
@@ -187,5 +187,5 @@ def quiet():
 
 @pytest.fixture
 def bare(quiet):
-    """Return the same for a rig whose supply waits for nobody's leave."""
+    """Return the same for a rig whose supply waits for no permission."""
     return {**quiet, 'obey_supply_enable': False}

@@ -145,7 +145,7 @@ def test_pressure_that_no_command_explains_is_latched(graph, pair):
     assert rig.rig.truth.pressure[0] > 90e3
 
 
-def test_without_leave_for_the_supply_it_vents(graph, pair):
+def test_without_permission_for_the_supply_it_vents(graph, pair):
     """supply_enable false is as good as an emergency stop, and nothing is latched by it."""
     rig, pids = pair()
     graph.answer_pressures(2, lambda unit, t: 100e3)

@@ -411,7 +411,7 @@ def test_burst_muscle_is_latched_by_all(graph, bundle):
     graph.advance(rig, lambda: node._guard.latched, 'the latch', 0.2)
     assert node._state == 'NO_RESPONSE'
     graph.advance(rig, 0.3)
-    assert not rig._leave.given
+    assert not rig._permission.given
     assert rig.rig.truth.pressure.max() < 5e3
     graph.set('plant_simulator', faults__leak='')
     graph.advance(rig, 1.0)

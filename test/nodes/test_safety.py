@@ -188,7 +188,7 @@ def test_fault_at_work_latches_and_comes_back_by_enable_only(graph, rig, fault):
 def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
     """Before any force is reached."""
     rig = rig(enable=False)
-    # Until the supply is empty, as it is without leave.
+    # Until the supply is empty, as it is without permission.
     graph.spin(0.5)
     FAULTS[fault](rig)
     graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
