@@ -187,8 +187,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             switch(machine, 1)
             return
     # Margins are for doubts of the model; a force that the state cannot give is beyond doubt.
-    least = table.floor[state] - demand.doubt
-    level = release if settings.policy == NEGLECT else max(release, least)
+    level = release if settings.policy == NEGLECT else max(release, table.floor[state])
     if state > 0 and demand.force < level and (free or machine.direction == -1):
         why = why_release(settings, machine, table, demand, release)
         if why != NONE:

@@ -170,6 +170,22 @@ def test_the_adapted_model_pulls_and_pushes_as_learnt(paper_bundle):
     assert now / before == pytest.approx([1.3, 1.3], abs=0.1)
 
 
+@pytest.mark.parametrize(('factor', 'learns'), [(1.0, False), (0.9, True)])
+def test_a_controller_whose_model_is_right_learns_nothing_from_noise(
+        paper_bundle, factor, learns):
+    """The force of the model with the noise of a load cell, on the move; not 10 % less of it."""
+    controller, noise = RecruitmentController(paper_bundle), np.random.default_rng(4)
+    pressure = np.zeros(2)
+    for k in range(500):
+        force = factor * float(paper_bundle.force(0.12, pressure)) + 0.9 * noise.standard_normal()
+        seen = Measurement(force, 0.12, 0.0, pressure)
+        pressure = controller.update(DT, seen, Reference('force', 15.0 + 0.04 * k, 10.0)).pressure
+    found = np.abs(controller.memory.adaptation.error)
+    assert (found[0] > 0.02) == learns
+    # N: a hundredth of the noise, from the first samples, whose noise is not known yet.
+    assert (found[3] > 0.01) == learns
+
+
 def test_adaptation_is_used_in_the_inverse_and_may_be_off(paper_bundle):
     """Weak muscles get more pressure for the same force; off, feed-forward stays as it was."""
     given = {}
