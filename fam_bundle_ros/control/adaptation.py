@@ -4,9 +4,11 @@
 What the model gets wrong, learnt while the bundle works.
 
 A gain for each unit's tension, one for the push-back, a bias, and the lag of the force, by
-recursive least squares on measured minus believed force. The covariance forgets in the directions
-that are excited only, and returns there to where it began (Stenlund and Gustafsson 2002, IFAC
-Proc. 35, 87): without excitation neither estimate nor covariance drifts. Kernels.
+recursive least squares on measured minus believed force: a Kalman filter whose noise is what the
+estimates leave, as it shows (Mehra 1970, IEEE Trans. Autom. Control 15, 175), and whose covariance
+returns to where it began within minutes. It learns only from errors that are more than noise
+(dead zone: Peterson and Narendra 1982, IEEE Trans. Autom. Control 27, 1161): a model that is right
+stays as it is, and without excitation neither estimate nor covariance drifts. Kernels.
 """
 
 from dataclasses import dataclass
@@ -23,8 +25,14 @@ USUAL_PULL, USUAL_PUSH, USUAL_FORCE = 0.15, 0.5, 0.02
 USUAL_LAG = 0.02
 #: s: of the filter that all signals pass before they are compared, for the sake of their slopes.
 _FILTER_TIME = 0.02
+#: s: over which what was learnt of a bundle becomes as doubtful as it was at first.
+_CHANGE_TIME = 60.0
+#: So many times as slow as the loop is the lead that is learnt in it.
+_SLOWER = 10.0
 #: Share of `AdaptationConfig.rest_error` that feedback leaves in the tracking error.
 _LEFT = 0.3
+#: Least of `AdaptationConfig.rest_error` that is reckoned with: no force is measured better.
+_LEAST_REST = 0.01
 #: Where tension and push-back are compared: strain, and share of the largest pressure.
 _PULLING, _PUSHING = (0.08, 0.7), (0.16, 0.2)
 #: However narrow the intervals of a fit: muscles sold as equal differ by 5 %.
@@ -47,7 +55,8 @@ class AdaptationConfig:
     offset_error : float, N, optional
         sd of a constant error; 2 % of the largest force by default.
     rest_error : float, N, optional
-        sd of the error that gains and offset do not describe; the same by default.
+        Largest sd of the error that gains and offset do not describe, reckoned with at first;
+        the same by default.
     memory : float, s
         How long such an error stays alike.
     """
@@ -87,7 +96,7 @@ class AdaptationState:
     error : list (n + 3,)
         Relative error of each unit's tension, of the push-back; bias in N; lag in s.
     covariance : list (n + 3, n + 3)
-    regressor, product, prior : list (n + 3,)
+    regressor, product : list (n + 3,)
         Room to work in.
     force, slow : list (n,), N
         What the unadapted model gives for each unit at the measured pressures; filtered.
@@ -97,18 +106,21 @@ class AdaptationState:
         Force of the adapted model, with the lag that was learnt.
     lead : float, s
         By how much the force came later than the reference, beyond that lag.
+    rest, missed : float, N^2
+        Mean square of what the estimates leave, and of the tracking error.
     """
 
     error: list
     covariance: list
     regressor: list
     product: list
-    prior: list
     force: list
     slow: list
     measured: float = 0.0
     believed: float = 0.0
     lead: float = 0.0
+    rest: float = 0.0
+    missed: float = 0.0
     started: bool = False
 
 
@@ -147,7 +159,7 @@ def adaptation_state(n: int) -> AdaptationState:
     """Return an empty state; `forget_adaptation` makes it begin."""
     def zeros():
         return [0.0] * (n + 3)
-    return AdaptationState(zeros(), [zeros() for _ in range(n + 3)], zeros(), zeros(), zeros(),
+    return AdaptationState(zeros(), [zeros() for _ in range(n + 3)], zeros(), zeros(),
                            [0.0] * n, [0.0] * n)
 
 
@@ -159,6 +171,8 @@ def bound_of(settings: Any, k: int) -> float:
 def forget_adaptation(settings: Any, state: Any) -> None:
     """Go back to the model as it is in its file."""
     state.lead, state.started = 0.0, False
+    state.rest = settings.rest_error * settings.rest_error
+    state.missed = _LEFT * _LEFT * state.rest
     for i in range(len(state.error)):
         state.error[i] = 0.0
         for j in range(len(state.error)):
@@ -184,23 +198,29 @@ def lag_doubt(state: Any) -> float:
     return math.sqrt(max(state.covariance[k][k], 0.0))
 
 
-def learn_lead(settings: Any, state: Any, weight: float, error: float, rate: float, dt: float
-               ) -> None:
+def learn_lead(settings: Any, state: Any, weight: float, error: float, rate: float, lag: float,
+               dt: float) -> None:
     """
     Learn how much earlier a moving reference must be asked for.
 
     An error (N) of the tracked force that goes with the rate (N/s) of the reference is lateness;
-    least squares as in `adaptation_step`, as far as the error is more than noise (``weight``).
+    least squares as in `adaptation_step`, as far as the error is more than noise (``weight``), and
+    slowly beside the ``lag`` (s) of the loop.
     """
     if not settings.enabled:
         return
-    rest = _LEFT * settings.rest_error
-    noise, spread = 2.0 * rest * rest * settings.memory / dt, USUAL_LAG * USUAL_LAG
-    step = weight * spread * rate / (noise + spread * rate * rate) * error
+    most = _LEFT * settings.rest_error
+    follow = 1.0 - math.exp(-dt / settings.memory)
+    state.missed = min(state.missed + follow * (error * error - state.missed), most * most)
+    if rate == 0.0:
+        return
+    noise, seen = 2.0 * state.missed * settings.memory / dt, (USUAL_LAG * rate) ** 2
+    step = weight * min(seen / (noise + seen), dt / (_SLOWER * lag)) * error / rate
     state.lead = min(max(state.lead + step, -USUAL_LAG), _BOUND * USUAL_LAG)
 
 
-def adaptation_step(settings: Any, state: Any, measured: float, dt: float) -> None:
+def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
+                    weight: float = 1.0) -> None:
     """
     Learn from one sample by recursive least squares.
 
@@ -213,10 +233,11 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float) -> No
         ``state.force`` is that of the model now.
     measured : float, N
     dt : float, s
+    weight : float
+        0 to 1: how much of the error is more than noise.
     """
     count, n = len(state.error), len(state.force)
-    f, product, prior, covariance = (state.regressor, state.product, state.prior,
-                                     state.covariance)
+    f, product, covariance = state.regressor, state.product, state.covariance
     share = 1.0 - math.exp(-dt / _FILTER_TIME) if state.started else 1.0
     state.started = True
     state.measured += share * (measured - state.measured)
@@ -229,19 +250,27 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float) -> No
         left -= state.slow[i]
         f[i] = max(state.slow[i], 0.0)
         f[n] += min(state.slow[i], 0.0)
-    noise = 2.0 * settings.rest_error * settings.rest_error * settings.memory / dt
-    seen = expected = noise
+    for i in range(count):
+        left -= f[i] * state.error[i]
+    # How large the rest is shows: where gains describe all of it they are found at once.
+    most = settings.rest_error * settings.rest_error
+    state.rest += (1.0 - math.exp(-dt / settings.memory)) * (left * left - state.rest)
+    state.rest = min(max(state.rest, _LEAST_REST * _LEAST_REST * most), most)
+    older = 1.0 - math.exp(-dt / _CHANGE_TIME)
     for i in range(count):
         product[i] = 0.0
         for j in range(count):
+            known = settings.spread[i] * settings.spread[i] if i == j else 0.0
+            covariance[i][j] += older * (known - covariance[i][j])
             product[i] += covariance[i][j] * f[j]
-        prior[i] = settings.spread[i] * settings.spread[i] * f[i]
+    if not weight > 0.0:
+        return
+    seen = 2.0 * state.rest * settings.memory / (weight * dt)
+    for i in range(count):
         seen += f[i] * product[i]
-        expected += f[i] * prior[i]
-        left -= f[i] * state.error[i]
     for i in range(count):
         bound = bound_of(settings, i)
         low = -bound if i < n + 2 else 0.0
         state.error[i] = min(max(state.error[i] + product[i] / seen * left, low), bound)
         for j in range(count):
-            covariance[i][j] += prior[i] * prior[j] / expected - product[i] * product[j] / seen
+            covariance[i][j] -= product[i] * product[j] / seen

@@ -125,6 +125,20 @@ def hand_over_time(doubt: float, noise: float, lag: float) -> float:
     return doubt * lag / noise
 
 
+def doubt_of(state: Any) -> float:
+    """
+    Return how far off the force may be while a unit is on its way, N.
+
+    In doubt are the push-back that is crossed, by its standard deviation, and the bias: it was
+    found with other units at work.
+    """
+    outer, learnt, dip = state.outer, state.adaptation, 0.0
+    n = len(state.table.order)
+    for unit in range(n):
+        dip = max(dip, state.table.dip[unit])
+    return math.sqrt(max(learnt.covariance[n][n], 0.0)) * dip + abs(outer.observer.bias)
+
+
 def crossing_time(table: Any, unit: int, rate: float, usual: float, patience: float) -> float:
     """Return about how long it takes to bring a unit to the bottom of its branch, s."""
     slope = 0.0

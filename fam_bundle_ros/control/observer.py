@@ -41,6 +41,8 @@ class ObserverState:
         What is to be corrected: patient and quick part, weighted.
     weight : float
         0 to 1: how much of the quick part is more than noise.
+    sure : float
+        0 to 1: how much of the patient part is more than noise.
     quick, patient : float, N
         Measured minus believed force, filtered.
     asked, short : float, N
@@ -58,6 +60,7 @@ class ObserverState:
 
     bias: float = 0.0
     weight: float = 0.0
+    sure: float = 0.0
     quick: float = 0.0
     patient: float = 0.0
     asked: float = 0.0
@@ -73,7 +76,7 @@ class ObserverState:
 
 def forget_observer(state: Any) -> None:
     """Begin anew."""
-    state.bias = state.weight = state.quick = state.patient = 0.0
+    state.bias = state.weight = state.sure = state.quick = state.patient = 0.0
     state.asked = state.short = state.short_power = 0.0
     state.power = state.patient_power = state.last = state.before = state.change = 0.0
     state.seen = 0
@@ -122,7 +125,8 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.patient += slow * (error - state.patient)
     state.patient_power += low_pass(dt, _LONG * PATIENT_TIME) * (
         state.patient * state.patient - state.patient_power)
-    steady = state.patient * beyond_noise(state.patient_power, noise * slow / (2.0 - slow))
+    state.sure = beyond_noise(state.patient_power, noise * slow / (2.0 - slow))
+    steady = state.patient * state.sure
     left = state.quick - steady
     state.power += low_pass(dt, _LEARN_TIME) * (left * left - state.power)
     # What four standard deviations of noise cannot be counts at once.

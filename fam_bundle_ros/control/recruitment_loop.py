@@ -29,7 +29,7 @@ from fam_bundle_ros.control.baselines import (
     BaselineState,
     forget_baseline,
 )
-from fam_bundle_ros.control.crossing import Crossings, no_crossings
+from fam_bundle_ros.control.crossing import Crossings, doubt_of, no_crossings
 from fam_bundle_ros.control.curves import (
     adapted,
     curve_table,
@@ -245,14 +245,15 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         state.adaptation.believed += jump * hand_over(
             outer.observer, measurement.force - force, jump)
     believed = lagged(state.adaptation, force, dt)
-    adapt(settings.adaptation, state, measurement.force, dt)
+    adapt(settings.adaptation, state, measurement.force, dt, settings.outer.feedback)
     learnt = state.adaptation
     outer_step(settings.outer, outer, measurement, believed,
                outer.demand - state.shares.missing, reach_of(table, command.pressure), kind, value,
                rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
-    if kind == FORCE and command.saturated == FREE:
+    # What a hand-over makes of the error is no lateness.
+    if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
-                   value - settings.outer.delay * rate - measurement.force, rate, dt)
+                   value - settings.outer.delay * rate - measurement.force, rate, outer.lag, dt)
     # A force reference says nothing of the strain: there it is the measured rate that counts.
     if kind == STRAIN and settings.outer.feed_forward:
         strain_rate = outer.target.strain_rate
@@ -304,12 +305,13 @@ def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
     return total
 
 
-def adapt(settings: Any, state: Any, measured: float, dt: float) -> None:
+def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool) -> None:
     """Let the model learn from the measured force, and use what was learnt from now on."""
     if not settings.enabled:
         return
     learnt, table = state.adaptation, state.table
-    adaptation_step(settings, learnt, measured, dt)
+    weight = state.outer.observer.sure if feedback else 1.0
+    adaptation_step(settings, learnt, measured, dt, weight)
     n = len(table.pull)
     for unit in range(n):
         table.pull[unit], table.push[unit] = 1.0 + learnt.error[unit], 1.0 + learnt.error[n]
@@ -353,7 +355,9 @@ def see_demand(settings: Any, state: Any, kind: int, rate: float, dt: float) -> 
     demand.force, demand.rate = target.force, speed - limit_speed
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
     demand.uncertainty = uncertainty(settings.outer, state.outer)
-    demand.patience = patience(settings, state)
+    doubt = doubt_of(state)
+    demand.patience = patience(settings, state, doubt)
+    demand.doubt = doubt if state.crossings.count > 0 else 0.0
     demand.smooth_rate = wanted.rate[0]
     if clean or state.rate.direction != 0:
         demand.smooth_rate -= limits.rate[k]

@@ -63,6 +63,8 @@ class Demand:
         Three standard deviations of the noise in the demand, plus the model's error.
     patience : float, s
         What a hand-over from unit to unit takes where there is time.
+    doubt : float, N
+        Of the demand while a unit is on its way: push-back that is crossed, and bias.
     smooth_rate : float, N/s
         The rate as the filter shows it, late by its delay: looking ahead over a hand-over would
         amplify the noise of one that makes up for it.
@@ -74,6 +76,7 @@ class Demand:
     jerk: float = 0.0
     uncertainty: float = 0.0
     patience: float = 0.0
+    doubt: float = 0.0
     smooth_rate: float = 0.0
 
 
@@ -274,7 +277,7 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
         return BELOW if demand.force < release else UNREACHABLE
     if demand.rate > settings.rest_rate * (table.top[-1] - table.top[0]):
         return NONE
-    if demand.force < table.floor[machine.state]:
+    if demand.force < table.floor[machine.state] - demand.doubt:
         return UNREACHABLE
     if not demand.force < release:
         return NONE

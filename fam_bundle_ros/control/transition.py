@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transitions: units that the state machine switched are sent on their way, in good time."""
 
-import math
 from typing import Any
 
 from fam_bundle_ros.control.crossing import begin_crossing, crossing_pace, hand_over_time
@@ -12,18 +11,9 @@ from fam_bundle_ros.control.spread import TOLERANCE
 from fam_bundle_ros.control.switching import REVERSAL_AWARE, switch_step
 
 
-def patience(settings: Any, state: Any) -> float:
-    """
-    Return what a hand-over takes where there is time, s: at most the dwell time.
-
-    In doubt are the push-back that is crossed, by its standard deviation, and the bias: it was
-    found with other units at work.
-    """
-    outer, learnt, dip = state.outer, state.adaptation, 0.0
-    n = len(state.table.order)
-    for unit in range(n):
-        dip = max(dip, state.table.dip[unit])
-    doubt = math.sqrt(max(learnt.covariance[n][n], 0.0)) * dip + abs(outer.observer.bias)
+def patience(settings: Any, state: Any, doubt: float) -> float:
+    """Return what a hand-over takes where there is time, s: at most the dwell time."""
+    outer = state.outer
     time = hand_over_time(doubt, max(noise_of(outer.observer), TOLERANCE), outer.lag)
     return min(time, settings.switching.dwell)
 

@@ -5,8 +5,10 @@
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from fam_bundle_ros.control import Measurement, RecruitmentController, Reference
 from fam_bundle_ros.control.crossing import (
     advance,
     begin_crossing,
@@ -130,3 +132,38 @@ def test_the_ratio_is_that_of_the_slopes(made, scheme, expected):
     state.shares.pressure[1] = 300e3
     assert ratio_of(settings, state, 2, 2) == pytest.approx(8e-5 / 2e-3)
     assert math.isclose(ratio_of(settings, state, 2, 0), 8e-5 / 2e-3)
+
+
+def test_a_hand_over_is_in_doubt_only_while_a_unit_is_on_its_way(paper_bundle):
+    """By the doubt of the push-back that is crossed and by the bias; before and after by none."""
+    controller = RecruitmentController(paper_bundle)
+    pressure, doubts, on_its_way = np.zeros(2), [], []
+    for k in range(500):
+        force = 20.0 + min(max(k - 200, 0), 100) * 0.5
+        seen = Measurement(float(paper_bundle.force(0.16, pressure)), 0.16, 0.0, pressure)
+        command = controller.update(4e-3, seen, Reference('force', force))
+        pressure = command.pressure
+        doubts.append(controller.memory.demand.doubt)
+        on_its_way.append(controller.memory.crossings.count > 0)
+    assert controller.state == 2
+    # It is worked out before units are sent on their way in a tick.
+    assert [doubt > 1.0 for doubt in doubts[1:]] == on_its_way[:-1]
+    assert 0 < sum(on_its_way) < 200
+
+
+def test_an_error_of_a_hand_over_is_no_lateness(paper_bundle):
+    """How much earlier a ramp must be asked for is learnt before and after, not meanwhile."""
+    controller = RecruitmentController(paper_bundle)
+    pressure, leads, on_its_way = np.zeros(2), [], []
+    for k in range(400):
+        seen = Measurement(0.9 * float(paper_bundle.force(0.16, pressure)), 0.16, 0.0, pressure)
+        reference = Reference('force', 5.0 + 0.15 * k, 37.5)
+        pressure = controller.update(4e-3, seen, reference).pressure
+        leads.append(controller.memory.adaptation.lead)
+        on_its_way.append(controller.memory.crossings.count > 0)
+    changed = np.diff(leads) != 0.0
+    # Learnt from what the tick before has left.
+    assert not np.any(changed & np.array(on_its_way[:-1]))
+    assert np.any(changed[:50])
+    assert np.any(changed[-50:])
+    assert any(on_its_way)

@@ -91,6 +91,15 @@ def test_a_force_that_the_state_cannot_give_releases_whatever_the_margins(made, 
     assert machine.machine.state == (1 if released else 2)
 
 
+@pytest.mark.parametrize(('force', 'released'), [(-10.9, False), (-11.1, True)])
+def test_what_is_in_doubt_while_a_unit_crosses_releases_no_other(made, force, released):
+    """A bias was found with other units at work: 3 N of doubt count until all have arrived."""
+    table = made()
+    why = Machine(table, 2).machine.update(DT, SimpleNamespace(table=table),
+                                           Demand(force, doubt=3.0))
+    assert ('RS2 can' in why) == released
+
+
 def test_a_demand_that_turned_back_is_looked_at_with_care(made):
     """Recruited ahead and not needed: released on the way down, and then only when needed."""
     machine = Machine(made(), 1)
