@@ -140,7 +140,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     noise = max(min(known, default=0.0), settings.LEAST_NOISE * float(np.abs(data.force).max()))
     strain_range = max(float(np.ptp(data.strain)), 1e-6)
     pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
-    label = _labels(data, data.direction, strain_range, pressure_range, most, not data.is_static)
+    label = np.arange(len(data)) if len(data) <= most else _labels(
+        data, data.direction, strain_range, pressure_range, most, not data.is_static)
     label = _at_most(most, np.where(
         spikes(data, residual, noise) | unknown_direction(data), -1, label))
     count = np.bincount(label[label >= 0]).astype(float)
@@ -211,8 +212,6 @@ def _renumbered(label: np.ndarray) -> np.ndarray:
 def _labels(data: Measurement, direction: np.ndarray, strain_range: float,
             pressure_range: np.ndarray, most: int, by_visit: bool) -> np.ndarray:
     """Return a cell of strain, pressure, direction (and visit) for each row, (T,) int."""
-    if len(data) <= most:
-        return np.arange(len(data))
     label = np.zeros(len(data), int)
     for bins in _BINS:
         parts = [np.round(data.strain / strain_range * bins).astype(int), direction]
