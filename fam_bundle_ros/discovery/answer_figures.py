@@ -75,7 +75,7 @@ def unseen(result: Diagnosis) -> go.Figure | None:
 
 def discrepancy(result: Diagnosis) -> go.Figure | None:
     """
-    Draw the discrepancy beside the model as it came and beside the best one, on one scale.
+    Draw what the model as it came, recalibrated, and the best one leave, on one scale.
 
     A row for each motor unit, and for the odd part where there is one; None where there is none
     before and after.

@@ -33,8 +33,8 @@ class Unseen:
     Attributes
     ----------
     measured, physics, discrepancy, empirical : ndarray, shape (k,), N
-        Mean measured force of the cell; effects alone, effects with the discrepancy's mean, and
-        the six-parameter empirical form.
+        Mean measured force of the cell; effects alone, effects with a `Surface` through what
+        they leave, and the six-parameter empirical form.
     """
 
     measured: np.ndarray
@@ -53,7 +53,7 @@ class HeldOut:
     physics : float
         Effects alone.
     discrepancy : float
-        Effects with the discrepancy's mean.
+        Effects with a surface through what they leave.
     rivals : dict of str to float
         ``mean``, ``plane``, ``empirical``.
     kinds : dict of str to (float, float)

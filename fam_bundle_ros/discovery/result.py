@@ -183,7 +183,7 @@ class Diagnosis(Told):
         Errors on folds left out.
     recommended : Recommended
     leftover, leftover_before : Leftover
-        The discrepancy beside the best model, and beside the model as it came, as maps.
+        What the best model leaves, and the model as it came, recalibrated, as maps.
     likely : tuple of LikelySet
         The most probable sets of effects, and the chosen one.
     traded : tuple of Trade

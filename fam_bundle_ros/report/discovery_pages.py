@@ -227,8 +227,8 @@ def _discrepancy_section(result: Diagnosis) -> list[Section]:
                      for each in (result.leftover_before, result.leftover))
     return [Section('What no effect explains', '', [
         Picture('discrepancy', 'Discrepancy before and after', drawing,
-                'Mean of the smooth misfit that every fit has beside its effects: beside the '
-                f'model as it came at most {before:.3g} N, beside the best one {after:.3g} N. '
+                'Smooth surface through what a model leaves: the model as it came, '
+                f'recalibrated, at most {before:.3g} N, the best one {after:.3g} N. '
                 'Even: the same both ways of motion; odd: while shortening, with the other sign '
                 'while lengthening. All panels have one scale. Where nothing was measured it '
                 'goes back to zero.')])]
