@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `benchmark-faults`: what the controllers notice, and what happens until then."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -67,6 +68,8 @@ def benchmark_faults(
     table(tables.SOUND_HEAD, [tables.sound_cells(line) for line in result['sound']],
           numeric=range(1, 5))
     if ros:
+        # in memory that is shared a killed node leaves files, which in the end part the others
+        os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
         from fam_bundle_ros.nodes.fault_processes import run_processes
         with counter('nodes killed and stopped') as tick:
             result['processes'] = run_processes(tick)
