@@ -98,6 +98,6 @@ class Leftover:
                 for j, e in enumerate(felt_strain):
                     values = [np.interp(shared, self.pressure[i], grid[i, j]) / share
                               for grid in (self.even, self.sd, self.odd)]
-                    writer.writerows([i + 1, f'{e:.6g}', f'{p / 1e3:.6g}', *(
+                    writer.writerows([i + 1, f'{e:.10g}', f'{p / 1e3:.10g}', *(
                         f'{value[k]:.5g}' for value in values)]
                         for k, p in enumerate(felt_pressure))

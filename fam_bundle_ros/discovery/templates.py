@@ -25,6 +25,7 @@ from fam_bundle_ros.discovery.options import makers
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect, Parameter
 from fam_bundle_ros.model.expression import expression_law
+from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class Template:
         The same as a formula of the model file (``k`` the coefficient), where there is one.
     kind : str
         Shapes of one kind are told as one.
+    constants : tuple of (str, float, str)
+        Other names in the formula: value and unit.
     """
 
     words: str
@@ -60,6 +63,7 @@ class Template:
     expression: str | None
     kind: str
     size_N: float = 0.0
+    constants: tuple[tuple[str, float, str], ...] = ()
 
     def __str__(self) -> str:
         return (f'{self.words}: {self.coefficient:.3g} {self.unit}'.rstrip()
@@ -84,8 +88,10 @@ class Template:
         unit = self.unit or '1'
         coefficient = Parameter(self.coefficient, unit, -100.0 * size, 100.0 * size,
                                 self.words, name='k')
+        others = (Parameter(value, of, 0.1 * value, 10.0 * value, 'of the shape', fitted=False,
+                            name=key) for key, value, of in self.constants)
         place = 'loss' if 'strain_rate' in self.expression else 'force'
-        return expression_law(name, self.expression, place, (coefficient,))()
+        return expression_law(name, self.expression, place, (coefficient, *others))()
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,7 @@ class _Shape:
     expression: str | None
     kind: str
     extra: int = 0  # scanned constants, which count as parameters
+    constants: tuple[tuple[str, float, str], ...] = ()  # with a unit: name, value, unit
 
 
 def bank(cells: Cells, model: Bundle) -> list[_Shape]:
@@ -109,10 +116,12 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
     shapes: list[_Shape] = []
 
     def add(column: np.ndarray, words: str, unit: str, families: tuple[str, ...],
-            expression: str | None, kind: str, extra: int = 0) -> None:
+            expression: str | None, kind: str, extra: int = 0,
+            constants: tuple[tuple[str, float, str], ...] = ()) -> None:
         columns = column if column.ndim == 2 else column[:, None]
         if np.all(np.isfinite(columns)) and np.ptp(columns[kept], axis=0).min() >= 0:
-            shapes.append(_Shape(columns, words, unit, families, expression, kind, extra))
+            shapes.append(_Shape(columns, words, unit, families, expression, kind, extra,
+                                 constants))
 
     pressures = [(np.ones_like(total), '', '', '', 0),
                  (total, ' times pressure', '/Pa', ' * pressure', 1),
@@ -158,8 +167,8 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
         for h, words, formula in smooth[:2]:
             add(np.maximum(total - onset, 0) * h,
                 f'only above {onset / 1e3:.0f} kPa, {words}', 'N/Pa', (),
-                f'k * {formula} * max(0, pressure - {onset:.0f})' if single else None,
-                'above_pressure', 1)
+                f'k * {formula} * max(0, pressure - onset)' if single else None,
+                'above_pressure', 1, (('onset', float(onset), 'Pa'),))
     for label, column in zip(pressure_labels(data), cells.motion.pressure.T):
         means = np.sort(pressure_levels(column)[1])
         if len(means) < 3:
@@ -170,8 +179,8 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
             unit = label.partition('.')[2]
             add(np.exp(-((column - centre) / width) ** 2),
                 f'at {unit}{" " * bool(unit)}{centre / 1e3:.0f} kPa and not at other pressures',
-                'N', (), f'k * exp(-((pressure - {centre:.0f}) / {width:.0f})**2)'
-                if single else None, 'one_isobar', 1)
+                'N', (), 'k * exp(-((pressure - centre) / width)**2)' if single else None,
+                'one_isobar', 1, (('centre', float(centre), 'Pa'), ('width', width, 'Pa')))
     below = np.minimum(force, 0.0)
     if (below < 0).mean() > 0.01:
         resistive = makers('past_free')
@@ -196,18 +205,18 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     """Add the shapes that need time: direction, speed, memory, drift, a single trial."""
     data = cells.data
     rate, way = data.strain_rate, data.direction.astype(float)
-    sign = 'tanh(strain_rate / 0.002)'
+    sign, given = 'tanh(strain_rate / rounding)', (('rounding', ROUNDING, '1/s'),)
     dry, viscous, slow = makers('friction'), makers('speed'), makers('drift')
     on = ' * pressure' if single else None
-    add(-way, 'against the motion, constant', 'N', dry, f'-k * {sign}', 'friction')
+    add(-way, 'against the motion, constant', 'N', dry, f'-k * {sign}', 'friction', constants=given)
     add(-way * total, 'against the motion, with pressure', 'N/Pa', dry,
-        f'-k * {sign}{on}' if on else None, 'friction')
+        f'-k * {sign}{on}' if on else None, 'friction', constants=given)
     add(-way * np.abs(force), 'against the motion, with the force', '', dry,
-        f'-k * {sign} * abs(force)', 'friction')
+        f'-k * {sign} * abs(force)', 'friction', constants=given)
     add(-way * e, 'against the motion, with strain', 'N', dry, f'-k * {sign} * strain',
-        'friction_strain')
+        'friction_strain', constants=given)
     add(-way * e * total, 'against the motion, with strain and pressure', 'N/Pa', dry,
-        f'-k * {sign} * strain{on}' if on else None, 'friction_strain')
+        f'-k * {sign} * strain{on}' if on else None, 'friction_strain', constants=given)
     add(-rate, 'against the motion, with speed', 'N*s', viscous, '-k * strain_rate', 'speed')
     add(-rate * np.abs(rate), 'against the motion, with speed squared', 'N*s**2', viscous,
         '-k * strain_rate * abs(strain_rate)', 'speed')
@@ -320,7 +329,8 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
         found.append(Template(
             shape.words, float(np.linalg.norm(weight) if len(weight) > 1 else weight[0]),
             shape.unit, float(np.clip(gain / excess, 0, 1)), gain, shape.families,
-            shape.expression, shape.kind, float(np.sqrt(np.mean((columns @ weight) ** 2)))))
+            shape.expression, shape.kind, float(np.sqrt(np.mean((columns @ weight) ** 2))),
+            shape.constants))
         if len(found) == most:
             break
     return tuple(found)

@@ -114,10 +114,13 @@ def from_template(template: Template) -> Draft:
     if template.expression is None:
         raise InputError(f"'{template.words}' cannot be written as a formula")
     unit = f' {template.unit}' if template.unit else ''
-    draft = Draft('found_shape', template.expression)
+    place = 'loss' if 'strain_rate' in template.expression else 'force'
+    draft = Draft('found_shape', template.expression, place)
     draft.sync()
     if 'k' in draft.fields:
         draft.fields['k'] = Field(f'{template.coefficient:.4g}{unit}')
+    for name, value, of in template.constants:
+        draft.fields[name] = Field(f'{value:.6g} {of}')
     return draft
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery import rivals
+from fam_bundle_ros.discovery import rivals, templates
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.evidence import Fitter
@@ -137,6 +137,25 @@ def test_the_discrepancy_is_unsure_where_nothing_was_measured(sweeps, paper_musc
     middle = left.sd[0][len(left.strain) // 2]
     gap = np.abs(left.pressure[0] - 200e3) < 60e3
     assert middle[gap].mean() > 1.5 * middle[left.pressure[0] < 60e3].mean()
+
+
+def test_every_shape_that_has_a_formula_is_an_effect(sweeps, paper_muscle, tmp_path):
+    """Units fit, a model file holds it, and its force is the coefficient times the shape."""
+    data = sweeps()
+    fitter, _, _ = fitted(paper_muscle, data)
+    cells = fitter.cells
+    shapes = [s for s in templates.bank(cells, paper_muscle) if s.expression is not None]
+    assert any('rounding' in s.expression for s in shapes)
+    before = paper_muscle.predict(cells.motion)
+    moving = np.abs(cells.motion.strain_rate) > 0.02
+    for shape in shapes:
+        found = templates.Template(shape.words, 2.0, shape.unit, 0.5, 9.0, shape.families,
+                                   shape.expression, shape.kind, constants=shape.constants)
+        save_model(paper_muscle.with_effect(found.effect('shape')), tmp_path / 'model.yaml')
+        added = load_model(tmp_path / 'model.yaml').predict(cells.motion) - before
+        expected = 2.0 * shape.columns.sum(axis=1)
+        scale = np.abs(expected[moving]).max()
+        np.testing.assert_allclose(added[moving], expected[moving], atol=1e-3 * scale)
 
 
 # --- held-out errors ---------------------------------------------------------------------------
