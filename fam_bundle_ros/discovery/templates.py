@@ -208,7 +208,8 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     sign, given = 'tanh(strain_rate / rounding)', (('rounding', ROUNDING, '1/s'),)
     dry, viscous, slow = makers('friction'), makers('speed'), makers('drift')
     on = ' * pressure' if single else None
-    add(-way, 'against the motion, constant', 'N', dry, f'-k * {sign}', 'friction', constants=given)
+    add(-way, 'against the motion, constant', 'N', dry, f'-k * {sign}', 'friction',
+        constants=given)
     add(-way * total, 'against the motion, with pressure', 'N/Pa', dry,
         f'-k * {sign}{on}' if on else None, 'friction', constants=given)
     add(-way * np.abs(force), 'against the motion, with the force', '', dry,
