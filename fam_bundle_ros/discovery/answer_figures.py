@@ -19,9 +19,9 @@ from plotly.subplots import make_subplots
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.data.folds import KINDS
 from fam_bundle_ros.discovery.figures import DIVERGING, MOST_POINTS, small_titles, thin
+from fam_bundle_ros.discovery.leftover import Leftover, PARTS
 
 if TYPE_CHECKING:
-    from fam_bundle_ros.discovery.leftover import Leftover
     from fam_bundle_ros.discovery.posterior import LikelySet
     from fam_bundle_ros.discovery.result import Diagnosis
 
@@ -77,22 +77,21 @@ def discrepancy(result: Diagnosis) -> go.Figure | None:
     """
     Draw what the model as it came, recalibrated, and the best one leave, on one scale.
 
-    A row for each motor unit, and for the odd part where there is one; None where there is none
-    before and after.
+    A row for each motor unit and part that is somewhere not zero; None where there is none.
     """
     before, after = result.leftover_before, result.leftover
-    rows = [(part, unit) for unit in range(len(after.pressure)) for part in ('even', 'odd')
-            if any(np.any(getattr(each, part)) for each in (before, after))]
-    if not rows or not any(np.any(before.even[unit]) or np.any(before.odd[unit])
-                           or np.any(after.even[unit]) for _, unit in rows):
+    rows = [(part, unit) for unit in range(len(after.pressure)) for part in PARTS
+            if any(np.any(getattr(each, part)[unit]) for each in (before, after))]
+    if not rows:
         return None
-    same = after is before or bool(np.array_equal(before.even, after.even)
-                                   and np.array_equal(before.odd, after.odd))
+    same = after is before or all(np.array_equal(getattr(before, part), getattr(after, part))
+                                  for part in PARTS)
     columns = [before] if same else [before, after]
     names = result.best.motor_units
     # beside one another on a narrow page: short
+    only_even = all(part == 'even' for part, _ in rows)
     titles = [', '.join(filter(None, (names[unit].name if len(names) > 1 else '',
-                                      part if ('odd', 0) in rows else '', when)))
+                                      '' if only_even else part, when)))
               for part, unit in rows for when in ('before', 'after')[:len(columns)]]
     drawing = make_subplots(len(rows), len(columns), shared_xaxes=True, shared_yaxes=True,
                             horizontal_spacing=0.04, vertical_spacing=0.24 / len(rows),

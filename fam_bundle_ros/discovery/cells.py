@@ -21,7 +21,6 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.outliers import spikes
 from fam_bundle_ros.discovery.predict import matched, motion, stiffness
 from fam_bundle_ros.model import Bundle, Motion
-from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 
 #: Bins across strain and pressure that are tried, finest first.
 _BINS = (60, 40, 30, 24, 20, 16, 12, 10)
@@ -43,8 +42,6 @@ class Cells:
     count : ndarray, shape (n,)
         Rows of each cell.
     force, strain, direction, trial : ndarray, shape (n,)
-    turn : ndarray, shape (n,)
-        Direction as a law feels it: the rounded sign of the strain rate.
     speed : ndarray, shape (n,)
         Natural logarithm of the strain rate's size, 1/s, no less than what counts as rest.
     pressure : ndarray, shape (n, m), Pa
@@ -63,7 +60,6 @@ class Cells:
     strain: np.ndarray
     pressure: np.ndarray
     direction: np.ndarray
-    turn: np.ndarray
     speed: np.ndarray
     trial: np.ndarray
     time: np.ndarray | None
@@ -91,11 +87,6 @@ class Cells:
     def both_ways(self) -> bool:
         """Whether there are cells of both directions."""
         return bool((self.direction > 0).any() and (self.direction < 0).any())
-
-    @property
-    def row_turn(self) -> np.ndarray:
-        """Direction of each row as a law feels it, (T,)."""
-        return np.tanh(self.data.strain_rate / ROUNDING)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return averages over cells, (n,) or (n, k), of values of rows, (T,) or (T, k)."""
@@ -153,7 +144,6 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     rate = np.abs(mean(data.strain_rate))
     return Cells(data, record, label, count, mean(data.force), mean(data.strain),
                  mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
-                 mean(np.tanh(data.strain_rate / ROUNDING)),
                  np.log(np.maximum(rate, max(CRAWL * np.percentile(rate, 90), 1e-9))),
                  np.round(mean(data.trial.astype(float))),
                  None if data.time is None else mean(data.time), noise, strain_range,
@@ -176,21 +166,20 @@ def unknown_direction(data: Measurement) -> np.ndarray:
     return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
 
 
-def places(cells: Cells, kept: np.ndarray, both_ways: bool) -> np.ndarray:
+def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
     """
-    Return a cell of strain and pressure for each row, (T,) int, whatever visit; -1 for none.
+    Return a cell of strain, pressure and way for each row, (T,) int, whatever visit; -1 for none.
 
     Parameters
     ----------
     cells : Cells
     kept : ndarray of bool, shape (T,)
         Rows that are in one.
-    both_ways : bool
-        Whether the directions of motion have cells of their own.
+    way : ndarray of int, shape (T,)
+        Rows of another way are apart.
     """
-    data, most = cells.data, settings.PLACES
-    direction = data.direction if both_ways else np.zeros_like(data.direction)
-    label = _labels(data, direction, cells.strain_range, cells.pressure_range, most, False)
+    most = settings.PLACES
+    label = _labels(cells.data, way, cells.strain_range, cells.pressure_range, most, False)
     return _at_most(most, np.where(kept, label, -1))
 
 

@@ -18,11 +18,11 @@ import numpy as np
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.surface import Surface
+from fam_bundle_ros.discovery.surface import at_rest, PRESSURES, STRAINS, Surface
 from fam_bundle_ros.model import Bundle
 
-#: Points of the table across strain and pressure: a length of 0.06 of the range is met.
-_STRAINS, _PRESSURES = 41, 25
+#: What a map has a panel for: the same both ways, while shortening, at rest after filling.
+PARTS = ('even', 'odd', 'filling')
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,9 @@ class Leftover:
     strain : ndarray, shape (s,)
     pressure : ndarray, shape (n, p), Pa
         For each motor unit.
-    even, odd, sd : ndarray, shape (n, s, p), N
-        Per motor unit; ``odd`` holds while shortening, ``sd`` is that of the even part.
+    even, odd, filling, sd : ndarray, shape (n, s, p), N
+        Per motor unit; ``odd`` holds while shortening, ``filling`` at rest after the pressure has
+        risen, ``sd`` is that of the even part.
     model : Bundle
         The physics that leaves it.
     """
@@ -45,6 +46,7 @@ class Leftover:
     pressure: np.ndarray
     even: np.ndarray
     odd: np.ndarray
+    filling: np.ndarray
     sd: np.ndarray
     model: Bundle
 
@@ -62,20 +64,22 @@ class Leftover:
             Of the same effects fitted with one: the map is zero where that has none.
         """
         rows = fitter.cells.data
-        strain = np.linspace(rows.strain.min(), rows.strain.max(), _STRAINS)
+        strain = np.linspace(rows.strain.min(), rows.strain.max(), STRAINS)
         units = rows.pressure.shape[1]
         pressure = np.stack([np.linspace(column.min(), max(column.max(), column.min() + 1e3),
-                                         _PRESSURES) for column in rows.pressure.T])
-        maps = np.zeros((3, units, _STRAINS, _PRESSURES))
+                                         PRESSURES) for column in rows.pressure.T])
+        even, odd, sd = np.zeros((3, units, STRAINS, PRESSURES))
         if needed.fits_a_table:
             surface = Surface.best(fitter, physics.model, needed)
             for i in range(units):
                 e, p = (grid.ravel() for grid in np.meshgrid(strain, pressure[i], indexing='ij'))
                 points = np.zeros((len(e), units))
                 points[:, i] = p
-                maps[:, i] = np.reshape(surface.parts(e, points, i), maps[:, i].shape)
-        even, odd, sd = maps
-        return cls(strain, pressure, even, odd, sd, physics.model)
+                even[i], odd[i] = np.reshape(surface.parts(e, points, i), (2, *even[i].shape))
+                sd[i] = surface.sd(e, points, i).reshape(even[i].shape)
+        none = np.zeros_like(odd)
+        odd, filling = (none, odd) if at_rest(fitter.cells) else (odd, none)
+        return cls(strain, pressure, even, odd, filling, sd, physics.model)
 
     def write(self, path: Path) -> None:
         """
@@ -92,12 +96,12 @@ class Leftover:
         with whole(path) as draft, open(draft, 'w', newline='', encoding='utf-8') as file:
             writer = csv.writer(file)
             writer.writerow(['motor_unit', 'strain', 'pressure [kPa]', 'force [N]', 'sd [N]',
-                             'odd [N]'])
+                             'odd [N]', 'filling [N]'])
             for i, unit in enumerate(model.motor_units):
                 share = unit.muscles * (1.0 + s.force_gain)
                 for j, e in enumerate(felt_strain):
                     values = [np.interp(shared, self.pressure[i], grid[i, j]) / share
-                              for grid in (self.even, self.sd, self.odd)]
+                              for grid in (self.even, self.sd, self.odd, self.filling)]
                     writer.writerows([i + 1, f'{e:.10g}', f'{p / 1e3:.10g}', *(
                         f'{value[k]:.5g}' for value in values)]
                         for k, p in enumerate(felt_pressure))

@@ -14,10 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+from fam_bundle_ros.data.measurement import BY_PRESSURE, BY_STRAIN
 from fam_bundle_ros.discovery.cells import average_over, Cells, places
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.laws.discrepancy import DEAD, ROUNDING
+from fam_bundle_ros.model.vocabulary import bound, dahl
+
+#: Points of the table across strain and pressure: a length of 0.06 of the range is met.
+STRAINS, PRESSURES = 41, 25
 
 
 @dataclass(frozen=True)
@@ -83,9 +89,9 @@ class Surface:
         return cls.of(fitter, model, max(found, key=lambda each: each[1])[0])
 
     def parts(self, strain: np.ndarray, pressure: np.ndarray, unit: int | None = None,
-              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+              ) -> tuple[np.ndarray, np.ndarray]:
         """
-        Return the even part, the odd part while shortening, and the sd of the even one, (k,), N.
+        Return the even part, and the odd part while shortening or after filling, (k,), N.
 
         Parameters
         ----------
@@ -97,16 +103,40 @@ class Surface:
         cells, h = self.covariance.cells, self.hyper
         even, odd = (self.covariance.variance(place) for place in (h.even, h.odd))
         across = self.covariance.across(h, strain, pressure, unit)
+        return even * across @ self.weights, odd * across @ (cells.direction * self.weights)
+
+    def sd(self, strain: np.ndarray, pressure: np.ndarray, unit: int) -> np.ndarray:
+        """Return the standard deviation of a motor unit's even part, (k,), N; see `parts`."""
+        even = self.covariance.variance(self.hyper.even)
+        across = self.covariance.across(self.hyper, strain, pressure, unit)
         known = solve_triangular(self.lower, even * across.T, lower=True)
-        left = even / (1 if unit is None else pressure.shape[1]) - np.sum(known ** 2, axis=0)
-        return (even * across @ self.weights, odd * across @ (cells.direction * self.weights),
-                np.sqrt(np.maximum(left, 0.0)))
+        left = even / pressure.shape[1] - np.sum(known ** 2, axis=0)
+        return np.sqrt(np.maximum(left, 0.0))
 
     def of_rows(self, cells: Cells, rows: np.ndarray) -> np.ndarray:
         """Return what the surface adds to the force of some rows of the cells' record, N."""
         data = cells.data
-        even, odd, _ = self.parts(data.strain[rows], data.pressure[rows])
-        return even + odd * cells.row_turn[rows]
+        even, odd = self.parts(data.strain[rows], data.pressure[rows])
+        return even + odd * way_of(cells)[rows]
+
+
+def at_rest(cells: Cells) -> bool:
+    """Return whether the odd part is of filling and venting at rest, as most rows have it."""
+    basis = cells.data.direction_basis
+    return bool(np.sum(basis == BY_PRESSURE) > np.sum(basis == BY_STRAIN))
+
+
+def way_of(cells: Cells) -> np.ndarray:
+    """Return the way of each row as `discrepancy_surface` feels it, (T,) from -1 to 1."""
+    record = cells.motion
+    moving = np.tanh(record.strain_rate / ROUNDING)
+    if not at_rest(cells):
+        return moving
+    column = record.pressure[:, int(np.argmax(record.pressure.std(axis=0)))]
+    step = float(np.ptp(column)) / (PRESSURES - 1)
+    begin = np.arange(len(column)) == 0 if record.start is None else record.start
+    way, _ = bound(dahl, 'scans')(0.0, 0.0, column, DEAD * step, step, begin)
+    return (1.0 - np.abs(moving)) * way
 
 
 def _covariance(fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | None,
@@ -117,11 +147,12 @@ def _covariance(fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | 
     if used is not None:
         kept &= used[cells.label]
     off = cells.data.force - model.predict(cells.motion)
-    there = _averaged(cells, off, places(cells, kept, bool(hyper.odd)))
+    way = way_of(cells) if hyper.odd else np.zeros(len(off))
+    there = _averaged(cells, off, places(cells, kept, np.sign(way).astype(int)), way)
     return Covariance(there, fitter.covariance.unexplained, cells.force_sd)
 
 
-def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray) -> Cells:
+def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray, way: np.ndarray) -> Cells:
     """
     Return residuals of rows (T,), N, averaged over places by their label, as cells without time.
 
@@ -144,5 +175,4 @@ def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray) -> Cells:
     return replace(
         cells, label=label, count=cells.noise ** 2 / variance, force=force,
         strain=mean(data.strain), pressure=mean(data.pressure),
-        direction=np.sign(np.round(mean(data.direction.astype(float)))), turn=mean(cells.row_turn),
-        speed=nowhere, trial=nowhere, time=None, stiffness=None)
+        direction=mean(way), speed=nowhere, trial=nowhere, time=None, stiffness=None)

@@ -17,6 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import BY_PRESSURE
+from fam_bundle_ros.data.rates import slope
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance
@@ -24,6 +26,8 @@ from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.priors import Prior
+from fam_bundle_ros.discovery.surface import at_rest
+from fam_bundle_ros.model import catalogue
 
 #: Geometry further than this from its nominal value is said.
 _TOLERANCES = 3.0
@@ -183,7 +187,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     structured = is_structured(cells, still, after, inclusion)
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held, _worth_of_pressure(fitter, null)) if found else ()
-    warnings = _warnings(physics, held) if found else ()
+    warnings = (*_warnings(physics, held), *_alike_at_one_rate(cells, found)) if found else ()
     lost = chosen.posterior - null.posterior
     if found and lost < settings.LEAST_LOSS:
         warnings = (*warnings, 'a smooth discrepancy in their place is as probable (odds of '
@@ -279,6 +283,27 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
         found.append(f'on rows not seen the effects are off by {held.physics:.3g} N, a '
                      f'six-parameter empirical form by {held.rivals["empirical"]:.3g} N')
     return tuple(found)
+
+
+def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
+    """
+    Return in words that what was found with a memory could be another memory.
+
+    Lag, creep and friction make the same loop where the pressure of a muscle at rest changes at
+    one rate only: less than a factor of e between the tenth and the ninetieth percentile.
+    """
+    laws = catalogue.available()
+    named = [change.label for change in found if change.new in laws and laws[change.new].memory]
+    data = cells.data
+    if not named or data.time is None or not at_rest(cells):
+        return []
+    column = data.pressure[:, int(np.argmax(data.pressure.std(axis=0)))]
+    rate = np.abs(slope(data.time, column, data.trial)[0])[data.direction_basis == BY_PRESSURE]
+    slow, usual, fast = np.percentile(rate, (10, 50, 90))
+    if slow <= 0.0 or np.log(fast / slow) > settings.SPEED_LENGTH:
+        return []
+    return [f'the pressure changes at {usual / 1e3:.3g} kPa/s only, where lag, creep and friction '
+            f'look alike ({", ".join(named)}): fill and vent at another rate too']
 
 
 def _is_off(prior: Prior, u: float) -> bool:

@@ -83,7 +83,7 @@ def interpolated(tables, table, surface, strain, pressure):
             + u * ((1.0 - v) * tables[at + columns] + v * tables[at + columns + 1]))
 
 
-def read_columns(path: Path, needed: Mapping[str, str], optional: tuple[str, ...] = (),
+def read_columns(path: Path, needed: Mapping[str, str], optional: Mapping[str, str] | None = None,
                  units_told: bool = True) -> dict[str, np.ndarray]:
     """
     Return columns of a CSV in SI units, arrays of shape (T,).
@@ -93,8 +93,8 @@ def read_columns(path: Path, needed: Mapping[str, str], optional: tuple[str, ...
     path : Path
     needed : mapping of str to str
         Column to a unit of its dimension. Other columns are left.
-    optional : tuple of str
-        Further columns, numbers without a unit.
+    optional : mapping of str to str
+        Further columns, the same.
     units_told : bool
         The header has to have the units, ``pressure [kPa]``; else those of ``needed`` are taken
         where it has none.
@@ -111,11 +111,11 @@ def read_columns(path: Path, needed: Mapping[str, str], optional: tuple[str, ...
         raise InputError(f'{path}: cannot be read as a CSV ({error})') from error
     if len(rows) < 2:
         raise InputError(f'{path}: is empty; expected columns {", ".join(needed)}')
-    found = {}
+    found, wanted = {}, {**needed, **(optional or {})}
     for index, title in enumerate(rows[0]):
         name, _, unit = (part.strip(' ]') for part in title.partition('['))
-        if name in needed or name in optional:
-            like = needed.get(name, '1')
+        if name in wanted:
+            like = wanted[name]
             try:
                 factor = si_factor(unit or ('' if units_told else like), like)
             except InputError as error:

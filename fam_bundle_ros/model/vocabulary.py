@@ -59,6 +59,21 @@ def play(centre, signal, half, start):
                  np.where(start, signal, signal + half))
 
 
+def dahl(centre, built_up, signal, dead, width, start):
+    """
+    Return z in [-1, 1], which builds up along a signal, dz/du = (1 - z sgn(du))/w, and its path.
+
+    After Dahl (1968), first order. The signal is taken behind a play of half width ``dead``, so
+    that its noise at rest does not wear z away; the centre of that play and z are the memory. At
+    the start z is zero.
+    """
+    path = play(centre, signal, dead, start)
+    moved = path - before(centre, path)
+    kept = np.where(start, 0.0, np.exp(-np.abs(moved) / width))
+    gained = np.where(start, 0.0, np.sign(moved) * (1.0 - kept))
+    return affine(built_up, kept, gained), path
+
+
 def lag(lagged, last, signal, time_constant, start, dt):
     """
     Return a signal behind a first-order lag, tau dy/dt = u - y, at rest at the start.

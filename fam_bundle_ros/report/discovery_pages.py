@@ -223,15 +223,16 @@ def _discrepancy_section(result: Diagnosis) -> list[Section]:
     drawing = answer_figures.discrepancy(result)
     if drawing is None:
         return []
-    before, after = (max(float(np.abs(part).max()) for part in (each.even, each.odd))
+    before, after = (max(float(np.abs(part).max()) for part in (each.even, each.odd, each.filling))
                      for each in (result.leftover_before, result.leftover))
     return [Section('What no effect explains', '', [
         Picture('discrepancy', 'Discrepancy before and after', drawing,
                 'Smooth surface through what a model leaves: the model as it came, '
                 f'recalibrated, at most {before:.3g} N, the best one {after:.3g} N. '
                 'Even: the same both ways of motion; odd: while shortening, with the other sign '
-                'while lengthening. All panels have one scale. Where nothing was measured it '
-                'goes back to zero.')])]
+                'while lengthening; filling: at rest after the pressure has risen, with the other '
+                'sign after it has fallen. All panels have one scale. Between what was measured '
+                'it is a guess.')])]
 
 
 def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:

@@ -79,6 +79,44 @@ def test_the_surface_is_added_over_what_gauges_show(surface, paper_muscle, name,
         assert extra == pytest.approx(1.5 + 7.5 * strain + 0.5 + 5.0 * strain)
 
 
+def test_the_way_of_the_pressure_counts_at_rest(tmp_path, paper_muscle):
+    """After filling it is added, after venting taken away, over one step; not in motion."""
+    rows = [f'{e},{p},0,0,{2.0 + p / 100.0}' for e in (0.0, 0.2) for p in range(0, 420, 20)]
+    (tmp_path / 'left.csv').write_text(
+        '\n'.join(['strain,pressure [kPa],force [N],odd [N],filling [N]', *rows]))
+    surface = catalogue.get('discrepancy_surface')(table='left.csv', folder=tmp_path)
+    with_it, time = paper_muscle.with_effect(surface), 0.1 * np.arange(81.0)
+    pressure = 1e3 * (300.0 - 5.0 * np.abs(np.arange(81.0) - 40.0))[:, None]
+
+    def added(rate):
+        motion = Motion(np.full(81, 0.1), pressure, np.full(81, rate), time)
+        return with_it.predict(motion) - paper_muscle.predict(motion)
+    most = 2.0 + pressure[:, 0] / 1e5
+    assert added(0.0)[0] == 0.0
+    np.testing.assert_allclose(added(0.0)[30:41], most[30:41], rtol=1e-3)
+    np.testing.assert_allclose(added(0.0)[71:], -most[71:], rtol=2e-3)
+    # 20 kPa, less the dead band to both sides, after the reversal
+    assert added(0.0)[45] == pytest.approx(most[45] * (2.0 * np.exp(-21.0 / 20.0) - 1.0), rel=1e-2)
+    np.testing.assert_allclose(added(0.05), 0.0, atol=1e-9)
+
+
+def test_the_table_is_the_same_in_one_call_and_tick_by_tick(tmp_path, paper_muscle):
+    """The memory of the way is carried from tick to tick as along a record."""
+    rng = np.random.default_rng(4)
+    rows = [f'{e},{p},{rng.normal()},{rng.normal()},{rng.normal()}'
+            for e in (0.0, 0.1, 0.2) for p in range(0, 420, 60)]
+    (tmp_path / 'left.csv').write_text(
+        '\n'.join(['strain,pressure [kPa],force [N],odd [N],filling [N]', *rows]))
+    bundle = paper_muscle.with_effect(catalogue.get('discrepancy_surface')(
+        table='left.csv', folder=tmp_path))
+    strain, pressure = rng.uniform(0.0, 0.2, 60), rng.uniform(0.0, 4e5, (60, 1))
+    rate, time = rng.normal(0.0, 2e-3, 60), 0.01 * np.arange(60.0)
+    whole, state = bundle.predict(Motion(strain, pressure, rate, time)), bundle.start_state()
+    for k in range(60):
+        force, state = bundle.step(state, 0.01 if k else 0.0, strain[k], pressure[k], rate[k])
+        assert float(np.sum(force)) == pytest.approx(whole[k], abs=1e-9)
+
+
 def test_a_table_with_a_hole_is_refused(tmp_path):
     """Every pair of strain and pressure once, said with the numbers found."""
     (tmp_path / 'left.csv').write_text(TABLE[:TABLE.rindex('0.2,400')])
@@ -125,6 +163,29 @@ def test_a_table_is_finer_than_the_visits_of_a_fast_log(paper_muscle):
         np.interp(p, left.pressure[0], left.even[0, np.abs(left.strain - e).argmin()])
         for e, p in zip(strain, pressure)])
     assert np.sqrt(np.mean((table + still - bump(pressure)) ** 2)) < 0.2
+
+
+def test_what_differs_between_filling_and_venting_is_in_the_table(paper_muscle, tmp_path):
+    """A loop of a shape that no law has, at four fixed lengths: left is hardly more than noise."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 160.0, 0.1)
+    pressure = 2e5 * (1.0 - np.cos(2.0 * np.pi * time / 20.0))
+    strain = 0.04 * np.floor(time / 40.0)
+    way = np.where(np.sin(2.0 * np.pi * time / 20.0) > 0.0, 1.0, -1.0)
+    motion = Motion(strain, pressure[:, None], 0.0 * strain, time, np.diff(strain, prepend=-1) > 0)
+    loop = 5.0 * np.sin(np.pi * pressure / 4e5) * (1.0 + 10.0 * strain)
+    force = paper_muscle.predict(motion) - way * loop + rng.normal(0.0, 0.3, len(time))
+    data = build('loop', strain, pressure, force, np.floor(time / 40.0), time)
+    fitter, joint, physics = fitted(paper_muscle, data)
+    left = Leftover.of(fitter, physics, joint.hyper)
+    assert not left.odd.any()
+    left.write(tmp_path / 'left.csv')
+    with_it = physics.model.with_effect(catalogue.get('discrepancy_surface')(
+        table='left.csv', folder=tmp_path))
+    error = [np.sqrt(np.mean((force - model.predict(motion)) ** 2))
+             for model in (physics.model, with_it)]
+    assert error[0] > 3.0
+    assert error[1] < 0.6
 
 
 def test_the_discrepancy_is_unsure_where_nothing_was_measured(sweeps, paper_muscle):

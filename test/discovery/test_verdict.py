@@ -9,15 +9,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import Options
-from fam_bundle_ros.discovery.posterior import changes, named, Posterior
+from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
+    _alike_at_one_rate,
     _explained,
     _refusals,
     _warnings,
@@ -158,6 +160,22 @@ def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, mo
     monkeypatch.setattr(steps, 'need_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(steps, 'is_structured', lambda *given: structured)
     assert [str(change) for change in steps._believed(made, Choices())[1]] == names
+
+
+@pytest.mark.parametrize(('rates', 'alike'), [((1.0, 1.0), True), ((1.0, 4.0), False)])
+def test_memory_found_at_one_rate_of_the_pressure_is_doubtful(paper_muscle, rates, alike):
+    """Filled and vented at fixed lengths; a second rate tells lag, creep and friction apart."""
+    ways = [np.concatenate([np.linspace(0.0, 4e5, int(100 / rate)),
+                            np.linspace(4e5, 0.0, int(100 / rate))]) for rate in rates] * 3
+    pressure, trial = np.concatenate(ways), np.repeat(np.arange(6), [len(way) for way in ways])
+    strain, time = 0.02 * (trial // 2), 0.1 * np.arange(len(trial))
+    force = 1e-4 * pressure + np.random.default_rng(0).normal(0.0, 0.3, len(trial))
+    cells = reduce(paper_muscle, build('fill', strain, pressure, force, trial, time))
+    said = _alike_at_one_rate(cells, [Change('', 'pressure_creep'), Change('', 'end_caps')])
+    assert bool(said) == alike
+    assert not alike or 'kPa/s only' in said[0]
+    assert not alike or '(pressure_creep)' in said[0]
+    assert not _alike_at_one_rate(cells, [Change('', 'end_caps')])
 
 
 def test_what_no_function_of_the_state_can_take_is_explained_by_its_mean_square(search):

@@ -9,11 +9,15 @@ import numpy as np
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.forcetable import ForceTable, interpolated, read_columns
 from fam_bundle_ros.model.laws.base import law
+from fam_bundle_ros.model.vocabulary import dahl
 
 #: Column: unit by default. `sd` is for readers; `motor_unit` counts from 1.
 _NEEDED = {'strain': '1', 'pressure': 'kPa', 'force': 'N', 'odd': 'N'}
+_OPTIONAL = {'filling': 'N', 'motor_unit': '1'}
 #: 1/s: strain rate over which the sign of the motion is rounded, as in dry friction.
 ROUNDING = 2e-3
+#: Share of a step of the table that the pressure may go to and fro in without a change of way.
+DEAD = 0.1
 
 
 class Table(ForceTable):
@@ -24,13 +28,17 @@ class Table(ForceTable):
     ----------
     path : Path
         CSV with columns strain, pressure, force (even in the direction of motion), odd (while
-        shortening; its opposite while lengthening), and, where there are several grids,
-        motor_unit; other columns (``sd``) are for readers. The even surfaces come first.
+        shortening; its opposite while lengthening), if need be filling (after the pressure has
+        risen while the length is held; its opposite after it has fallen), and, where there are
+        several grids, motor_unit; other columns (``sd``) are for readers. The even surfaces come
+        first, then the odd ones, then those of filling.
     """
 
     def __init__(self, path: Path):
-        columns = read_columns(path, _NEEDED, ('motor_unit',), units_told=False)
-        unit = columns.pop('motor_unit', np.ones(len(columns['strain'])))
+        columns = read_columns(path, _NEEDED, _OPTIONAL, units_told=False)
+        rows = len(columns['strain'])
+        unit = columns.pop('motor_unit', np.ones(rows))
+        columns.setdefault('filling', np.zeros(rows))
         units = np.unique(unit)
         if not np.array_equal(units, np.arange(1, len(units) + 1)):
             raise InputError(f'{path}: motor_unit has {", ".join(f"{u:g}" for u in units)}; '
@@ -41,22 +49,32 @@ class Table(ForceTable):
             raise InputError(f'{path}: {len(unit)} rows; expected every pair of {shape[1]} '
                              f'strains and {shape[2]} pressures once, for each motor unit')
         order = np.lexsort((columns['pressure'], columns['strain'], unit))
-        force = np.concatenate([columns[name][order].reshape(shape) for name in ('force', 'odd')])
+        force = np.concatenate([columns[name][order].reshape(shape)
+                                for name in ('force', 'odd', 'filling')])
         super().__init__(path, strain, pressure, force, len(units))
 
 
 @law('residual', family='discrepancy', candidate=False, load=Table, look=('grey', 'dot'),
+     memory=('centre', 'built_up'),
      summary='what no law of the model explains: a smooth surface, not physics',
      source="derived: mean of a Gaussian process (Kennedy and O'Hagan 2001), by diagnose",
      signature='whatever is left, inside the range that was measured')
-def discrepancy_surface(unit, strain, strain_rate, pressure, tables, table):
+def discrepancy_surface(unit, strain, strain_rate, pressure, start, centre, built_up, tables,
+                        table):
     """
-    F(e, P) of a `Table` and, by the smoothed sign of the rate, its odd part.
+    F(e, P) of a `Table`, its odd part by the direction of motion, and at rest that of filling.
 
-    Bilinear between points, the nearest edge outside them.
+    Bilinear between points, the nearest edge outside them. The sign of the rate is smoothed;
+    where the muscle rests the way of the pressure builds up over one step of the table.
     """
     grids = int(tables[table])
     grid = np.minimum(unit, grids - 1)
-    odd = interpolated(tables, table, grids + grid, strain, pressure)
-    return (interpolated(tables, table, grid, strain, pressure)
-            + np.tanh(strain_rate / ROUNDING) * odd)
+    first = table + 3 + int(tables[table + 1])
+    step = tables[first + 1] - tables[first]
+    way, path = dahl(centre, built_up, pressure, DEAD * step, step, start)
+    moving = np.tanh(strain_rate / ROUNDING)
+    force = (interpolated(tables, table, grid, strain, pressure)
+             + moving * interpolated(tables, table, grids + grid, strain, pressure)
+             + (1.0 - np.abs(moving)) * way
+             * interpolated(tables, table, 2 * grids + grid, strain, pressure))
+    return force, path, way

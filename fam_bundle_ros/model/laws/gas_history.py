@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects of past pressure: creep after a change, and a play between filling and venting."""
 
-import numpy as np
-
 from fam_bundle_ros.model.laws.base import law, Parameter
-from fam_bundle_ros.model.vocabulary import affine, before, lag, play
+from fam_bundle_ros.model.vocabulary import dahl, lag, play
 
 #: Half width of the play behind which `pressure_dahl` takes the pressure, Pa.
 _NOISE = 100.0
@@ -49,12 +47,7 @@ def pressure_dahl(pressure, start, centre, built_up, half_width, width):
     """
     The muscle feels P - w z, dz/dP = (1 - z sgn(dP))/d.
 
-    The pressure is taken behind a play of half width 0.1 kPa, so that noise of its reading at
-    rest does not wear the friction away. At the start of a trial z is zero.
+    The pressure is taken behind a play of half width 0.1 kPa.
     """
-    path = play(centre, pressure, _NOISE, start)
-    moved = path - before(centre, path)
-    kept = np.where(start, 0.0, np.exp(-np.abs(moved) / width))
-    gained = np.where(start, 0.0, np.sign(moved) * (1.0 - kept))
-    built = affine(built_up, kept, gained)
+    built, path = dahl(centre, built_up, pressure, _NOISE, width, start)
     return -half_width * built, path, built
