@@ -8,6 +8,7 @@ Figures are drawn in the light colours; a page that goes dark exchanges them by
 """
 
 from collections.abc import Iterable
+from textwrap import wrap
 from typing import Any
 
 import plotly.graph_objects as go
@@ -80,6 +81,12 @@ def dress(drawing: go.Figure, height: int, **layout: Any) -> go.Figure:
         colorway=[palette.recruitment_state(k).light for k in range(1, 7)])
     drawing.update_layout(**layout)
     return drawing
+
+
+def stacked(name: str, width: int) -> str:
+    """Return a name in lines of at most ``width`` characters, broken at spaces and underscores."""
+    lines = wrap(name.replace('_', '_ '), width, break_long_words=False)
+    return '<br>'.join(line.replace('_ ', '_') for line in lines)
 
 
 def style_axes(drawing: go.Figure, x: str = '', y: str = '', **where: Any) -> None:

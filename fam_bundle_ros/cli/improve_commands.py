@@ -93,6 +93,8 @@ def add(
     console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
                   f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on data left out; '
                   f'noise floor {result.noise.value:.3g} N', soft_wrap=True)
+    if result.doubt:
+        console.print(result.doubt, soft_wrap=True)
     parameter_table(result.parameters)
     wrote(out)
     save_json(json_file, {**result.to_dict(), 'out': out, 'muscle': muscle_of(result.model),

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.rates import slope
 
 
 def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.ndarray]:
@@ -38,6 +39,12 @@ def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.
 def varying_unit(measurement: Measurement) -> int:
     """Return the motor unit whose pressure varies most: the one that isobars are named by."""
     return int(np.argmax(measurement.pressure.std(axis=0)))
+
+
+def pressure_speed(measurement: Measurement) -> np.ndarray:
+    """Return how fast the pressure of the `varying_unit` changes in a log, (T,), Pa/s."""
+    column = measurement.pressure[:, varying_unit(measurement)]
+    return np.abs(slope(measurement.clock, column, measurement.trial)[0])
 
 
 def strain_bins(strain: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

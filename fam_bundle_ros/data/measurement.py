@@ -140,6 +140,17 @@ class Measurement(Told):
         return self.time is None
 
     @property
+    def is_held(self) -> bool:
+        """True where most directions are of the pressure, at a strain that rests."""
+        basis = self.direction_basis
+        return bool(np.sum(basis == BY_PRESSURE) > np.sum(basis == BY_STRAIN))
+
+    @property
+    def ways(self) -> tuple[str, str]:
+        """What directions +1 and -1 are, in words."""
+        return ('filling', 'venting') if self.is_held else ('shortening', 'lengthening')
+
+    @property
     def start(self) -> np.ndarray:
         """Return a (T,) bool array, True at the first sample of each trial."""
         first = np.ones(len(self), bool)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
+import math
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of
 from fam_bundle_ros.discovery.predict import matched, predict
 from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.discovery.words import renamed
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.jsonfile import to_json
 from fam_bundle_ros.model import Bundle, catalogue, Effect
@@ -56,6 +58,11 @@ class Added(Told):
     removed : tuple of str
     recommended : Recommended
         The same effects with or without the discrepancy, whichever foretells better.
+    log_odds : float or None
+        Natural log of the odds of these effects over those of the model as it was, each with a
+        smooth discrepancy beside it. None where the effects are the same.
+    least_odds : float
+        Odds below this cannot tell them apart (`Choices.odds`).
     """
 
     model: Bundle
@@ -69,6 +76,16 @@ class Added(Told):
     replaced: dict[str, str]
     removed: tuple[str, ...]
     recommended: Recommended
+    log_odds: float | None
+    least_odds: float
+
+    @property
+    def doubt(self) -> str:
+        """That the data do not ask for the change, in words; empty where they do."""
+        if self.log_odds is None or self.log_odds >= math.log(self.least_odds):
+            return ''
+        return (f'these data do not ask for it: odds of {math.exp(self.log_odds):.2g} to 1 over '
+                'the model as it was')
 
     @property
     def what(self) -> str:
@@ -82,7 +99,8 @@ class Added(Told):
     def __str__(self) -> str:
         return '\n'.join([f'added {self.what}: error {self.error_before_N:.3g} N -> '
                           f'{self.error_N:.3g} N, {self.held_out_N:.3g} N on data left out; '
-                          f'{self.noise}', *(f'  {e}' for e in self.parameters)])
+                          f'{self.noise}', *filter(None, [self.doubt]),
+                          *(f'  {e}' for e in self.parameters)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, lists and text."""
@@ -91,6 +109,7 @@ class Added(Told):
                 'error_N': {'model': self.error_before_N, 'best': self.error_N,
                             'held_out': self.held_out_N},
                 'recommended': self.recommended.to_dict(), 'noise_floor_N': self.noise.value,
+                'log_odds': self.log_odds, 'least_odds': self.least_odds,
                 'parameters': {e.key: e.to_dict() for e in self.parameters}}
 
     def to_json(self) -> str:
@@ -153,18 +172,20 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     asked = tuple(e.name for e in incoming[:len(listed)])
     chosen, added = _best_shapes(fitter, options, kept | set(replacing.values()), asked,
                                  [item for item in listed if isinstance(item, str)])
+    same = set(chosen.names) == had
+    log_odds = None if same else chosen.posterior - _fitted(fitter, options, had).posterior
     physics = fitter.without_discrepancy(chosen)
     held = held_out(fitter, physics, chosen)
     told = estimates(physics)
     words = [*added, *replacing.values(), *(f'without_{gone}' for gone in removing)]
-    label = name or '_'.join([model.name, *(words or ['recalibrated'])])
-    new = physics.model.named(label)
+    new = physics.model.named(name or renamed(model.name, words or ['recalibrated']))
     error = rms(data.force - predict(new, data))
     new = with_intervals(new, told, error)
     held = held.of_rows(beyond_cells(cells, physics, error))
     return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
                  noise_floor(data, data.force - predict(new, data)), tuple(told), asked,
-                 replacing, tuple(removing), recommend(new, physics, chosen, held, fitter))
+                 replacing, tuple(removing), recommend(new, physics, chosen, held, fitter),
+                 log_odds, choices.odds)
 
 
 def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
@@ -192,13 +213,8 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
 def _best_shapes(fitter: Fitter, options: Options, kept: set[str], asked: Sequence[str],
                  open_: Sequence[str]) -> tuple[Fit, tuple[str, ...]]:
     """Return the most probable fit with a shape of each effect, and those shapes."""
-    def fitted(names: set[str]) -> Fit:
-        chosen: Names = tuple(sorted(names))
-        return fitter.fit(chosen, options.bundle(chosen), options.priors(chosen),
-                          log_prior=options.log_prior(chosen))
-
     added = list(asked)
-    best = fitted(kept | set(added))
+    best = _fitted(fitter, options, kept | set(added))
     for slot, name in enumerate(asked):
         if name not in open_:
             continue
@@ -206,10 +222,16 @@ def _best_shapes(fitter: Fitter, options: Options, kept: set[str], asked: Sequen
             if shape == name or head(shape) != name or shape in kept:
                 continue
             tried = [*added[:slot], shape, *added[slot + 1:]]
-            fit = fitted(kept | set(tried))
+            fit = _fitted(fitter, options, kept | set(tried))
             if fit.posterior > best.posterior:
                 best, added = fit, tried
     return best, tuple(added)
+
+
+def _fitted(fitter: Fitter, options: Options, names: set[str]) -> Fit:
+    chosen: Names = tuple(sorted(names))
+    return fitter.fit(chosen, options.bundle(chosen), options.priors(chosen),
+                      log_prior=options.log_prior(chosen))
 
 
 def _effect(item: str | Effect) -> Effect:

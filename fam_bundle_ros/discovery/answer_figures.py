@@ -9,7 +9,6 @@ and every parameter before and after the data.
 
 from __future__ import annotations
 
-from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,7 +74,7 @@ def unseen(result: Diagnosis) -> go.Figure | None:
 
 def discrepancy(result: Diagnosis) -> go.Figure | None:
     """
-    Draw what the model as it came, recalibrated, and the best one leave, on one scale.
+    Draw what the model as it came, recalibrated, and the best one leave; a scale for each.
 
     A row for each motor unit and part that is somewhere not zero; None where there is none.
     """
@@ -93,32 +92,39 @@ def discrepancy(result: Diagnosis) -> go.Figure | None:
     titles = [', '.join(filter(None, (names[unit].name if len(names) > 1 else '',
                                       '' if only_even else part, when)))
               for part, unit in rows for when in ('before', 'after')[:len(columns)]]
+    height = 190 + 210 * len(rows)
     drawing = make_subplots(len(rows), len(columns), shared_xaxes=True, shared_yaxes=True,
-                            horizontal_spacing=0.04, vertical_spacing=0.24 / len(rows),
+                            horizontal_spacing=0.06, vertical_spacing=0.24 / len(rows),
                             subplot_titles=titles)
-    plotting.dress(drawing, 130 + 210 * len(rows), showlegend=False)
+    plotting.dress(drawing, height, showlegend=False)
     plotting.style_axes(drawing)
-    largest = max(float(np.abs(getattr(each, part)[unit]).max())
-                  for each in columns for part, unit in rows)
-    for row, (part, unit) in enumerate(rows, start=1):
-        for column, each in enumerate(columns, start=1):
-            drawing.add_trace(_map(each, part, unit, largest, row == 1 and column == len(columns)),
-                              row=row, col=column)
-        drawing.update_yaxes(title_text='pressure (kPa)', row=row, col=1)
-    for column in range(1, len(columns) + 1):
+    for column, each in enumerate(columns, start=1):
+        largest = max(float(np.abs(getattr(each, part)[unit]).max())
+                      for part, unit in rows) or 1.0
+        axis = f'coloraxis{column}'
+        for row, (part, unit) in enumerate(rows, start=1):
+            drawing.add_trace(_map(each, part, unit, axis), row=row, col=column)
         drawing.update_xaxes(title_text='strain', row=len(rows), col=column)
+        left, right = drawing.get_subplot(len(rows), column).xaxis.domain
+        drawing.update_layout({axis: {
+            'cmin': -largest, 'cmax': largest, 'colorscale': DIVERGING, 'colorbar': {
+                'orientation': 'h', 'x': (left + right) / 2, 'len': right - left,
+                'y': -60 / (height - 130), 'yanchor': 'top', 'thickness': 10, 'outlinewidth': 0,
+                'nticks': 5, 'ticksuffix': ' N'}}})
+    for row in range(1, len(rows) + 1):
+        drawing.update_yaxes(title_text='pressure (kPa)', row=row, col=1)
     drawing.update_xaxes(showgrid=False, nticks=4, tickangle=0)
     drawing.update_yaxes(showgrid=False, automargin=True)
+    drawing.update_layout(margin_b=110)
     small_titles(drawing)
     return drawing
 
 
-def _map(leftover: Leftover, part: str, unit: int, largest: float, scale: bool) -> go.Heatmap:
+def _map(leftover: Leftover, part: str, unit: int, axis: str) -> go.Heatmap:
     return go.Heatmap(
         x=np.round(leftover.strain, 5), y=np.round(leftover.pressure[unit] / 1e3, 3),
-        z=np.round(getattr(leftover, part)[unit].T, 3), zmin=-largest, zmax=largest,
-        colorscale=DIVERGING, showscale=scale, customdata=np.round(leftover.sd[unit].T, 3),
-        colorbar={'title': {'text': 'N', 'side': 'top'}, 'thickness': 12, 'outlinewidth': 0},
+        z=np.round(getattr(leftover, part)[unit].T, 3), coloraxis=axis,
+        customdata=np.round(leftover.sd[unit].T, 3),
         hovertemplate='%{z:.2f} N at strain %{x:.3f}, %{y:.0f} kPa; even part ± %{customdata:.2f}'
                       ' N<extra></extra>')
 
@@ -130,8 +136,7 @@ def sets(result: Diagnosis, most: int = 8) -> go.Figure | None:
     if len(shown) < 2:
         return None
     chosen = next(each for each in shown if each.chosen)
-    labels = ['<br>'.join(wrap(_beside(each, chosen), 30, break_long_words=False))
-              for each in shown]
+    labels = [plotting.stacked(_beside(each, chosen), 30) for each in shown]
     pitch = 16 + 18 * max(label.count('<br>') + 1 for label in labels)
     drawing = plotting.figure('probability', '', height=110 + pitch * len(shown),
                               showlegend=False)
@@ -193,8 +198,7 @@ def priors(result: Diagnosis) -> go.Figure | None:
     drawing.update_yaxes(showgrid=False, ticks='', showline=False, automargin=True,
                          ticklabelstandoff=6, tickvals=rows,
                          range=[-0.7, len(rows) - 0.3],
-                         ticktext=[each.key.replace('.', '.<br>') if len(each.key) > 24
-                                   else each.key for each in told])
+                         ticktext=[plotting.stacked(each.key, 24) for each in told])
     return drawing
 
 

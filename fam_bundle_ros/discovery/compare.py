@@ -18,6 +18,7 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import (
     pressure_levels,
+    pressure_speed,
     reversals,
     rms,
     strain_bins,
@@ -240,13 +241,14 @@ def _tables(data: Measurement, residual: np.ndarray, floor: NoiseFloor, past_fre
         'region': table([('tensile', ~past_free), ('past free strain', past_free)]),
     }
     if not data.is_static:
-        tables['direction'] = table([('shortening', data.direction > 0),
-                                     ('at rest', data.direction == 0),
-                                     ('lengthening', data.direction < 0)])
-        speed = np.abs(data.strain_rate)
+        there, back = data.ways
+        tables['direction'] = table([(there, data.direction > 0), ('at rest', data.direction == 0),
+                                     (back, data.direction < 0)])
+        speed, of = ((pressure_speed(data) / 1e3, 'kPa/s') if data.is_held else
+                     (np.abs(data.strain_rate), '1/s'))
         cuts = np.unique(np.quantile(speed, [0.0, 0.25, 0.5, 0.75, 1.0]))
         tables['rate'] = table([
-            (f'{low:.3g} to {high:.3g} 1/s', (speed >= low) & (speed <= high))
+            (f'{low:.3g} to {high:.3g} {of}', (speed >= low) & (speed <= high))
             for low, high in zip(cuts[:-1], cuts[1:])])
     if data.pressure.shape[1] > 1:
         on = data.pressure > 0.1 * data.pressure.max()

@@ -56,7 +56,7 @@ from fam_bundle_ros.discovery.verdict import (
     small,
     what_is_left,
 )
-from fam_bundle_ros.discovery.words import next_experiment, notes_on, summarise
+from fam_bundle_ros.discovery.words import next_experiment, notes_on, renamed, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 
 #: Ties that are put to the test on held-out folds.
@@ -132,7 +132,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     further = next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes)
     return Diagnosis(
         verdict=finding.verdict, model=model, measurement=comparison.measurement,
-        summary=summarise(finding, answer, found, ties, trades, base, shapes),
+        summary=summarise(finding, answer, found, ties, trades, base, shapes, error),
         comparison=comparison,
         effects=tuple(change.label for change in answer if not change.old),
         shapes=tuple(change.new for change in answer if not change.old),
@@ -259,7 +259,7 @@ def _written(model: Bundle, fit: Fit, told: list) -> Bundle:
     gone = [name for name in had if name not in {e.name for e in fit.model.effects}]
     words = [*new, *(f'without_{name}' for name in gone)] or ['recalibrated']
     error = float(np.sqrt(np.mean(fit.residual ** 2)))
-    return with_intervals(fit.model.named('_'.join([model.name, *words])), told, error)
+    return with_intervals(fit.model.named(renamed(model.name, words)), told, error)
 
 
 def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,

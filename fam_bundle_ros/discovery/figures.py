@@ -65,7 +65,8 @@ def residual_maps(result: Comparison, model: Bundle | None = None) -> go.Figure:
     maps = result.maps()
     odd = not result.measurement.is_static and bool(np.isfinite(maps['odd']).any())
     parts = ['even', 'odd'] if odd else ['even']
-    titles = ('even part: the same both ways', 'odd part: half of shortening minus lengthening')
+    titles = ('even part: the same both ways',
+              f'odd part: half of {" minus ".join(result.measurement.ways)}')
     drawing = make_subplots(1, len(parts), shared_yaxes=True, horizontal_spacing=0.05,
                             subplot_titles=titles[:len(parts)] if odd else None)
     plotting.dress(drawing, 420, showlegend=False)
@@ -163,7 +164,8 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None,
                          ticktext=[f'{tick:g}' for tick in ticks])
     # by number, not by name: two steps may be called the same
     drawing.update_xaxes(range=[-0.45, len(names) - 0.55], showgrid=False, automargin=True,
-                         tickvals=list(range(len(names))), ticktext=names)
+                         tickvals=list(range(len(names))),
+                         ticktext=[plotting.stacked(name, 16) for name in names])
     return drawing
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.surface import at_rest, PRESSURES, STRAINS, Surface
+from fam_bundle_ros.discovery.surface import PRESSURES, STRAINS, Surface
 from fam_bundle_ros.model import Bundle
 
 #: What a map has a panel for: the same both ways, while shortening, at rest after filling.
@@ -78,7 +78,7 @@ class Leftover:
                 even[i], odd[i] = np.reshape(surface.parts(e, points, i), (2, *even[i].shape))
                 sd[i] = surface.sd(e, points, i).reshape(even[i].shape)
         none = np.zeros_like(odd)
-        odd, filling = (none, odd) if at_rest(fitter.cells) else (odd, none)
+        odd, filling = (none, odd) if rows.is_held else (odd, none)
         return cls(strain, pressure, even, odd, filling, sd, physics.model)
 
     def write(self, path: Path) -> None:

@@ -85,7 +85,7 @@ def locate(measurement: Measurement, residual: np.ndarray, noise: float,
             break
         words, rows = found
         if _splits(measurement.direction, residual, rows & left, noise):
-            words += ', with the sign of the motion'
+            words += f', with the sign of the {"pressure change" if measurement.is_held else "motion"}'
         region = _region(words, rows & left, residual, noise, total)
         if region.share < 0.03 or rms(residual[rows & left]) < 1.1 * noise:
             break
@@ -120,7 +120,7 @@ def _lone_trial(measurement: Measurement, residual: np.ndarray, noise: float,
 
 
 def _splits(direction: np.ndarray, residual: np.ndarray, rows: np.ndarray, noise: float) -> bool:
-    """Return whether the mean error has one sign while shortening and the other back."""
+    """Return whether the mean error has one sign one way and the other back."""
     up, down = residual[rows & (direction > 0)], residual[rows & (direction < 0)]
     if len(up) < 5 or len(down) < 5:
         return False

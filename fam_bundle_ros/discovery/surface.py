@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from fam_bundle_ros.data.measurement import BY_PRESSURE, BY_STRAIN
+from fam_bundle_ros.data.grouping import varying_unit
 from fam_bundle_ros.discovery.cells import average_over, Cells, places
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.evidence import Fitter
@@ -120,19 +120,13 @@ class Surface:
         return even + odd * way_of(cells)[rows]
 
 
-def at_rest(cells: Cells) -> bool:
-    """Return whether the odd part is of filling and venting at rest, as most rows have it."""
-    basis = cells.data.direction_basis
-    return bool(np.sum(basis == BY_PRESSURE) > np.sum(basis == BY_STRAIN))
-
-
 def way_of(cells: Cells) -> np.ndarray:
     """Return the way of each row as `discrepancy_surface` feels it, (T,) from -1 to 1."""
     record = cells.motion
     moving = np.tanh(record.strain_rate / ROUNDING)
-    if not at_rest(cells):
+    if not cells.data.is_held:
         return moving
-    column = record.pressure[:, int(np.argmax(record.pressure.std(axis=0)))]
+    column = record.pressure[:, varying_unit(cells.data)]
     step = float(np.ptp(column)) / (PRESSURES - 1)
     begin = np.arange(len(column)) == 0 if record.start is None else record.start
     way, _ = bound(dahl, 'scans')(0.0, 0.0, column, DEAD * step, step, begin)

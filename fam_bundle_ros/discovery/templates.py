@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.data.grouping import pressure_levels
+from fam_bundle_ros.data.grouping import pressure_levels, rms
 from fam_bundle_ros.data.measurement import pressure_labels
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
@@ -50,6 +50,8 @@ class Template:
         The same as a formula of the model file (``k`` the coefficient), where there is one.
     kind : str
         Shapes of one kind are told as one.
+    size_N : float
+        Rms of what it takes away, beyond what the model's own parameters could.
     constants : tuple of (str, float, str)
         Other names in the formula: value and unit.
     """
@@ -66,8 +68,9 @@ class Template:
     constants: tuple[tuple[str, float, str], ...] = ()
 
     def __str__(self) -> str:
-        return (f'{self.words}: {self.coefficient:.3g} {self.unit}'.rstrip()
-                + f', explains {100 * self.explained:.0f} %')
+        coefficient = f'{self.coefficient:.3g} {self.unit}'.rstrip()
+        return (f'{self.words}: {self.size_N:.2g} N rms (k = {coefficient}), explains '
+                f'{100 * self.explained:.0f} %')
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and text."""
@@ -208,16 +211,18 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     sign, given = 'tanh(strain_rate / rounding)', (('rounding', ROUNDING, '1/s'),)
     dry, viscous, slow = makers('friction'), makers('speed'), makers('drift')
     on = ' * pressure' if single else None
-    add(-way, 'against the motion, constant', 'N', dry, f'-k * {sign}', 'friction',
-        constants=given)
-    add(-way * total, 'against the motion, with pressure', 'N/Pa', dry,
-        f'-k * {sign}{on}' if on else None, 'friction', constants=given)
-    add(-way * np.abs(force), 'against the motion, with the force', '', dry,
-        f'-k * {sign} * abs(force)', 'friction', constants=given)
-    add(-way * e, 'against the motion, with strain', 'N', dry, f'-k * {sign} * strain',
-        'friction_strain', constants=given)
-    add(-way * e * total, 'against the motion, with strain and pressure', 'N/Pa', dry,
-        f'-k * {sign} * strain{on}' if on else None, 'friction_strain', constants=given)
+    # a formula knows the motion, not the way of the pressure at rest
+    against = 'lower while filling than while venting' if data.is_held else 'against the motion'
+    for size, words, unit, formula, kind in (
+            (np.ones_like(e), 'constant', 'N', '', 'friction'),
+            (total, 'with pressure', 'N/Pa', on, 'friction'),
+            (np.abs(force), 'with the force', '', ' * abs(force)', 'friction'),
+            (e, 'with strain', 'N', ' * strain', 'friction_strain'),
+            (e * total, 'with strain and pressure', 'N/Pa', on and f' * strain{on}',
+             'friction_strain')):
+        add(-way * size, f'{against}, {words}', unit, dry,
+            None if data.is_held or formula is None else f'-k * {sign}{formula}', kind,
+            constants=given)
     add(-rate, 'against the motion, with speed', 'N*s', viscous, '-k * strain_rate', 'speed')
     add(-rate * np.abs(rate), 'against the motion, with speed squared', 'N*s**2', viscous,
         '-k * strain_rate * abs(strain_rate)', 'speed')
@@ -315,23 +320,24 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
     for shape in bank(cells, fit.model):
         columns = cells.mean(shape.columns) / sd[:, None]
         across = jacobian.T @ columns
-        own = columns.T @ columns - across.T @ np.linalg.solve(gram, across)
+        absorbed = np.linalg.solve(gram, across)
+        own = columns.T @ columns - across.T @ absorbed
         if np.any(np.diag(own) <= 1e-6 * np.sum(columns ** 2, axis=0)):
             continue  # the model can do this by itself
         right = columns.T @ r - across.T @ np.linalg.solve(gram, slope)
         weight = np.linalg.solve(own, right)
-        scored.append((float(right @ weight), weight, shape, columns * sd[:, None]))
+        taken = (columns - jacobian @ absorbed) @ weight * sd
+        scored.append((float(right @ weight), weight, shape, rms(taken)))
     scored.sort(key=lambda item: -item[0])
     excess = max(float(r @ r), 1e-9)
     found: list[Template] = []
-    for gain, weight, shape, columns in scored:
+    for gain, weight, shape, size in scored:
         if any(t.kind == shape.kind for t in found):
             continue
         found.append(Template(
             shape.words, float(np.linalg.norm(weight) if len(weight) > 1 else weight[0]),
             shape.unit, float(np.clip(gain / excess, 0, 1)), gain, shape.families,
-            shape.expression, shape.kind, float(np.sqrt(np.mean((columns @ weight) ** 2))),
-            shape.constants))
+            shape.expression, shape.kind, size, shape.constants))
         if len(found) == most:
             break
     return tuple(found)

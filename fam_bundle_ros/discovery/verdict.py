@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.grouping import pressure_speed, rms
 from fam_bundle_ros.data.measurement import BY_PRESSURE
-from fam_bundle_ros.data.rates import slope
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance
@@ -26,7 +25,6 @@ from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.priors import Prior
-from fam_bundle_ros.discovery.surface import at_rest
 from fam_bundle_ros.model import catalogue
 
 #: Geometry further than this from its nominal value is said.
@@ -295,15 +293,14 @@ def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
     laws = catalogue.available()
     named = [change.label for change in found if change.new in laws and laws[change.new].memory]
     data = cells.data
-    if not named or data.time is None or not at_rest(cells):
+    if not named or data.time is None or not data.is_held:
         return []
-    column = data.pressure[:, int(np.argmax(data.pressure.std(axis=0)))]
-    rate = np.abs(slope(data.time, column, data.trial)[0])[data.direction_basis == BY_PRESSURE]
-    slow, usual, fast = np.percentile(rate, (10, 50, 90))
+    filled = data.direction_basis == BY_PRESSURE
+    slow, fast = np.percentile(pressure_speed(data)[filled], (10, 90)) / 1e3
     if slow <= 0.0 or np.log(fast / slow) > settings.SPEED_LENGTH:
         return []
-    return [f'the pressure changes at {usual / 1e3:.3g} kPa/s only, where lag, creep and friction '
-            f'look alike ({", ".join(named)}): fill and vent at another rate too']
+    return [f'the pressure changes at {slow:.2g} to {fast:.2g} kPa/s only, where lag, creep and '
+            f'friction look alike ({", ".join(named)}): fill and vent at another rate too']
 
 
 def _is_off(prior: Prior, u: float) -> bool:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -44,8 +44,14 @@ def what(change: Change) -> str:
     return change.new if same else f'{head(change.new)} (shape: {change.new})'
 
 
+def renamed(name: str, changed: Sequence[str]) -> str:
+    """Return a model's name with what was changed; the number of changes from three on."""
+    return '_'.join([name, *(changed if len(changed) < 3 else [f'{len(changed)}_changes'])])
+
+
 def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change], ties: Ties,
-              trades: Sequence[Trade], base: Fit, shapes: Sequence[Template]) -> str:
+              trades: Sequence[Trade], base: Fit, shapes: Sequence[Template],
+              error: Mapping[str, float]) -> str:
     """
     Return the verdict in a sentence.
 
@@ -60,6 +66,8 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         The model recalibrated.
     shapes : sequence of Template
         What the error looks like.
+    error : mapping of str to float
+        Rms errors ``recalibrated`` and ``best``, N.
     """
     if finding.verdict == 'adequate':
         return 'the model explains the data down to their noise'
@@ -77,15 +85,14 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
             f'{finding.after.total:.2g} N of structure would stay')
         return ('the error has a structure that no effect of the catalogue explains; it looks '
                 f'like this: {shape}' + (f' (nearest: {near}, but {why})' if near else ''))
-    told, one = ' and '.join(map(what, answer)), len(answer) == 1
-    text = f"{told} {'explains' if one else 'explain'} "
+    text, s = ' and '.join(map(what, answer)), 's' if len(answer) == 1 else ''
     if finding.verdict == 'partial':
-        text += (f'{100 * finding.explained:.0f} % of the structure in the error; '
-                 f'{finding.after.total:.2g} N are left to a smooth discrepancy')
+        text += (f' take{s} the error from {error["recalibrated"]:.3g} to {error["best"]:.3g} N; '
+                 f'{finding.after.total:.2g} N of it are left to a smooth discrepancy')
         if finding.warnings:
             text += '; doubtful: ' + '; '.join(finding.warnings)
     else:
-        text += 'the error down to the noise'
+        text += f' explain{s} the error down to the noise'
     if ties or trades:
         more = f' (and {len(trades) - _TOLD} trades more)' if len(trades) > _TOLD else ''
         text += '; these data cannot tell apart ' + '; '.join(

@@ -116,9 +116,10 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
     if result.shapes_left and result.verdict in ('unexplained', 'partial'):
         sections.append(Section(
             'The error that is left', 'No effect of the catalogue explains it. These plain shapes '
-            'describe it best; each can be added to a model as an expression.',
-            [Table(('shape', 'coefficient', 'unit', 'explains (%)', 'size (N)'),
-                   [(t.words, t.coefficient, t.unit, 100.0 * t.explained, t.size_N)
+            'describe it best; one with a formula can be added to a model as an expression.',
+            [Table(('shape', 'formula', 'k', 'unit', 'explains (%)', 'takes (N rms)'),
+                   [(t.words, t.expression or '', t.coefficient, t.unit, 100.0 * t.explained,
+                     t.size_N)
                     for t in result.shapes_left])]))
     sections += _unseen_section(result)
     if len(result.ladder) > 1:
@@ -231,8 +232,8 @@ def _discrepancy_section(result: Diagnosis) -> list[Section]:
                 f'recalibrated, at most {before:.3g} N, the best one {after:.3g} N. '
                 'Even: the same both ways of motion; odd: while shortening, with the other sign '
                 'while lengthening; filling: at rest after the pressure has risen, with the other '
-                'sign after it has fallen. All panels have one scale. Between what was measured '
-                'it is a guess.')])]
+                'sign after it has fallen. Before and after have scales of their own. Between '
+                'what was measured it is a guess.')])]
 
 
 def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:

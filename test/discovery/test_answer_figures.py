@@ -56,14 +56,16 @@ def test_forces_not_seen_are_nearer_to_the_truth_than_the_measurement(found, rec
 
 
 def test_the_friction_is_in_the_discrepancy_before_and_not_after(found):
-    """The odd part while shortening is minus the friction; all panels have one scale."""
+    """The odd part while shortening is minus the friction; each scale reaches what is left."""
     before, after = found.leftover_before, found.leftover
     assert np.median(before.odd) == pytest.approx(-4.0, abs=0.6)
     assert np.abs(after.odd).max() < 0.4
     drawing = answer_figures.discrepancy(found)
     titles = [note.text for note in drawing.layout.annotations]
     assert titles == ['odd, before', 'odd, after']
-    assert len({(trace.zmin, trace.zmax) for trace in drawing.data}) == 1
+    for axis, each in (('coloraxis', before), ('coloraxis2', after)):
+        reach = max(np.abs(each.even).max(), np.abs(each.odd).max()) or 1.0
+        assert drawing.layout[axis].cmax == -drawing.layout[axis].cmin == pytest.approx(reach)
     np.testing.assert_allclose(drawing.data[0].z, before.odd[0].T, atol=1e-3)
 
 

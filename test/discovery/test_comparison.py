@@ -7,9 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fam_bundle_ros.discovery import compare, figures
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery import Choices, compare, figures
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.locate import locate
-from fam_bundle_ros.discovery.templates import _add_hum
+from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.templates import _add_hum, describe
 
 
 @pytest.fixture
@@ -42,6 +47,31 @@ def test_the_figure_has_forces_above_and_residuals_below(compared):
     band = next(shape for shape in drawing.layout.shapes if shape.type == 'rect')
     assert (band.y0, band.y1) == pytest.approx((-2.0 * compared.noise.value,
                                                 2.0 * compared.noise.value))
+
+
+def test_a_held_muscle_is_told_of_in_filling_and_venting(paper_muscle):
+    """Directions, speeds and shapes of its error speak of the pressure, not of shortening."""
+    once = np.concatenate([np.linspace(0, 3e5, 80), np.linspace(3e5, 0, 80)])
+    pressure, time = np.tile(once, 5), 0.05 * np.arange(800)
+    strain = np.repeat(np.linspace(0.0, 0.16, 5), 160)
+    way = np.tile(np.repeat([1.0, -1.0], 80), 5)
+    force = (paper_muscle.force(strain, pressure[:, None]) - 4.0 * way
+             + 0.3 * np.random.default_rng(1).standard_normal(800))
+    data = build('held', strain, pressure, force, np.repeat(np.arange(5), 160), time)
+    compared = compare(paper_muscle, data)
+    assert [row['label'] for row in compared.tables['direction']] == ['filling', 'venting']
+    assert compared.tables['direction'][0]['bias_N'] == pytest.approx(-4.0, abs=0.3)
+    assert all(row['label'].endswith('kPa/s') for row in compared.tables['rate'])
+    assert 'with the sign of the pressure change' in compared.located[0].where
+    cells = reduce(paper_muscle, data)
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    options = Options(paper_muscle, cells, Choices(), {e.name: e for e in paper_muscle.effects})
+    fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+    shape = describe(cells, fitter.without_discrepancy(fit))[0]
+    assert shape.words == 'lower while filling than while venting, constant'
+    assert shape.coefficient == pytest.approx(4.0, abs=0.3)
+    assert shape.size_N == pytest.approx(4.0, abs=0.3)
+    assert shape.expression is None  # a formula knows no way of the pressure
 
 
 def test_one_trial_that_went_wrong_is_named_alone(sweeps):

@@ -321,6 +321,17 @@ def test_adding_an_effect_by_its_head_gives_the_shape_that_was_diagnosed(sweeps,
     steps = ladder(data, [bare, added.model]).steps
     assert steps[-1]['held_out_N'] == pytest.approx(0.6, rel=0.1)
     assert steps[0]['held_out_N'] > 5 * steps[-1]['held_out_N']
+    assert not added.doubt
+
+
+def test_what_the_data_do_not_ask_for_is_added_with_a_word_of_it(sweeps, paper_muscle):
+    """Sweeps of the very model: end caps are no likelier than not; refitting asks nothing."""
+    data = sweeps()
+    added = add_effect(paper_muscle, 'end_caps', data)
+    assert 'do not ask for it: odds of' in added.doubt
+    assert added.doubt in str(added)
+    assert added.log_odds < 0.0
+    assert add_effect(paper_muscle, [], data).log_odds is None
 
 
 def test_an_effect_that_the_model_has_cannot_be_added_nor_a_strange_one_removed(

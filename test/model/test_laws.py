@@ -176,6 +176,25 @@ def test_presliding_rounds_the_corner_over_a_fixed_strain():
         assert -2.0 < force[221] < 2.0  # 1 % strain after the reversal
 
 
+@pytest.mark.parametrize(('law', 'values', 'at'), [
+    ('pressure_dahl', {'half_width': 4e3}, lambda pressure: 4e3),
+    ('pressure_friction', {'share': 0.02}, lambda pressure: 0.02 * pressure)])
+def test_filling_and_venting_a_held_muscle_differ_by_twice_the_friction(law, values, at):
+    """Ideal mesh, in pressure: constant, or in proportion; after a reversal over the width."""
+    width = 10e3
+    bundle = Bundle('one', units(1), [mesh()]).with_effect(law, width=width, **values)
+    pressure = np.concatenate([np.linspace(0, 3e5, 601), np.linspace(3e5, 0, 601)])
+    time = 0.01 * np.arange(1202)
+    force = bundle.simulate(Motion(np.zeros(1202), pressure[:, None], np.zeros(1202), time,
+                                   time == 0))[:, 0]
+    lost = pressure - force / bundle.without_effect(law).force(0.0, [1.0])
+    for level in (1e5, 2e5):
+        filling, venting = np.flatnonzero(np.isclose(pressure, level))
+        assert_allclose(lost[[filling, venting]], [at(level), -at(level)], rtol=1e-3)
+    turned = 601 + 20  # 10 kPa after the reversal, of which the play takes 0.2 kPa
+    assert_allclose(lost[turned], at(pressure[turned]) * (2 * np.exp(-0.98) - 1), rtol=1e-6)
+
+
 def test_relaxation_is_that_of_a_standard_linear_solid():
     """A step of force decays by 1 - 1/e of its excess within one time constant."""
     bundle = Bundle('one', units(1), [mesh()]).with_effect(

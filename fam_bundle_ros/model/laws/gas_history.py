@@ -51,3 +51,23 @@ def pressure_dahl(pressure, start, centre, built_up, half_width, width):
     """
     built, path = dahl(centre, built_up, pressure, _NOISE, width, start)
     return -half_width * built, path, built
+
+
+@law('pressure', family='pressure_hysteresis', leaves=('friction', 'decay'),
+     variant_of='pressure_hysteresis', memory=('centre', 'built_up'),
+     off={'share': 0.0}, look=('teal', 'longdashdot'),
+     summary='dry friction that follows the pressure and grows with it, as threads are pressed',
+     source='Tondu and Lopez 2000 (friction of threads in proportion to the pressure between '
+            'them); Dahl 1968, first order, in the pressure',
+     signature='at a fixed length the force is lower while filling than while venting, the more '
+               'the higher the pressure',
+     share=Parameter(0.02, '1', 0.0, 0.3, 'part of the pressure by which either way is off'),
+     width=Parameter(20.0, 'kPa', 1.0, 400.0, 'change of the pressure over which it builds up'))
+def pressure_friction(pressure, start, centre, built_up, share, width):
+    """
+    The muscle feels P (1 - s z), dz/dP = (1 - z sgn(dP))/d.
+
+    The pressure is taken behind a play of half width 0.1 kPa.
+    """
+    built, path = dahl(centre, built_up, pressure, _NOISE, width, start)
+    return -share * built * pressure, path, built
