@@ -15,6 +15,7 @@ depend on the physics, so its factors are kept.
 from __future__ import annotations
 
 from collections import OrderedDict
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ from fam_bundle_ros.discovery.cells import Cells
 
 #: Bytes of Cholesky factors that are kept.
 _KEEP = 2e8
+#: Noise of a cell that tells nothing, shares of the force's standard deviation.
+_UNKNOWN = 1e6
 
 
 class Hyper(NamedTuple):
@@ -179,6 +182,13 @@ class Covariance:
                 part = self._part('even', h) * self._base[axis]
             self._parts[key] = part
         return self._parts[key]
+
+    def without(self, gone: np.ndarray) -> Covariance:
+        """Return the same where some cells, (n,) bool, tell nothing: their noise has no bounds."""
+        other = copy(self)
+        other._noise = np.where(gone, (_UNKNOWN * self.cells.force_sd) ** 2, self._noise)
+        other._factors = OrderedDict()
+        return other
 
     def _factor(self, h: Hyper) -> tuple[np.ndarray, float]:
         if h in self._factors:

@@ -111,9 +111,9 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         held = held_out(fitter, base, search.null)
     answer = found if finding.named else []
     final, joint = (physics, chosen) if finding.named else (base, search.null)
-    posterior = Posterior.of(search)
+    posterior = Posterior.over_folds(search, joint if finding.named else search.best)
     ties = tuple(posterior.ties(answer, chosen, choices.odds))
-    trades = tuple(posterior.trades(chosen, choices.odds)) if answer else ()
+    trades = tuple(posterior.trades(chosen, choices.odds, ties)) if answer else ()
     told = estimates(final, posterior if answer else None)
     best, recalibrated = _written(model, final, told), _written(model, base, estimates(base))
     if finding.verdict == 'adequate':
@@ -289,7 +289,7 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
         law = catalogue.available().get(name)
         entries.append(Candidate(
             label, name, family(name), min(probability, most), error,
-            float(posterior.fits[0].posterior - best[0].posterior), tuple(own),
+            search.best.posterior - best[0].posterior, tuple(own),
             law.signature if law else '', replaces=change.old if change.new else '',
             removes=not change.new))
     return tuple(entries)

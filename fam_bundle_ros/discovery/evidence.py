@@ -169,6 +169,11 @@ class Fitter:
         value += np.log(2.0) * sum(p.kind == 'half' for p, f in zip(priors, free) if f)
         return float(value + self.covariance.log_prior(h) - 0.5 * np.sum(u[~free] ** 2))
 
+    def evidence_of(self, fit: Fit) -> float:
+        """Return the log evidence of a fit to other cells, linearised there, with its prior."""
+        return fit.log_prior + self.log_evidence(fit.hyper, fit.residual, fit.slopes, fit.u,
+                                                 fit.priors)
+
     def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                       whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
                       tolerance: float = 0.05, at: Point | None = None) -> Point:

@@ -106,7 +106,8 @@ def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
     return [(kind, label) for kind, label in found if label.max() >= (kind != 'strain')]
 
 
-def _folds(cells: Cells) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+def folds(cells: Cells) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield each fold: its kind, and which cells are there and which left out, (n,) bool."""
     for kind, label in splits(cells):
         for fold in range(label.max() + 1):
             test = label == fold
@@ -141,7 +142,7 @@ def squares_of_folds(fitter: Fitter, fit: Fit) -> np.ndarray:
     """
     cells = fitter.cells
     found, rows = [], 0.0
-    for _, train, test in _folds(cells):
+    for _, train, test in folds(cells):
         off = _without(fitter, fit, train)[1][test]
         found.append(float(np.sum(cells.count[test] * off ** 2)))
         rows += float(cells.count[test].sum())
@@ -170,8 +171,8 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     shown = [names.index(name) for name in ('physics', 'discrepancy', 'empirical')]
     needed = joint.hyper.fits_a_table
     hyper = Surface.best(fitter, physics.model, joint.hyper).hyper if needed else None
-    folds = list(_folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
-    for kind, train, test in folds:
+    every = list(folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
+    for kind, train, test in every:
         weight = cells.count[test]
         u, residual = _without(fitter, physics, train)
         alone = with_table = residual[test]

@@ -85,7 +85,8 @@ def locate(measurement: Measurement, residual: np.ndarray, noise: float,
             break
         words, rows = found
         if _splits(measurement.direction, residual, rows & left, noise):
-            words += f', with the sign of the {"pressure change" if measurement.is_held else "motion"}'
+            words += (', with the sign of the '
+                      + ('pressure change' if measurement.is_held else 'motion'))
         region = _region(words, rows & left, residual, noise, total)
         if region.share < 0.03 or rms(residual[rows & left]) < 1.1 * noise:
             break

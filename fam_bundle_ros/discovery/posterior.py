@@ -3,8 +3,11 @@
 """
 What all visited sets say together: probability of each effect, ties, what is named.
 
-Probabilities are Bayesian averages over the sets that were fitted (Hoeting et al. 1999). An
-effect is named when the best set loses by doing without it.
+Probabilities are Bayesian averages over the sets that were fitted (Hoeting et al. 1999), and over
+posteriors in which one isobar, strain level or trial is left out. No set is the truth of a real
+muscle; the posterior of all data is then too sure of one, and would be as sure of another with a
+level less (Huggins and Miller 2023, who average over bootstraps). An effect is named when the best
+set loses by doing without it.
 """
 
 from __future__ import annotations
@@ -15,9 +18,11 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import log_softmax, logsumexp
 
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.held_out import folds
 from fam_bundle_ros.discovery.options import head, Names, Options, with_name, without
 from fam_bundle_ros.discovery.search import Search
 
@@ -123,23 +128,54 @@ class Posterior:
     options : Options
     fits : tuple of Fit
         Most probable first.
+    log_weights : ndarray, shape (n,)
+        Natural logarithm of the probability of each.
     """
 
     options: Options
     fits: tuple[Fit, ...]
+    log_weights: np.ndarray
 
     @classmethod
     def of(cls, search: Search) -> Posterior:
-        """Return the posterior of a search."""
-        return cls(search.options, tuple(sorted(search.fits.values(),
-                                                key=lambda fit: -fit.posterior)))
+        """Return the posterior of a search on all data."""
+        fits = sorted(search.fits.values(), key=lambda fit: -fit.posterior)
+        return cls(search.options, tuple(fits),
+                   log_softmax([fit.posterior for fit in fits]))
+
+    @classmethod
+    def over_folds(cls, search: Search, chosen: Fit) -> Posterior:
+        """
+        Return the average of posteriors without a fold each; the kinds of folds weigh alike.
+
+        Of the `settings.WEIGHED` most probable sets and the chosen one, linearised at the fit to
+        all data; others keep their probability. All data where they offer no folds.
+        """
+        whole, fitter = cls.of(search), search.fitter
+        top = [k for k, fit in enumerate(whole.fits)
+               if k < settings.WEIGHED or fit.names == chosen.names]
+        by_kind: dict[str, list[np.ndarray]] = {}
+        for kind, _, test in folds(fitter.cells):
+            there = Fitter(fitter.cells, fitter.covariance.without(test))
+            by_kind.setdefault(kind, []).append(log_softmax(
+                [there.evidence_of(whole.fits[k]) for k in top]))
+        if not by_kind:
+            return whole
+        log = whole.log_weights.copy()
+        log[top] = logsumexp([logsumexp(each, axis=0) - np.log(len(each))
+                              for each in by_kind.values()], axis=0) - np.log(len(by_kind))
+        order = np.argsort(-log, kind='stable')
+        return cls(search.options, tuple(whole.fits[k] for k in order), log_softmax(log[order]))
 
     @cached_property
     def weights(self) -> np.ndarray:
         """Probability of each set, as sorted."""
-        log = np.array([fit.posterior for fit in self.fits])
-        weight = np.exp(log - log.max())
-        return weight / weight.sum()
+        return np.exp(self.log_weights)
+
+    def near(self, chosen: Fit, odds: float) -> list[int]:
+        """Return which sets are at most so many times less probable than the chosen one."""
+        place = [fit.names for fit in self.fits].index(chosen.names)
+        return np.flatnonzero(self.log_weights >= self.log_weights[place] - np.log(odds)).tolist()
 
     @cached_property
     def _changes(self) -> list[list[Change]]:
@@ -182,10 +218,8 @@ class Posterior:
         labels = {change.label for change in changes(self.options, chosen.names)}
         for change in named:
             others = []
-            for fit, set_ in zip(self.fits, self._changes):
-                if fit.posterior < chosen.posterior - np.log(odds):
-                    break
-                there = {other.label for other in set_}
+            for k in self.near(chosen, odds):
+                there = {other.label for other in self._changes[k]}
                 if (len(there) == len(labels) and change.label not in there
                         and labels - {change.label} <= there):
                     others += sorted(there - labels)
@@ -193,16 +227,15 @@ class Posterior:
                 groups.append((change.label, *dict.fromkeys(others)))
         return groups
 
-    def trades(self, chosen: Fit, odds: float) -> list[Trade]:
+    def trades(self, chosen: Fit, odds: float, ties: Iterable[tuple[str, ...]]) -> list[Trade]:
         """
-        Return what changes of the chosen set can be traded for where it is more than one for one.
+        Return what changes of the chosen set can be traded for that `ties` do not say.
 
         Sets within ``odds`` of the chosen one have others in their place. What a smaller trade
         says already is left out of a larger one.
         """
         own = frozenset(changes(self.options, chosen.names))
-        sets = [frozenset(set_) for fit, set_ in zip(self.fits, self._changes)
-                if fit.posterior >= chosen.posterior - np.log(odds)]
+        sets = [frozenset(self._changes[k]) for k in self.near(chosen, odds)]
         found: list[Trade] = []
         for other in sorted(sets, key=lambda set_: len(own ^ set_)):
             trade = Trade(own - other, other - own)
@@ -210,7 +243,9 @@ class Posterior:
                 trade = trade.without(known)
             if trade.gone and trade.came:
                 found.append(trade)
-        return [trade for trade in found if len(trade.gone) + len(trade.came) > 2]
+        told = [{group[0], other} for group in ties for other in group[1:]]
+        return [trade for trade in found if len(trade.gone) + len(trade.came) > 2
+                or (len(trade.labels) == 2 and set(trade.labels) not in told)]
 
     def spread(self, key: str, value: float) -> float | None:
         """

@@ -68,6 +68,8 @@ SPEED_LENGTH = 1.0
 CELLS = 300
 #: Most places of the table of what is left: it is fitted once, not for each set of effects.
 PLACES = 600
+#: Most sets of effects that are weighed again without each fold.
+WEIGHED = 100
 #: Most rows that physics runs on; longer logs are averaged in blocks of neighbours.
 ROWS = 8000
 

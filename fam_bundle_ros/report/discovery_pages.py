@@ -97,7 +97,8 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
         shown.append(Picture('candidates', f'{title[:1].upper()}{title[1:]}', chart,
                              'Probability that the effect belongs to the model, over all sets of '
                              'effects that were fitted together with the model’s own '
-                             'parameters, and the error of the best set that holds it.'
+                             'parameters, on average without one isobar, strain level or trial; '
+                             'and the error of the best set that holds it.'
                              + ('' if answered else ' As if one of them had to be the answer.')))
     sets = answer_figures.sets(result)
     if sets is not None:
@@ -186,12 +187,14 @@ def ladder_picture(steps: Sequence[Mapping[str, Any]], noise: float | None,
 
 def _sets_words(result: Diagnosis) -> str:
     chosen = next(each for each in result.likely if each.chosen)
-    words = ('Probability of each set of changes to the model, over all sets that were fitted. '
+    words = ('Probability of each set of changes to the model, over all sets that were fitted, on '
+             'average without one isobar, strain level or trial. '
              f'Coloured: the set that is told ({chosen}); the others by how they differ from it.')
     if result.verdict == 'unexplained':
         return f'{words} As if one of them had to be the answer: the verdict is that none is.'
     if chosen.probability < max(each.probability for each in result.likely):
-        words += ' It predicts rows not seen better than the likelier ones.'
+        words += (' Likelier ones predict rows not seen worse, or are likelier only where a part '
+                  'of the data is left out.')
     return words
 
 

@@ -57,6 +57,24 @@ def test_a_small_map_is_taken_row_by_row(paper_muscle):
     assert not cells.both_ways
 
 
+@pytest.mark.parametrize('hyper', [FULL, Hyper(white=6)])
+def test_cells_of_no_bounded_noise_tell_no_more_than_cells_that_are_not_there(problem, hyper):
+    """The evidence of one residual over another is that of the other cells alone."""
+    cells, covariance, _ = problem
+    gone = np.arange(len(cells)) % 3 == 0
+    fitter = Fitter(cells, covariance.without(gone))
+    rng = np.random.default_rng(2)
+    one, other = rng.standard_normal((2, len(cells)))
+    slopes, u = rng.standard_normal((len(cells), 2)), np.array([0.3, -0.5])
+    priors = [Prior(f'a.{k}', -1e3, 1e3, 0.0, 1.0, 'normal') for k in 'xy']
+    told = [fitter.log_evidence(hyper, each, slopes, u, priors) for each in (one, other)]
+    covered = covariance.matrix(hyper)[np.ix_(~gone, ~gone)] + slopes[~gone] @ slopes[~gone].T
+    true = [multivariate_normal(cov=covered).logpdf((each + slopes @ u)[~gone])
+            for each in (one, other)]
+    assert told[0] - told[1] == pytest.approx(true[0] - true[1], abs=1e-6)
+    assert len(covariance._factors) == 0  # what all cells tell is another covariance
+
+
 def test_the_row_with_which_a_trial_begins_is_in_no_cell(sweeps, paper_muscle):
     """How the muscle came there is in no row; a trial of one row has nothing else and stays."""
     data = sweeps(paper_muscle.with_effect('coulomb_friction'))

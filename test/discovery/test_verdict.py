@@ -13,7 +13,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.evidence import Fitter
-from fam_bundle_ros.discovery.held_out import HeldOut
+from fam_bundle_ros.discovery.held_out import folds, HeldOut
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
 from fam_bundle_ros.discovery.priors import Prior
@@ -107,7 +107,7 @@ def trades(made, odds):
     """Return the trades of the best set in words, and what is tied one for one."""
     posterior = Posterior.of(made)
     tied = posterior.ties(changes(made.options, made.best.names), made.best, odds)
-    return [str(trade) for trade in posterior.trades(made.best, odds)], tied
+    return [str(trade) for trade in posterior.trades(made.best, odds, tied)], tied
 
 
 def test_two_effects_that_do_as_well_as_two_others_are_a_trade(search):
@@ -137,6 +137,32 @@ def test_another_shape_may_need_a_further_effect(search):
     made = search(nothing=0.0, end_caps=9.0, tondu_factor=8.5,
                   saturating_sheath__tondu_factor=8.0)
     assert trades(made, 20.0) == ([], [])
+
+
+def test_what_wins_without_one_fold_is_tied_and_averaged(search, monkeypatch):
+    """Kinds of folds weigh alike, however many there are of each; outside them nothing moves."""
+    made = search(nothing=0.0, end_caps=30.0, strain_sensor_offset=20.0, threshold_pressure=18.0)
+    every = list(folds(made.fitter.cells))
+    count = {kind: sum(each == kind for each, *_ in every) for kind, *_ in every}
+    gone = [test for kind, _, test in every if kind == 'strain'][0]
+    assert len(count) > 1
+
+    def evidence(fitter, fit):
+        lost = np.array_equal(fitter.covariance._noise > 1e6, gone)
+        return fit.evidence + 40.0 * (lost and 'strain_sensor_offset' in fit.names)
+
+    monkeypatch.setattr(Fitter, 'evidence_of', evidence)
+    posterior = Posterior.over_folds(made, made.best)
+    weights = {set_[0].label if set_ else '': weight for set_, weight in zip(
+        posterior._changes, posterior.weights)}
+    share = 1.0 / count['strain'] / len(count)
+    assert weights['strain_sensor_offset'] == pytest.approx(share, rel=1e-3)
+    assert weights['end_caps'] == pytest.approx(1.0 - share, rel=1e-3)
+    end_caps = [Change('', 'end_caps')]
+    assert posterior.ties(end_caps, made.best, 2.0 / share) == [
+        ('end_caps', 'strain_sensor_offset')]
+    assert posterior.ties(end_caps, made.best, 0.5 / share) == []
+    assert Posterior.of(made).ties(end_caps, made.best, 2.0 / share) == []
 
 
 @pytest.mark.parametrize(('blind', 'refused'), [(0.9, True), (1.2, False)])
