@@ -168,6 +168,16 @@ def hand_over(state: Any, error: float, jump: float) -> float:
     return share
 
 
+def shift(state: Any, error: float) -> None:
+    """Go on with errors larger by so much (N), as the model says less of the same from now on."""
+    state.quick += error
+    state.patient += error
+    state.bias += error
+    state.asked -= error
+    state.last += error
+    state.before += error
+
+
 def beyond_noise(power: float, noise: float) -> float:
     """Return the share of a power (N^2) that is more than noise of a variance (N^2) makes."""
     return max(1.0 - _CLEAR * noise / power, 0.0) if power > 0.0 else 0.0
