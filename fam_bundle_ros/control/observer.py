@@ -11,7 +11,7 @@ correction, and only errors that move are followed quickly. The believed force i
 *measured* pressures, so that a demand out of reach does not wind it up. Kernels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import math
 from typing import Any
 
@@ -24,8 +24,11 @@ _LONG = 5.0
 #: Power must be so many times that of the noise before it counts: within a second the power of
 #: noise alone, of some 10 independent values, stays below.
 _CLEAR = 4.0
+_SURELY = 9.0
 #: Share of the present square that counts as power: above 0 from four standard deviations on.
 _AT_ONCE = _CLEAR / 16.0
+#: Observers between the quick and the patient one.
+_BETWEEN = 3
 #: N: a change of this size may be noise, whatever was seen before.
 _USUAL = 0.1
 
@@ -72,6 +75,7 @@ class ObserverState:
     before: float = 0.0
     change: float = 0.0
     seen: int = 0
+    between: list[float] = field(default_factory=lambda: [0.0] * _BETWEEN)
 
 
 def forget_observer(state: Any) -> None:
@@ -80,6 +84,8 @@ def forget_observer(state: Any) -> None:
     state.asked = state.short = state.short_power = 0.0
     state.power = state.patient_power = state.last = state.before = state.change = 0.0
     state.seen = 0
+    for k in range(_BETWEEN):
+        state.between[k] = 0.0
 
 
 def begin_at(state: Any, error: float) -> None:
@@ -87,6 +93,8 @@ def begin_at(state: Any, error: float) -> None:
     forget_observer(state)
     state.bias = state.quick = state.patient = error
     state.patient_power = error * error
+    for k in range(_BETWEEN):
+        state.between[k] = error
 
 
 def low_pass(dt: float, time: float) -> float:
@@ -144,8 +152,23 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.short += low_pass(dt, _SHORT * time) * (missing - state.short)
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
-    state.bias = steady + state.weight * left - state.short * beyond_noise(
+    doubt = _SURELY * (1.0 - state.weight) * noise
+    found, ratio = steady, (time / PATIENT_TIME) ** (1.0 / (_BETWEEN + 1))
+    span = PATIENT_TIME
+    for k in range(_BETWEEN):
+        span *= ratio
+        part = low_pass(dt, span)
+        state.between[k] += part * (error - state.between[k])
+        found = towards(found, state.between[k], doubt * part / (2.0 - part))
+    found = towards(found, state.quick, doubt * gain / (2.0 - gain))
+    state.bias = found - state.short * beyond_noise(
         state.short_power, noise * gain / (2.0 - gain))
+
+
+def towards(value: float, other: float, noise: float) -> float:
+    """Return a value moved towards another as far as they differ by more than noise (N^2)."""
+    way = other - value
+    return value + way * max(1.0 - noise / (way * way), 0.0) if way != 0.0 else value
 
 
 def hand_over(state: Any, error: float, jump: float) -> float:
@@ -164,6 +187,8 @@ def hand_over(state: Any, error: float, jump: float) -> float:
     if jump == 0.0:
         return 0.0
     share = min(max(min((state.quick - error) / jump, state.bias / jump), 0.0), 1.0)
+    for k in range(_BETWEEN):
+        state.between[k] -= min(max((state.between[k] - error) / jump, 0.0), share) * jump
     state.quick -= share * jump
     return share
 
@@ -172,6 +197,8 @@ def shift(state: Any, error: float) -> None:
     """Go on with errors larger by so much (N), as the model says less of the same from now on."""
     state.quick += error
     state.patient += error
+    for k in range(_BETWEEN):
+        state.between[k] += error
     state.bias += error
     state.asked -= error
     state.last += error
