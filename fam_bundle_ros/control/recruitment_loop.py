@@ -361,7 +361,7 @@ def see_demand(settings: Any, state: Any, kind: int, rate: float, dt: float) -> 
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
     demand.uncertainty = uncertainty(settings.outer, state.outer)
     doubt = doubt_of(state)
-    demand.patience = patience(settings, state, doubt)
+    demand.patience = patience(settings, state, doubt, dt)
     demand.doubt = doubt if state.crossings.count > 0 else 0.0
     demand.smooth_rate = wanted.rate[0]
     if clean or state.rate.direction != 0:
