@@ -240,7 +240,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     state.started = True
     state.filtered += share * (force - state.filtered)
     # The observer must not be quicker than what it corrects can answer.
-    slowest = state.lag = max(settings.delay + settings.lead_time + dt + lag, lag_doubt)
+    slowest = state.lag = math.hypot(settings.delay + settings.lead_time + dt + lag, lag_doubt)
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
         observe(state.observer, force, believed, asked, reach, time, dt)
