@@ -3,11 +3,13 @@
 """
 Observer of the force that the model leaves out: measured minus believed force.
 
-A disturbance observer (Ohnishi, Shibata and Murakami 1996) on two time scales. The quick one is as
-fast as the lag of the loop allows, the patient one averages over half a second. Each counts by
-what it shows beyond the noise that it would show anyway (Wiener's weight, signal over signal and
-noise): a model without error gets no noise into its pressures, one with a steady error a steady
-correction, and only errors that move are followed quickly. The believed force is that at the
+A disturbance observer (Ohnishi, Shibata and Murakami 1996) on five time scales. The quickest is as
+fast as the lag of the loop allows, the patient one averages over half a second. What is found
+goes from the patient one to each quicker one in turn, as far as that differs by more than its
+noise (shrinkage: Gao 1998, J. Comput. Graph. Stat. 7, 469), the more freely the more the quickest
+has shown beyond noise (Wiener's weight, signal over signal and noise): a model without error gets
+no noise into its pressures, one with a steady error a steady correction, and an error that moves
+is followed as quickly as it moves. The believed force is that at the
 *measured* pressures, so that a demand out of reach does not wind it up. Kernels.
 """
 
@@ -24,6 +26,8 @@ _LONG = 5.0
 #: Power must be so many times that of the noise before it counts: within a second the power of
 #: noise alone, of some 10 independent values, stays below.
 _CLEAR = 4.0
+#: Squared differences of observers by less than so many variances of the quicker one are noise
+#: where nothing has been seen to move: three standard deviations.
 _SURELY = 9.0
 #: Share of the present square that counts as power: above 0 from four standard deviations on.
 _AT_ONCE = _CLEAR / 16.0
@@ -59,6 +63,8 @@ class ObserverState:
         Error in the tick before and in that before it.
     change : float, N
         Mean size of second differences of it; ``seen`` of them so far.
+    between : list (3,), N
+        As ``quick``, more and more slowly from the last to the first.
     """
 
     bias: float = 0.0
@@ -152,9 +158,10 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.short += low_pass(dt, _SHORT * time) * (missing - state.short)
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
+    # As far as the model is known to be off, what moves needs no proof.
     doubt = _SURELY * (1.0 - state.weight) * noise
-    found, ratio = steady, (time / PATIENT_TIME) ** (1.0 / (_BETWEEN + 1))
-    span = PATIENT_TIME
+    found, span = steady, PATIENT_TIME
+    ratio = (time / PATIENT_TIME) ** (1.0 / (_BETWEEN + 1))
     for k in range(_BETWEEN):
         span *= ratio
         part = low_pass(dt, span)
@@ -166,7 +173,12 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
 
 
 def towards(value: float, other: float, noise: float) -> float:
-    """Return a value moved towards another as far as they differ by more than noise (N^2)."""
+    """
+    Return a value (N) moved towards another as far as their difference is more than noise (N^2).
+
+    The part of the way w that is left is noise / w^2: nothing moves within the noise (N^2), and
+    nothing jumps at its edge.
+    """
     way = other - value
     return value + way * max(1.0 - noise / (way * way), 0.0) if way != 0.0 else value
 

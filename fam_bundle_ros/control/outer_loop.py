@@ -239,7 +239,8 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     share = low_pass(dt, settings.filter_time) if state.started else 1.0
     state.started = True
     state.filtered += share * (force - state.filtered)
-    # The observer must not be quicker than what it corrects can answer.
+    # The observer must not be quicker than what it corrects can answer; what is known of the lag
+    # and what is in doubt add like errors that have nothing to do with each other.
     slowest = state.lag = math.hypot(settings.delay + settings.lead_time + dt + lag, lag_doubt)
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time

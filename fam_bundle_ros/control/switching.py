@@ -282,7 +282,9 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     spare = max(demand.doubt, reach_below(table, table.order[last]))
     if demand.force < table.floor[machine.state] - spare:
         return UNREACHABLE
-    if not demand.force < release:
+    # A lowered unit that is alone holds what force there is: it leaves when it is empty.
+    alone = machine.state == 1 and table.lowered[table.order[last]] > 0
+    if alone or not demand.force < release:
         return NONE
     if machine.calm >= settings.rest_time:
         return AT_REST
