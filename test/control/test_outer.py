@@ -61,7 +61,7 @@ def test_what_the_model_lacks_is_in_the_demand_within_the_lag_of_the_loop(paper_
 @pytest.mark.parametrize(('asked', 'rate', 'share'), [
     (40.0, 0.0, 1.0),      # the pressures are there: the model gives no more, so ask for more
     (80.0, 0.0, 0.1),      # they are on their way, all but the 4 N that they may leave
-    (80.0, 2000.0, 1.0),   # behind a reference that moves they always are
+    (80.0, 5000.0, 1.0),   # behind a reference that moves they always are
 ])
 def test_what_pressures_on_their_way_will_give_is_not_asked_for_twice(
         paper_bundle, asked, rate, share):
