@@ -115,7 +115,7 @@ def hand_over_time(doubt: float, noise: float, lag: float) -> float:
     Return how long a hand-over must take for the feedback to keep up, s.
 
     An error that grows by ``doubt`` (N) in this time is behind a loop of ``lag`` (s) by no more
-    than the ``noise`` of the readings (N): doubt / time * lag = noise.
+    than the ``noise`` (N) that the readings leave in its estimate: doubt / time * lag = noise.
 
     Examples
     --------

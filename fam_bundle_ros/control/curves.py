@@ -69,6 +69,8 @@ class CurveTable:
         How far the force falls while the unit fills.
     top, floor : list (n + 1,), N
         Largest and smallest force of RS0..RSn on rising branches.
+    lowered : list (n,) of int
+        1 for units that are below their bottoms on the line of their rising branch (`line_at`).
     crossing : list (n,), N
         Largest demands at which RSk -> RSk+1 needs no dip: up to there the units before the next
         have the room to make up for its push-back.
@@ -91,6 +93,7 @@ class CurveTable:
     top: list
     floor: list
     crossing: list
+    lowered: list
 
 
 def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
@@ -101,7 +104,7 @@ def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
         return [0.0] * count
     return CurveTable(list(order), pushes_back, Moment(), [1.0] * n, [1.0] * n, grid, [
         zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
-                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n))
+                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), [0] * n)
 
 
 # --- the curves ----------------------------------------------------------------------------------
@@ -218,3 +221,21 @@ def slope_at(table: Any, unit: int, pressure: float) -> float:
     k = min(max(points_up_to(grid, pressure), 1), len(grid) - 1)
     step = grid[k] - grid[k - 1]
     return (curve[k] - curve[k - 1]) / step if step > 0.0 else 0.0
+
+
+def reach_below(table: Any, unit: int) -> float:
+    """
+    Return how much less than at its bottom a unit gives when empty, N, if its branch went on.
+
+    Along the line that joins both ends of the rising branch.
+    """
+    bottom, top = table.bottom_pressure[unit], table.grid[unit][-1]
+    if table.useful[unit] == 0 or not bottom < top:
+        return 0.0
+    return (table.top_force[unit] - table.bottom_force[unit]) * bottom / (top - bottom)
+
+
+def line_at(table: Any, unit: int, pressure: float) -> float:
+    """Return the force of a unit at a pressure (Pa) below its bottom on that line, N."""
+    short = 1.0 - pressure / table.bottom_pressure[unit]
+    return table.bottom_force[unit] - reach_below(table, unit) * short

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from fam_bundle_ros.control.curves import FLAT, force_at, unit_force
+from fam_bundle_ros.control.curves import FLAT, force_at, reach_below, unit_force
 
 #: A cell of the table is halved so often: a muscle that leaves its free strain has a kink there
 #: of up to 20 N/kPa.
@@ -122,6 +122,27 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
                                 curve[i - 1], curve[i])
         force[unit], missing = wanted, 0.0
     shares.missing = missing
+
+
+def lower(table: Any, units: Any, count: int, shares: Any) -> None:
+    """
+    Lower units below their bottoms for a demand that is less than they give there.
+
+    By the model that is no help. But a demand so low comes of a bundle that pulls more than its
+    model: friction holds it, or the bottom lies lower. So the last of the first ``count`` units
+    goes on down the line of its rising branch until it is empty, then the one before; with a
+    force believed on that line feedback goes on as above the bottom.
+    """
+    for j in range(count):
+        unit = units[count - 1 - j]
+        reach = reach_below(table, unit)
+        if shares.missing >= 0.0 or reach <= 0.0:
+            continue
+        part = min(-shares.missing / reach, 1.0)
+        shares.missing += part * reach
+        table.lowered[unit] = 1
+        shares.pressure[unit] = (1.0 - part) * table.bottom_pressure[unit]
+        shares.force[unit] -= part * reach
 
 
 def share(table: Any, model: Any, demand: float, units: Any, count: int, fixed: Any, shares: Any

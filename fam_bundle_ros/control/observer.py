@@ -3,15 +3,17 @@
 """
 Observer of the force that the model leaves out: measured minus believed force.
 
-A disturbance observer (Ohnishi, Shibata and Murakami 1996) on two time scales. The quick one is as
-fast as the lag of the loop allows, the patient one averages over half a second. Each counts by
-what it shows beyond the noise that it would show anyway (Wiener's weight, signal over signal and
-noise): a model without error gets no noise into its pressures, one with a steady error a steady
-correction, and only errors that move are followed quickly. The believed force is that at the
+A disturbance observer (Ohnishi, Shibata and Murakami 1996) on five time scales. The quickest is as
+fast as the lag of the loop allows, the patient one averages over half a second. What is found
+goes from the patient one to each quicker one in turn, as far as that differs by more than its
+noise (shrinkage: Gao 1998, J. Comput. Graph. Stat. 7, 469), the more freely the more the quickest
+has shown beyond noise (Wiener's weight, signal over signal and noise): a model without error gets
+no noise into its pressures, one with a steady error a steady correction, and an error that moves
+is followed as quickly as it moves. The believed force is that at the
 *measured* pressures, so that a demand out of reach does not wind it up. Kernels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import math
 from typing import Any
 
@@ -24,8 +26,13 @@ _LONG = 5.0
 #: Power must be so many times that of the noise before it counts: within a second the power of
 #: noise alone, of some 10 independent values, stays below.
 _CLEAR = 4.0
+#: Squared differences of observers by less than so many variances of the quicker one are noise
+#: where nothing has been seen to move: three standard deviations.
+_SURELY = 9.0
 #: Share of the present square that counts as power: above 0 from four standard deviations on.
 _AT_ONCE = _CLEAR / 16.0
+#: Observers between the quick and the patient one.
+_BETWEEN = 3
 #: N: a change of this size may be noise, whatever was seen before.
 _USUAL = 0.1
 
@@ -56,6 +63,8 @@ class ObserverState:
         Error in the tick before and in that before it.
     change : float, N
         Mean size of second differences of it; ``seen`` of them so far.
+    between : list (3,), N
+        As ``quick``, more and more slowly from the last to the first.
     """
 
     bias: float = 0.0
@@ -72,6 +81,7 @@ class ObserverState:
     before: float = 0.0
     change: float = 0.0
     seen: int = 0
+    between: list[float] = field(default_factory=lambda: [0.0] * _BETWEEN)
 
 
 def forget_observer(state: Any) -> None:
@@ -80,6 +90,8 @@ def forget_observer(state: Any) -> None:
     state.asked = state.short = state.short_power = 0.0
     state.power = state.patient_power = state.last = state.before = state.change = 0.0
     state.seen = 0
+    for k in range(_BETWEEN):
+        state.between[k] = 0.0
 
 
 def begin_at(state: Any, error: float) -> None:
@@ -87,6 +99,8 @@ def begin_at(state: Any, error: float) -> None:
     forget_observer(state)
     state.bias = state.quick = state.patient = error
     state.patient_power = error * error
+    for k in range(_BETWEEN):
+        state.between[k] = error
 
 
 def low_pass(dt: float, time: float) -> float:
@@ -144,8 +158,29 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.short += low_pass(dt, _SHORT * time) * (missing - state.short)
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
-    state.bias = steady + state.weight * left - state.short * beyond_noise(
+    # As far as the model is known to be off, what moves needs no proof.
+    doubt = _SURELY * (1.0 - state.weight) * noise
+    found, span = steady, PATIENT_TIME
+    ratio = (time / PATIENT_TIME) ** (1.0 / (_BETWEEN + 1))
+    for k in range(_BETWEEN):
+        span *= ratio
+        part = low_pass(dt, span)
+        state.between[k] += part * (error - state.between[k])
+        found = towards(found, state.between[k], doubt * part / (2.0 - part))
+    found = towards(found, state.quick, doubt * gain / (2.0 - gain))
+    state.bias = found - state.short * beyond_noise(
         state.short_power, noise * gain / (2.0 - gain))
+
+
+def towards(value: float, other: float, noise: float) -> float:
+    """
+    Return a value (N) moved towards another as far as their difference is more than noise (N^2).
+
+    The part of the way w that is left is noise / w^2: nothing moves within the noise (N^2), and
+    nothing jumps at its edge.
+    """
+    way = other - value
+    return value + way * max(1.0 - noise / (way * way), 0.0) if way != 0.0 else value
 
 
 def hand_over(state: Any, error: float, jump: float) -> float:
@@ -164,8 +199,22 @@ def hand_over(state: Any, error: float, jump: float) -> float:
     if jump == 0.0:
         return 0.0
     share = min(max(min((state.quick - error) / jump, state.bias / jump), 0.0), 1.0)
+    for k in range(_BETWEEN):
+        state.between[k] -= min(max((state.between[k] - error) / jump, 0.0), share) * jump
     state.quick -= share * jump
     return share
+
+
+def shift(state: Any, error: float) -> None:
+    """Go on with errors larger by so much (N), as the model says less of the same from now on."""
+    state.quick += error
+    state.patient += error
+    for k in range(_BETWEEN):
+        state.between[k] += error
+    state.bias += error
+    state.asked -= error
+    state.last += error
+    state.before += error
 
 
 def beyond_noise(power: float, noise: float) -> float:

@@ -239,8 +239,9 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     share = low_pass(dt, settings.filter_time) if state.started else 1.0
     state.started = True
     state.filtered += share * (force - state.filtered)
-    # The observer must not be quicker than what it corrects can answer.
-    slowest = state.lag = settings.delay + settings.lead_time + dt + lag + lag_doubt
+    # The observer must not be quicker than what it corrects can answer; what is known of the lag
+    # and what is in doubt add like errors that have nothing to do with each other.
+    slowest = state.lag = math.hypot(settings.delay + settings.lead_time + dt + lag, lag_doubt)
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
         observe(state.observer, force, believed, asked, reach, time, dt)
@@ -250,8 +251,10 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     target = state.target
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
     if kind == FORCE:
+        # Behind a reference that moves pressures always are, and reckoned with.
+        coming = on_its_way(asked - believed, reach + abs(rate) * slowest)
         known, correction = force_loop(settings, state, force, value, rate, saturated, lag + lead,
-                                       slowest, dt)
+                                       slowest, coming, dt)
     else:
         known, correction = strain_loop(settings, state, measurement, value, rate, saturated, dt)
     held = state.demand
@@ -272,9 +275,14 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     target.force = state.demand = known + state.fade + correction
 
 
+def on_its_way(missing: float, reach: float) -> float:
+    """Return the force (N) that pressures on their way will add: beyond what they may leave."""
+    return math.copysign(max(abs(missing) - reach, 0.0), missing)
+
+
 def force_loop(settings: Any, state: Any, force: float, value: float, rate: float, saturated: int,
-               ahead: float, slowest: float, dt: float) -> tuple[float, float]:
-    """Return feed-forward and correction of the force loop, N."""
+               ahead: float, slowest: float, coming: float, dt: float) -> tuple[float, float]:
+    """Return feed-forward and correction of the force loop, N; ``coming`` from `on_its_way`."""
     known, correction = 0.0, 0.0
     if settings.feed_forward:
         known = value + (settings.lead_time + ahead) * rate
@@ -282,7 +290,11 @@ def force_loop(settings: Any, state: Any, force: float, value: float, rate: floa
         # The reading is late: it shows what was asked for a dead time ago.
         due = value - settings.delay * rate
         share = low_pass(dt, slowest)
-        state.late += share * (due - force - state.late)
+        # What is missing because pressures are on their way needs no more of them.
+        error = due - force
+        if error * coming > 0.0:
+            error = math.copysign(max(abs(error) - abs(coming), 0.0), error)
+        state.late += share * (error - state.late)
         correction = settings.force_gain * state.observer.weight * state.late
         correction -= state.observer.bias
         gain = (1.0 + settings.force_gain) * state.observer.weight

@@ -35,6 +35,7 @@ from fam_bundle_ros.control.curves import (
     curve_table,
     CurveTable,
     find_branches,
+    line_at,
     slope_at,
     tabulate,
 )
@@ -159,7 +160,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     forget_baseline(state.baseline)
     forget_rate(state.rate)
     for unit in range(n):
-        state.asleep[unit] = 0
+        state.asleep[unit] = state.table.lowered[unit] = 0
     state.crossings.count = 0
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
@@ -301,7 +302,11 @@ def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
         forces[unit] = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time,
                                    now.dt, now.start, model.shape, model.parameters,
                                    model.tables, model.memory, model.next)
-        total += adapted(table, unit, forces[unit])
+        if table.lowered[unit] > 0 and pressure[unit] < table.bottom_pressure[unit]:
+            total += line_at(table, unit, pressure[unit])
+        else:
+            table.lowered[unit] = 0
+            total += adapted(table, unit, forces[unit])
     return total
 
 
@@ -356,7 +361,7 @@ def see_demand(settings: Any, state: Any, kind: int, rate: float, dt: float) -> 
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
     demand.uncertainty = uncertainty(settings.outer, state.outer)
     doubt = doubt_of(state)
-    demand.patience = patience(settings, state, doubt)
+    demand.patience = patience(settings, state, doubt, dt)
     demand.doubt = doubt if state.crossings.count > 0 else 0.0
     demand.smooth_rate = wanted.rate[0]
     if clean or state.rate.direction != 0:

@@ -7,7 +7,8 @@ from typing import Any
 
 from fam_bundle_ros.control.crossing import advance, end_crossing, is_crossing
 from fam_bundle_ros.control.curves import slope_at
-from fam_bundle_ros.control.inverse import fill, share
+from fam_bundle_ros.control.inverse import fill, lower, share
+from fam_bundle_ros.control.switching import REVERSAL_AWARE
 
 #: Schemes: a unit to its limit before the next; active units at one pressure; all always on; and
 #: two without a model (`baselines`), to compare with.
@@ -55,6 +56,8 @@ def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, 
             count += 1
     if settings.scheme == ORDERLY:
         fill(state.table, model, demand, state.units, count, state.fixed, shares)
+        if settings.switching.policy == REVERSAL_AWARE:
+            lower(state.table, state.units, count, shares)
     else:
         share(state.table, model, demand, state.units, count, state.fixed, shares)
     return count

@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 from fam_bundle_ros.control.crossing import crossing_time
+from fam_bundle_ros.control.curves import reach_below
 from fam_bundle_ros.control.reasons import (
     ABSENT,
     AHEAD,
@@ -277,9 +278,13 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
         return BELOW if demand.force < release else UNREACHABLE
     if demand.rate > settings.rest_rate * (table.top[-1] - table.top[0]):
         return NONE
-    if demand.force < table.floor[machine.state] - demand.doubt:
+    # The unit itself is lowered first: `inverse.lower`.
+    spare = max(demand.doubt, reach_below(table, table.order[last]))
+    if demand.force < table.floor[machine.state] - spare:
         return UNREACHABLE
-    if not demand.force < release:
+    # A lowered unit that is alone holds what force there is: it leaves when it is empty.
+    alone = machine.state == 1 and table.lowered[table.order[last]] > 0
+    if alone or not demand.force < release:
         return NONE
     if machine.calm >= settings.rest_time:
         return AT_REST

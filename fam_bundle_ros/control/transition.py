@@ -5,16 +5,18 @@
 from typing import Any
 
 from fam_bundle_ros.control.crossing import begin_crossing, crossing_pace, hand_over_time
-from fam_bundle_ros.control.observer import noise_of
+from fam_bundle_ros.control.curves import force_at, line_at
+from fam_bundle_ros.control.observer import behind_lag, low_pass, noise_of, shift
 from fam_bundle_ros.control.reasons import BEYOND, UNREACHABLE
 from fam_bundle_ros.control.spread import TOLERANCE
 from fam_bundle_ros.control.switching import REVERSAL_AWARE, switch_step
 
 
-def patience(settings: Any, state: Any, doubt: float) -> float:
+def patience(settings: Any, state: Any, doubt: float, dt: float) -> float:
     """Return what a hand-over takes where there is time, s: at most the dwell time."""
     outer = state.outer
-    time = hand_over_time(doubt, max(noise_of(outer.observer), TOLERANCE), outer.lag)
+    noise = noise_of(outer.observer) * behind_lag(low_pass(dt, outer.lag))
+    time = hand_over_time(doubt, max(noise, TOLERANCE), outer.lag)
     return min(time, settings.switching.dwell)
 
 
@@ -31,10 +33,30 @@ def switch_units(settings: Any, state: Any, dt: float, command: Any) -> None:
         if machine.state == before:
             return
         if settings.switching.policy == REVERSAL_AWARE:
+            if machine.state < before:
+                leave_line(state, state.table.order[machine.state], command.pressure)
             send_unit(settings, state, command)
         if command.reason.why != BEYOND:
             return
         dt = 0.0
+
+
+def leave_line(state: Any, unit: int, pressure: Any) -> None:
+    """
+    Believe the model again of a unit that was lowered on a line, without a bump.
+
+    What the model says otherwise of its force (`curves.line_at`) is taken over into the bias.
+    """
+    table, outer = state.table, state.outer
+    if table.lowered[unit] == 0 or not pressure[unit] < table.bottom_pressure[unit]:
+        return
+    table.lowered[unit] = 0
+    jump = force_at(table, unit, pressure[unit]) - line_at(table, unit, pressure[unit])
+    state.adaptation.believed += jump
+    shift(outer.observer, -jump)
+    outer.demand += jump
+    outer.target.force += jump
+    state.demand.force += jump
 
 
 def send_unit(settings: Any, state: Any, command: Any) -> None:

@@ -58,6 +58,19 @@ def test_what_the_model_lacks_is_in_the_demand_within_the_lag_of_the_loop(paper_
     assert slow.force - 40.0 < 1.5
 
 
+@pytest.mark.parametrize(('asked', 'rate', 'share'), [
+    (40.0, 0.0, 1.0),      # the pressures are there: the model gives no more, so ask for more
+    (80.0, 0.0, 0.1),      # they are on their way, all but the 4 N that they may leave
+    (80.0, 5000.0, 1.0),   # behind a reference that moves they always are
+])
+def test_what_pressures_on_their_way_will_give_is_not_asked_for_twice(
+        paper_bundle, asked, rate, share):
+    """The gain on the error answers what the pressures asked for already will not mend."""
+    loop = Loop(paper_bundle, delay=0.0, force_gain=0.4)
+    loop.run(80.0, force=40.0, believed=40.0, asked=asked, rate=rate, duration=0.5)
+    assert loop.state.late == pytest.approx(share * 40.0, rel=1e-3)
+
+
 def test_noise_alone_is_not_corrected(paper_bundle):
     """Half a newton of noise moves the demand by less than 0.05 N rms; an offset is still met."""
     loop, random = Loop(paper_bundle), np.random.default_rng(4)

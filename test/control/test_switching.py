@@ -82,21 +82,25 @@ def test_a_demand_beyond_doubt_recruits_a_unit_that_adds_less_than_the_doubt(
     assert bool(why) == recruited
 
 
-@pytest.mark.parametrize(('force', 'released'), [(-7.9, False), (-8.1, True)])
+@pytest.mark.parametrize(('force', 'released'), [(-107.9, False), (-108.1, True)])
 def test_a_force_that_the_state_cannot_give_releases_whatever_the_margins(made, force, released):
-    """Two units push back with 8 N at least; a model that is 200 N off does not change that."""
+    """
+    Two units push back with 8 N at least, and the last has 100 N to its line's end when empty.
+
+    A model that is 200 N off does not change that.
+    """
     machine = Machine(made(), 2, margin=200.0, hysteresis=400.0)
     time, _ = machine.tell(force, duration=0.5)
     assert (time == DT) == released
     assert machine.machine.state == (1 if released else 2)
 
 
-@pytest.mark.parametrize(('force', 'released'), [(-10.9, False), (-11.1, True)])
+@pytest.mark.parametrize(('force', 'released'), [(-127.9, False), (-128.1, True)])
 def test_what_is_in_doubt_while_a_unit_crosses_releases_no_other(made, force, released):
-    """A bias was found with other units at work: 3 N of doubt count until all have arrived."""
+    """A bias was found with other units at work: 120 N of doubt count until all have arrived."""
     table = made()
     why = Machine(table, 2).machine.update(DT, SimpleNamespace(table=table),
-                                           Demand(force, doubt=3.0))
+                                           Demand(force, doubt=120.0))
     assert ('RS2 can' in why) == released
 
 
@@ -143,8 +147,17 @@ def test_a_unit_that_is_cheap_to_fill_again_is_released_at_once(made):
 
 
 def test_a_demand_below_all_that_a_state_can_releases_at_once(made):
-    """RS2 pulls at least -8 N."""
-    assert 'below the -8.0 N that RS2 can' in Machine(made(), 2).tell(-9.0)[1]
+    """RS2 pulls at least -8 N; lowering its last unit until it is empty comes first."""
+    assert 'below the -8.0 N that RS2 can' in Machine(made(), 2).tell(-109.0)[1]
+
+
+def test_a_lowered_unit_that_is_alone_is_not_released_at_rest(made):
+    """It holds what force there is; one that is not lowered is vented after a while."""
+    assert 'at rest' in Machine(made(), 1).tell(-30.0, duration=5.0)[1]
+    table = made()
+    table.lowered[0] = 1
+    assert Machine(table, 1).tell(-30.0, duration=5.0)[1] == ''
+    assert 'RS1 can' in Machine(table, 1).tell(-60.0)[1]
 
 
 def test_a_rising_demand_releases_nothing(made):

@@ -1,0 +1,65 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Demands below what the model gives at the bottoms of the branches."""
+
+import pytest
+
+from fam_bundle_ros.control import Measurement, RecruitmentController, Reference
+from fam_bundle_ros.control.curves import line_at, reach_below
+from fam_bundle_ros.control.inverse import lower, Shares
+
+DT = 4e-3
+
+
+def test_the_branch_goes_on_below_its_bottom_along_its_line(made):
+    """1 mN/Pa above a bottom at 50 kPa, -4 N: on that line it is at -54 N when empty."""
+    table = made()
+    assert reach_below(table, 0) == pytest.approx(50.0)
+    assert line_at(table, 0, 25e3) == pytest.approx(-29.0)
+    assert line_at(table, 0, 50e3) == pytest.approx(-4.0)
+    table.useful[0] = 0
+    assert reach_below(table, 0) == 0.0
+
+
+@pytest.mark.parametrize(('missing', 'pressures', 'left'), [
+    (3.0, (50e3, 50e3), 3.0), (-50.0, (50e3, 25e3), 0.0), (-100.0, (50e3, 0.0), 0.0),
+    (-125.0, (25e3, 0.0), 0.0), (-160.0, (0.0, 0.0), -10.0)])
+def test_the_last_unit_is_lowered_first(made, missing, pressures, left):
+    """Until it is empty, then the one before; what both cannot give is missing still."""
+    table = made()
+    shares = Shares([50e3, 50e3], [-4.0, -4.0], missing)
+    lower(table, [0, 1], 2, shares)
+    assert shares.pressure == pytest.approx(pressures)
+    assert shares.missing == pytest.approx(left)
+    assert sum(shares.force) == pytest.approx(-8.0 + min(missing, 0.0) - min(left, 0.0))
+    assert table.lowered == [int(pressures[0] < 50e3), int(pressures[1] < 50e3)]
+
+
+@pytest.mark.parametrize('lowest', [12.0, 2.0])
+def test_a_bundle_that_pulls_more_than_its_model_at_the_bottom_comes_down_gently(
+        paper_bundle, lowest):
+    """
+    Muscles without push-back, pulling where the model says that they push, are lowered.
+
+    Neither is vented at once, whether the last one must be empty for the demand or not.
+    """
+    controller = RecruitmentController(paper_bundle)
+
+    def truth(pressure):
+        return 1.7e-4 * sum(pressure) - 6.0
+    pressure, before, states = [0.0, 0.0], None, []
+    for k in range(round(9.0 / DT)):
+        wanted = min(5.0 + 20.0 * k * DT, 60.0) if k * DT < 4.0 else max(
+            60.0 - 20.0 * (k * DT - 4.0), lowest)
+        rate = 0.0 if wanted in (60.0, lowest) else 20.0 if k * DT < 4.0 else -20.0
+        force = truth(pressure)
+        command = controller.update(DT, Measurement(force, 0.16, 0.0, pressure),
+                                    Reference('force', wanted, rate))
+        if k * DT > 4.5:
+            assert abs(force - before) < 0.5
+            states.append(command.state)
+        before = force
+        # As pressure loops: a lag of a few samples.
+        pressure = [p + 0.5 * (q - p) for p, q in zip(pressure, command.pressure)]
+    assert truth(pressure) == pytest.approx(lowest, abs=0.3)
+    assert min(states) >= 1
