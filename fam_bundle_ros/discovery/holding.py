@@ -15,7 +15,8 @@ into the sum of Shiryaev and Roberts, R <- (R + 1) L, and an alarm is raised at 
 number of looks to a false alarm is at least A, whatever the order of states (Roberts 1966,
 Technometrics 8, 411-430; Shin, Ramdas and Rinaldo 2023, arXiv:2203.03532). A look is at most worth
 A^(1/3): one blow against the load cell is no alarm. Since when is Page's estimate: the last time
-at which the sum of log L was zero (Page 1954, Biometrika 41, 100-115).
+at which the sum of log L was zero (Page 1954, Biometrika 41, 100-115), and the end of the look
+that raised it, which may have begun while the model held.
 
 The standard deviation is that of the residual's second differences over short means within one
 direction, times the correlation that their lag shows: coloured noise makes looks longer and rarer.
@@ -124,11 +125,10 @@ def _variance(values: deque[float]) -> float:
 
 @dataclass
 class _Look:
-    """Sum of the short means of one kind of state, and when the first began, s."""
+    """Sum of the short means of one kind of state."""
 
     total: float = 0.0
     count: int = 0
-    begin: float = 0.0
 
 
 class Holding:
@@ -177,7 +177,7 @@ class Holding:
         self.holds, self.since, self.looks = True, math.nan, 0
         self._alarm = math.nan
         self._score = -math.inf
-        self._page, self._zero = 0.0, math.nan
+        self._page, self._risen = 0.0, math.nan
         self._open: dict[tuple[int, int, int], _Look] = {}
         self._begin_short(math.nan, math.nan)
         self._kind: tuple[int, int, int] | None = None
@@ -226,32 +226,30 @@ class Holding:
         if math.isnan(self.noise.value):
             return
         look = self._open.setdefault(kind, _Look())
-        if not look.count:
-            look.begin = self._begun
         look.total += mean
         look.count += 1
         if look.count >= max(_LEAST, _APART * self.noise.time):
             del self._open[kind]
             spread = self.noise.value * math.sqrt(self.noise.time / look.count)
-            self._take(look.begin, time, look.total / look.count, max(spread, 1e-9))
+            self._take(time, look.total / look.count, max(spread, 1e-9))
 
-    def _take(self, begin: float, time: float, mean: float, spread: float) -> None:
-        """Add a look to the evidence."""
+    def _take(self, time: float, mean: float, spread: float) -> None:
+        """Add a look that ended at a time to the evidence."""
         self.looks += 1
         gain = min(self.log_e_value(mean, spread), self._most)
         self._page += gain
         if self._page <= 0.0:
-            self._page, self._zero = 0.0, time
-        elif math.isnan(self._zero):
-            self._zero = begin
+            self._page, self._risen = 0.0, math.nan
+        elif math.isnan(self._risen):
+            self._risen = time
         self._score = float(np.logaddexp(self._score, 0.0)) + gain
         if self._score >= math.log(self.threshold):
             if self.holds:
-                self.holds, self.since = False, self._zero
+                self.holds, self.since = False, self._risen
             self._alarm, self._score = time, -math.inf
         elif not self.holds and time - self._alarm > self._recovery:
             self.holds, self.since = True, math.nan
-            self._page, self._zero = 0.0, time
+            self._page, self._risen = 0.0, math.nan
 
     def log_e_value(self, mean: float, spread: float) -> float:
         """Return ln L of a look, from its mean and its standard deviation, N."""

@@ -110,7 +110,7 @@ def test_friction_is_noticed_within_a_few_seconds_and_dated(noise):
     residual[time >= 20.0] += (4.0 * rate_of(time))[time >= 20.0]
     watch, alarms = watched(residual)
     assert 20.0 < alarms[0] < 25.0
-    assert watch.since == pytest.approx(20.0, abs=1.5)
+    assert 20.0 <= watch.since < 21.5  # no row from before is among those that are diagnosed
 
 
 def test_one_blow_against_the_load_cell_is_no_alarm(noise):
