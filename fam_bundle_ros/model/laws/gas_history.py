@@ -5,7 +5,7 @@
 from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import dahl, lag, play
 
-#: Half width of the play behind which `pressure_dahl` takes the pressure, Pa.
+#: Half width of the play behind which friction in the pressure takes it, Pa.
 _NOISE = 100.0
 
 
