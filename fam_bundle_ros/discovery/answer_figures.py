@@ -92,11 +92,11 @@ def discrepancy(result: Diagnosis) -> go.Figure | None:
     titles = [', '.join(filter(None, (names[unit].name if len(names) > 1 else '',
                                       '' if only_even else part, when)))
               for part, unit in rows for when in ('before', 'after')[:len(columns)]]
-    height = 190 + 210 * len(rows)
+    plot, below = 210 * len(rows), 110  # px
     drawing = make_subplots(len(rows), len(columns), shared_xaxes=True, shared_yaxes=True,
                             horizontal_spacing=0.06, vertical_spacing=0.24 / len(rows),
                             subplot_titles=titles)
-    plotting.dress(drawing, height, showlegend=False)
+    plotting.dress(drawing, plot + below + 40, showlegend=False)
     plotting.style_axes(drawing)
     for column, each in enumerate(columns, start=1):
         largest = max(float(np.abs(getattr(each, part)[unit]).max())
@@ -109,13 +109,13 @@ def discrepancy(result: Diagnosis) -> go.Figure | None:
         drawing.update_layout({axis: {
             'cmin': -largest, 'cmax': largest, 'colorscale': DIVERGING, 'colorbar': {
                 'orientation': 'h', 'x': (left + right) / 2, 'len': right - left,
-                'y': -60 / (height - 130), 'yanchor': 'top', 'thickness': 10, 'outlinewidth': 0,
+                'y': -60 / plot, 'yanchor': 'top', 'thickness': 10, 'outlinewidth': 0,
                 'nticks': 5, 'ticksuffix': ' N'}}})
     for row in range(1, len(rows) + 1):
         drawing.update_yaxes(title_text='pressure (kPa)', row=row, col=1)
     drawing.update_xaxes(showgrid=False, nticks=4, tickangle=0)
     drawing.update_yaxes(showgrid=False, automargin=True)
-    drawing.update_layout(margin_b=110)
+    drawing.update_layout(margin_b=below)
     small_titles(drawing)
     return drawing
 
