@@ -87,27 +87,28 @@ def discrepancy(result: Diagnosis) -> go.Figure | None:
                                   for part in PARTS)
     columns = [before] if same else [before, after]
     names = result.best.motor_units
+    reach = [max(float(np.abs(getattr(each, part)[unit]).max()) for part, unit in rows)
+             for each in columns]
     # beside one another on a narrow page: short
+    heads = [when if most else f'{when}: none' for when, most in zip(('before', 'after'), reach)]
     only_even = all(part == 'even' for part, _ in rows)
     titles = [', '.join(filter(None, (names[unit].name if len(names) > 1 else '',
                                       '' if only_even else part, when)))
-              for part, unit in rows for when in ('before', 'after')[:len(columns)]]
+              for part, unit in rows for when in heads]
     plot, below = 210 * len(rows), 110  # px
     drawing = make_subplots(len(rows), len(columns), shared_xaxes=True, shared_yaxes=True,
                             horizontal_spacing=0.06, vertical_spacing=0.24 / len(rows),
                             subplot_titles=titles)
     plotting.dress(drawing, plot + below + 40, showlegend=False)
     plotting.style_axes(drawing)
-    for column, each in enumerate(columns, start=1):
-        largest = max(float(np.abs(getattr(each, part)[unit]).max())
-                      for part, unit in rows) or 1.0
+    for column, (each, most) in enumerate(zip(columns, reach), start=1):
         axis = f'coloraxis{column}'
         for row, (part, unit) in enumerate(rows, start=1):
             drawing.add_trace(_map(each, part, unit, axis), row=row, col=column)
         drawing.update_xaxes(title_text='strain', row=len(rows), col=column)
         left, right = drawing.get_subplot(len(rows), column).xaxis.domain
         drawing.update_layout({axis: {
-            'cmin': -largest, 'cmax': largest, 'colorscale': DIVERGING, 'colorbar': {
+            'cmin': -(most or 1.0), 'cmax': most or 1.0, 'colorscale': DIVERGING, 'colorbar': {
                 'orientation': 'h', 'x': (left + right) / 2, 'len': right - left,
                 'y': -60 / plot, 'yanchor': 'top', 'thickness': 10, 'outlinewidth': 0,
                 'nticks': 5, 'ticksuffix': ' N'}}})

@@ -62,7 +62,7 @@ def test_the_friction_is_in_the_discrepancy_before_and_not_after(found):
     assert np.abs(after.odd).max() < 0.4
     drawing = answer_figures.discrepancy(found)
     titles = [note.text for note in drawing.layout.annotations]
-    assert titles == ['odd, before', 'odd, after']
+    assert titles == ['odd, before', 'odd, after: none']
     for axis, each in (('coloraxis', before), ('coloraxis2', after)):
         reach = max(np.abs(each.even).max(), np.abs(each.odd).max()) or 1.0
         assert drawing.layout[axis].cmax == -drawing.layout[axis].cmin == pytest.approx(reach)
