@@ -121,8 +121,7 @@ class Fitter:
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
         """Return measured minus predicted force of the cells, (n,), N."""
-        force = self.cells.mean(with_coordinates(model, priors, u).predict(self.cells.motion))
-        return self.cells.force - np.where(np.isfinite(force), force, 1e6)
+        return self._off(with_coordinates(model, priors, u).predict(self.cells.motion))
 
     def linearised(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                    kept: Mapping[str, np.ndarray] | None = None,
@@ -141,31 +140,34 @@ class Fitter:
         asked = [j for j, prior in enumerate(priors) if prior.key not in known]
         slope = np.array([priors[j].slope(u[j]) for j in asked])
         force, columns = moved.jacobian(self.cells.motion, [priors[j].key for j in asked])
-        mean = self.cells.mean(np.concatenate([force[:, None], columns * slope], axis=1))
-        residual = self.cells.force - np.where(np.isfinite(mean[:, 0]), mean[:, 0], 1e6)
-        slopes = np.empty((len(residual), len(priors)))
-        slopes[:, asked] = np.where(np.isfinite(mean[:, 1:]), mean[:, 1:], 0.0)
+        slopes = np.empty((len(self.cells), len(priors)), order='F')
+        columns = self.cells.mean(columns) * slope
+        slopes[:, asked] = np.where(np.isfinite(columns), columns, 0.0)
         for j, prior in enumerate(priors):
             if prior.key in known:
                 slopes[:, j] = known[prior.key]
-        return residual, slopes
+        return self._off(force), slopes
+
+    def _off(self, force: np.ndarray) -> np.ndarray:
+        """Return measured minus predicted force of the cells, for the predicted of the rows."""
+        mean = self.cells.mean(force)
+        return self.cells.force - np.where(np.isfinite(mean), mean, 1e6)
 
     def log_evidence(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
                      priors: Sequence[Prior]) -> float:
         """Return the log evidence of the model linearised at u."""
         free = ~pinned(priors, u)
         columns, own = slopes[:, free], u[free]
-        white = self.covariance.whiten(h, np.concatenate(
-            [(residual + columns @ own)[:, None], columns], axis=1))
-        a, b = white[:, 0], white[:, 1:]
         # by QR: with slopes that are large and nearly parallel I + B'B is not positive definite
-        k = b.shape[1]
-        stacked = np.zeros((len(a) + k, k + 1), order='F')
-        stacked[:len(a), :k], stacked[:len(a), k] = b, a
-        stacked[len(a) + np.arange(k), np.arange(k)] = 1.0
+        n, k = columns.shape
+        both = np.empty((n, k + 1), order='F')
+        both[:, :k], both[:, k] = columns, residual + columns @ own
+        stacked = np.zeros((n + k, k + 1), order='F')
+        stacked[:n] = self.covariance.whiten(h, both)
+        stacked[n + np.arange(k), np.arange(k)] = 1.0
         diagonal = np.diag(dgeqrf(stacked, overwrite_a=1)[0])
         value = (-0.5 * diagonal[k] ** 2 - np.log(np.abs(diagonal[:k])).sum()
-                 - self.covariance.log_determinant(h) - 0.5 * len(a) * np.log(2.0 * np.pi))
+                 - self.covariance.log_determinant(h) - 0.5 * n * np.log(2.0 * np.pi))
         value += np.log(2.0) * sum(p.kind == 'half' for p, f in zip(priors, free) if f)
         return float(value + self.covariance.log_prior(h) - 0.5 * np.sum(u[~free] ** 2))
 
