@@ -16,7 +16,7 @@ import numpy as np
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.model.derivative import Partials, partials
-from fam_bundle_ros.model.dual import Dual, scaled, Slopes, total, value_of
+from fam_bundle_ros.model.dual import Dual, scaled, Slopes, total
 from fam_bundle_ros.model.laws.base import arguments, FELT, Law, Place, STEPPING, TABLES
 from fam_bundle_ros.model.scan import affine_scan
 from fam_bundle_ros.model.source import defined
