@@ -24,7 +24,7 @@ from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle
 
 #: White misfits of the annealing, then where the discrepancy starts, as places on the grid.
-COOLING = (12, 10, 8)
+COOLING = range(12, -1, -2)
 _FIRST = Hyper(even=7, odd=6, white=6, slow=6, speed=6)
 #: Longest step of a fit, in widths of the priors.
 _LONGEST = 2.0
@@ -59,6 +59,8 @@ class Fit:
         Log evidence with the discrepancy, and the best one with a white misfit instead.
     log_prior : float
         Of the set.
+    promise : float
+        Log evidence that the linear model promises beyond: much at a kink.
     covariance : ndarray, shape (p, p)
         Of u, by Laplace's approximation.
     """
@@ -73,6 +75,7 @@ class Fit:
     evidence: float
     white_evidence: float = -np.inf
     log_prior: float = 0.0
+    promise: float = 0.0
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
     @property
@@ -154,27 +157,38 @@ class Fitter:
         return self.cells.force - np.where(np.isfinite(mean), mean, 1e6)
 
     def log_evidence(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
-                     priors: Sequence[Prior]) -> float:
-        """Return the log evidence of the model linearised at u."""
+                     priors: Sequence[Prior], reached: bool = False) -> float:
+        """
+        Return the log evidence of the model linearised at u.
+
+        Parameters
+        ----------
+        reached : bool
+            With the misfit at u, not the least one that the linear model promises: at a kink (of
+            a slack tendon, a threshold) a step towards that leads nowhere.
+        """
         free = ~pinned(priors, u)
         columns, own = slopes[:, free], u[free]
         # by QR: with slopes that are large and nearly parallel I + B'B is not positive definite
         n, k = columns.shape
         both = np.empty((n, k + 1), order='F')
         both[:, :k], both[:, k] = columns, residual + columns @ own
+        white = self.covariance.whiten(h, both)
         stacked = np.zeros((n + k, k + 1), order='F')
-        stacked[:n] = self.covariance.whiten(h, both)
+        stacked[:n] = white
         stacked[n + np.arange(k), np.arange(k)] = 1.0
         diagonal = np.diag(dgeqrf(stacked, overwrite_a=1)[0])
-        value = (-0.5 * diagonal[k] ** 2 - np.log(np.abs(diagonal[:k])).sum()
+        misfit = float(np.sum((white[:, k] - white[:, :k] @ own) ** 2) + own @ own) if reached \
+            else diagonal[k] ** 2
+        value = (-0.5 * misfit - np.log(np.abs(diagonal[:k])).sum()
                  - self.covariance.log_determinant(h) - 0.5 * n * np.log(2.0 * np.pi))
         value += np.log(2.0) * sum(p.kind == 'half' for p, f in zip(priors, free) if f)
         return float(value + self.covariance.log_prior(h) - 0.5 * np.sum(u[~free] ** 2))
 
     def evidence_of(self, fit: Fit) -> float:
         """Return the log evidence of a fit to other cells, linearised there, with its prior."""
-        return fit.log_prior + self.log_evidence(fit.hyper, fit.residual, fit.slopes, fit.u,
-                                                 fit.priors)
+        return fit.log_prior - fit.promise + self.log_evidence(
+            fit.hyper, fit.residual, fit.slopes, fit.u, fit.priors)
 
     def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                       whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
@@ -230,9 +244,9 @@ class Fitter:
 
     def best_hyper(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
                    priors: Sequence[Prior], reach: int = 99, fixed: Sequence[str] = (),
-                   ) -> tuple[Hyper, float, float]:
+                   reached: bool = False) -> tuple[Hyper, float]:
         """
-        Return the hyperparameters of the highest evidence near h, it, and that of h.
+        Return the hyperparameters of the highest evidence near h, and it (see `log_evidence`).
 
         Coordinate ascent on the grid; ``reach`` is how many places each may move, except those
         that are ``fixed``.
@@ -241,7 +255,7 @@ class Fitter:
 
         def value(q: Hyper) -> float:
             if q not in known:
-                known[q] = self.log_evidence(q, residual, slopes, u, priors)
+                known[q] = self.log_evidence(q, residual, slopes, u, priors, reached)
             return known[q]
 
         first = h
@@ -267,7 +281,7 @@ class Fitter:
                         h = q
             if h == before:
                 break
-        return h, known[h], known[first]
+        return h, known[h]
 
     def first_hyper(self) -> Hyper:
         """Return where the discrepancy starts after the annealing: small."""
@@ -289,13 +303,10 @@ class Fitter:
         given = start or {}
         u = np.array([np.clip(given.get(p.key, p.start), *p.limits) for p in priors])
         first = (u, *self.linearised(model, priors, u))
-        white, point = -np.inf, first
-        for place in COOLING:
-            h = Hyper(white=place)
-            point = self.most_probable(model, priors, point[0], self.whitener(h), 12, _ROUGH,
-                                       point)
-            white = max(white, self.log_evidence(h, point[1], point[2], point[0], priors))
-        tries = [self._climb(model, priors, point, self.first_hyper(), 2)]
+        white, point, cold = self._cooled(model, priors, first, 12, _ROUGH)
+        # physics that leaves nothing is not found from beside a discrepancy, nor the other way
+        tries = [self._climb(model, priors, point, self.first_hyper(), 2),
+                 self._climb(model, priors, point, cold, 99)]
         if hyper is not None:
             tries.append(self._climb(model, priors, first, hyper, 99))
         evidence, point, h = max(tries, key=lambda found: found[0])
@@ -308,18 +319,23 @@ class Fitter:
 
         A discrepancy beside the physics biases its parameters (Brynjarsdottir and O'Hagan 2014).
         """
-        best: Fit | None = None
-        point: Point = (fit.u, fit.residual, fit.slopes)
-        for place in range(COOLING[0], 1, -2):
+        value, (u, residual, slopes), h = self._cooled(
+            fit.model, fit.priors, (fit.u, fit.residual, fit.slopes), 25)
+        return self._made(fit.names, fit.model, fit.priors, u, h, residual, slopes, value, value,
+                          fit.log_prior)
+
+    def _cooled(self, model: Bundle, priors: Sequence[Prior], point: Point, iterations: int,
+                tolerance: float = 0.05) -> tuple[float, Point, Hyper]:
+        """Return physics alone, from a large white misfit down as far as the evidence grows."""
+        best: tuple[float, Point, Hyper] | None = None
+        for place in COOLING:
             h = Hyper(white=place)
-            point = self.most_probable(fit.model, fit.priors, point[0], self.whitener(h), 25,
-                                       at=point)
-            u, residual, slopes = point
-            value = self.log_evidence(h, residual, slopes, u, fit.priors)
-            if best is not None and value <= best.evidence:
+            point = self.most_probable(model, priors, point[0], self.whitener(h), iterations,
+                                       tolerance, point)
+            value = self._reached(h, point, priors)
+            if best is not None and value <= best[0]:
                 break
-            best = self._made(fit.names, fit.model, fit.priors, u, h, residual, slopes, value,
-                              value, fit.log_prior)
+            best = (value, point, h)
         assert best is not None
         return best
 
@@ -328,8 +344,13 @@ class Fitter:
               white: float, log_prior: float) -> Fit:
         bent = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + bent.T @ bent)
+        promise = self.log_evidence(h, residual, slopes, u, priors) - evidence
         return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
-                   slopes, evidence, white, log_prior, spread)
+                   slopes, evidence, white, log_prior, promise, spread)
+
+    def _reached(self, h: Hyper, point: Point, priors: Sequence[Prior]) -> float:
+        u, residual, slopes = point
+        return self.log_evidence(h, residual, slopes, u, priors, reached=True)
 
     def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
                ) -> tuple[float, Point, Hyper]:
@@ -339,11 +360,11 @@ class Fitter:
             point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
                                        _ROUGH, point)
             u, residual, slopes = point
-            better, high, now = self.best_hyper(h, residual, slopes, u, priors, reach)
-            if best is None or now > best[0]:
-                best = (now, point, h)
-            if high > best[0]:
-                best = (high, point, better)
+            now = self._reached(h, point, priors)
+            held = self.log_evidence(h, residual, slopes, u, priors) > now + _ROUGH
+            better, high = self.best_hyper(h, residual, slopes, u, priors, reach, reached=held)
+            found = [(now, point, h), (self._reached(better, point, priors), point, better)]
+            best = max([best, *found] if best else found, key=lambda each: each[0])
             if high - now < 0.3:
                 break
             h = better
