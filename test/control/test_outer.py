@@ -10,6 +10,7 @@ import pytest
 
 from fam_bundle_ros.control import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import (
+    at_stiffness,
     FORCE,
     FREE,
     GAP,
@@ -19,10 +20,12 @@ from fam_bundle_ros.control.outer_loop import (
     outer_settings,
     outer_step,
     OuterState,
+    present_stiffness,
     STRAIN,
     uncertainty,
 )
 from fam_bundle_ros.control.signals import MeasurementRecord
+from fam_bundle_ros.control.strain_gains import RATE_LAG
 
 DT = 2e-3
 
@@ -209,6 +212,41 @@ def test_a_strain_loop_without_a_load_takes_over_the_demand(paper_bundle):
     loop = Loop(paper_bundle)
     held = loop.run(55.0, force=55.0, believed=55.0, duration=0.5).force
     assert loop.run(0.1, force=55.0, believed=55.0, kind=STRAIN).force == pytest.approx(held)
+
+
+@pytest.mark.parametrize(('rate', 'speed', 'quick'), [
+    (-0.1, 0.0, 1.0),     # friction holds the strain, the reference goes away from it
+    (-0.1, -0.05, 0.5),   # it follows at half the rate
+    (-0.1, -0.1, 0.0),    # it follows
+    (-0.1, 0.1, 1.0),     # it still goes the other way
+    (0.1, 0.0, 0.0),      # the reference comes towards it
+    (0.0, 0.0, 0.0),      # nothing is to move
+])
+def test_a_strain_that_friction_holds_gets_the_force_for_its_error_within_two_lags(
+        paper_bundle, rate, speed, quick):
+    """Stiffness times error over two lags of the loop; one that follows, its usual integral."""
+    loop = Loop(paper_bundle, delay=5e-3, lead_time=5e-3)
+    error, pressures = -0.01, [150e3, 0.0]
+    stiffness = present_stiffness(loop.settings, pressures)
+    usual = at_stiffness(loop.settings, loop.settings.strain_integral, stiffness)
+    asked = stiffness / (2.0 * (5e-3 + 5e-3 + DT + RATE_LAG))
+    assert asked > 1.5 * usual
+    outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, speed, pressures), 10.0,
+               10.0, 4.0, STRAIN, 0.1, 0.0, FREE, 0.0, 0.0, 0.0, DT)
+    held = loop.state.integral
+    outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, speed, pressures), 10.0,
+               10.0, 4.0, STRAIN, 0.1 + error, rate, FREE, 0.0, 0.0, 0.0, DT)
+    assert (loop.state.integral - held) / (error * DT) == pytest.approx(
+        usual + quick * (asked - usual))
+
+
+def test_an_integral_that_is_off_stays_off_where_friction_holds(paper_bundle):
+    """A user who asks for no integral gets none."""
+    loop = Loop(paper_bundle, strain_integral=0.0)
+    loop.run(0.1, kind=STRAIN)
+    before = loop.state.integral
+    loop.run(0.09, kind=STRAIN, rate=-0.1, duration=0.2)
+    assert loop.state.integral == before
 
 
 def test_uncertainty_is_noise_and_error_and_a_tenth_of_the_bias(paper_bundle):
