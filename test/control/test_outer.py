@@ -61,6 +61,14 @@ def test_what_the_model_lacks_is_in_the_demand_within_the_lag_of_the_loop(paper_
     assert slow.force - 40.0 < 1.5
 
 
+def test_a_lag_that_is_known_and_the_doubt_of_it_are_independent(paper_bundle):
+    """So they add in squares: 40 ms, known to 30 ms, make the loop as slow as 50 ms."""
+    loop = Loop(paper_bundle, delay=5e-3, lead_time=5e-3)
+    outer_step(loop.settings, loop.state, MeasurementRecord(40.0, 0.1, 0.0, [0.0, 0.0]), 40.0,
+               40.0, 4.0, FORCE, 40.0, 0.0, FREE, 40e-3 - 10e-3 - DT, 30e-3, 0.0, DT)
+    assert loop.state.lag == pytest.approx(50e-3)
+
+
 @pytest.mark.parametrize(('asked', 'rate', 'share'), [
     (40.0, 0.0, 1.0),      # the pressures are there: the model gives no more, so ask for more
     (80.0, 0.0, 0.1),      # they are on their way, all but the 4 N that they may leave
