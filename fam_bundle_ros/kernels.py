@@ -13,6 +13,7 @@ cache folder, in a folder named by a hash of the sources and of numba's version.
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
 from dataclasses import fields, is_dataclass
+import fcntl
 from functools import cache
 import hashlib
 import os
@@ -124,9 +125,25 @@ def compiled(function: Callable) -> Callable:
     engine = numba()
     if engine is None:
         raise RuntimeError('numba is not installed')
-    with _cache_folder(fingerprint(function)) as keep:
-        return engine.njit(error_model='numpy', cache=keep, _nrt=False)(
+    key = fingerprint(function)
+    with _cache_folder(key) as keep:
+        made = engine.njit(error_model='numpy', cache=keep, _nrt=False)(
             _rebound(function, counted=False))
+    if keep:
+        made.compile = _one_at_a_time(made.compile, cache_root() / key / 'lock')
+    return made
+
+
+def _one_at_a_time(compile_: Callable, path: Path) -> Callable:
+    """Return `compile_` for processes that start together: one compiles, the others load it."""
+    def locked(signature):
+        with contextlib.ExitStack() as stack:
+            # where the folder has gone or knows no locks, each process compiles for itself
+            with contextlib.suppress(OSError):
+                lock = stack.enter_context(path.open('w'))
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            return compile_(signature)
+    return locked
 
 
 @cache
