@@ -130,17 +130,18 @@ def compiled(function: Callable) -> Callable:
         made = engine.njit(error_model='numpy', cache=keep, _nrt=False)(
             _rebound(function, counted=False))
     if keep:
-        made.compile = _one_at_a_time(made.compile, cache_root() / key / 'lock')
+        made.compile = _one_at_a_time(made.compile, cache_root() / key)
     return made
 
 
-def _one_at_a_time(compile_: Callable, path: Path) -> Callable:
+def _one_at_a_time(compile_: Callable, folder: Path) -> Callable:
     """Return `compile_` for processes that start together: one compiles, the others load it."""
     def locked(signature):
         with contextlib.ExitStack() as stack:
             # where the folder has gone or knows no locks, each process compiles for itself
             with contextlib.suppress(OSError):
-                lock = stack.enter_context(path.open('w'))
+                lock = os.open(folder, os.O_RDONLY)
+                stack.callback(os.close, lock)
                 fcntl.flock(lock, fcntl.LOCK_EX)
             return compile_(signature)
     return locked
