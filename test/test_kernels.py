@@ -97,3 +97,26 @@ def test_a_kernel_of_a_file_without_a_module_name_is_found_in_the_cache(tmp_path
         [sys.executable, 'run.py'], cwd=tmp_path, capture_output=True, text=True, check=True,
         env={**os.environ, 'XDG_CACHE_HOME': str(tmp_path)}).stdout.split() for _ in range(2)]
     assert shown == [['3.0', '0'], ['3.0', '1']]
+
+
+@needs_numba
+def test_processes_that_start_together_compile_once(tmp_path):
+    """The second waits for the first and loads what it has compiled."""
+    (tmp_path / 'own.py').write_text('def kernel(x):\n    return 2.0 * x\n')
+    (tmp_path / 'run.py').write_text(
+        'import sys\n'
+        'from fam_bundle_ros import kernels\n'
+        'import own\n'
+        'fast = kernels.compiled(own.kernel)\n'
+        'print("ready", flush=True)\n'
+        'sys.stdin.readline()\n'
+        'print(fast(1.5), sum(fast.stats.cache_hits.values()))\n')
+    both = [subprocess.Popen(
+        [sys.executable, 'run.py'], cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        text=True, env={**os.environ, 'XDG_CACHE_HOME': str(tmp_path)}) for _ in range(2)]
+    for process in both:
+        assert process.stdout.readline() == 'ready\n'
+    for process in both:
+        process.stdin.write('\n')
+        process.stdin.flush()
+    assert sorted(process.communicate()[0] for process in both) == ['3.0 0\n', '3.0 1\n']

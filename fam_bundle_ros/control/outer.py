@@ -77,6 +77,7 @@ class OuterConfig:
         allow at the present stiffness: see `strain_gains`. Late feedback is turned back by a
         gain below 0.
     strain_integral : float, N/s, optional
+        Larger where friction holds the strain behind a reference that moves; 0 for none.
     strain_damping : float, N s, optional
         On the error of the strain rate.
     still : float, N

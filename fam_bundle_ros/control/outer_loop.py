@@ -23,6 +23,7 @@ from fam_bundle_ros.control.observer import (
 )
 from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
 from fam_bundle_ros.control.strain_gains import (
+    RATE_LAG,
     stiffness_grid,
     strain_gains,
     StrainGains,
@@ -43,6 +44,9 @@ _USUAL_INERTIA = 0.3
 _BEND_TIME, _LEARN_TIME = 0.01, 1.0
 #: Tables of loads are as long as a multiple of this, so that most have records of one kind.
 _TABLE = 16
+#: Within so many lags a strain that friction holds is given the force that would mend its error:
+#: what is too much when it lets go is worth half of the error.
+_LAGS = 2.0
 
 
 @dataclass
@@ -335,6 +339,11 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         gain = at_stiffness(settings, settings.strain_gain, stiffness)
         integral = at_stiffness(settings, settings.strain_integral, stiffness)
         damping = at_stiffness(settings, settings.strain_damping, stiffness)
+        if integral > 0.0:
+            # How late it is seen that friction has let go.
+            lag = settings.delay + settings.lead_time + dt + RATE_LAG
+            quick = max(stiffness / (_LAGS * lag), integral)
+            integral += held_back(error, rate, measurement.strain_rate) * (quick - integral)
         integrate_error(state, integral * error * dt, saturated)
         # The observer's slow part would be a second integral, which hunts against friction.
         wanted = state.integral + gain * error + damping * (rate - measurement.strain_rate)
@@ -342,6 +351,28 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         state.kept = min(max(state.kept, wanted - still), wanted + still)
         correction, state.noise = state.kept, math.sqrt(state.jitter)
     return known, correction
+
+
+def held_back(error: float, rate: float, seen: float) -> float:
+    """
+    Return the share of a reference's motion that a strain behind it does not make.
+
+    Where friction holds a strain the loop has no dynamics of its own: its integral may be as quick
+    as the release is seen.
+
+    Parameters
+    ----------
+    error : float
+        Reference less strain.
+    rate, seen : float, 1/s
+        Of the reference, and of the strain as measured.
+
+    Examples
+    --------
+    >>> held_back(0.01, 0.1, 0.0), held_back(0.01, 0.1, 0.1), held_back(-0.01, 0.1, 0.0)
+    (1.0, 0.0, 0.0)
+    """
+    return 1.0 - min(max(seen / rate, 0.0), 1.0) if error * rate > 0.0 else 0.0
 
 
 def present_stiffness(settings: Any, pressure: Any) -> float:

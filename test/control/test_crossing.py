@@ -21,7 +21,10 @@ from fam_bundle_ros.control.crossing import (
 )
 from fam_bundle_ros.control.curves import curve_table
 from fam_bundle_ros.control.inverse import Shares
+from fam_bundle_ros.control.observer import learn_noise
+from fam_bundle_ros.control.recruitment_loop import recruitment_state
 from fam_bundle_ros.control.spread import BATCH, ORDERLY, ratio_of
+from fam_bundle_ros.control.transition import patience
 
 PACE, DT = 2e6, 1e-3
 
@@ -132,6 +135,21 @@ def test_the_ratio_is_that_of_the_slopes(made, scheme, expected):
     state.shares.pressure[1] = 300e3
     assert ratio_of(settings, state, 2, 2) == pytest.approx(8e-5 / 2e-3)
     assert math.isclose(ratio_of(settings, state, 2, 0), 8e-5 / 2e-3)
+
+
+def test_a_hand_over_is_within_the_noise_that_is_left_behind_the_loop():
+    """0.5 N of noise in the readings, less behind a lag of 30 ms: the error is no more."""
+    lag, doubt, dt = 0.03, 3.0, 4e-3
+    readings, found, kept = np.random.default_rng(1).normal(0.0, 0.5, 50000), [0.0], []
+    for reading in readings:
+        found.append(found[-1] + (1.0 - math.exp(-dt / lag)) * (reading - found[-1]))
+    state, settings = recruitment_state([0, 1], [[0.0, 1e5]] * 2, True), SimpleNamespace(
+        switching=SimpleNamespace(dwell=5.0))
+    state.outer.lag = lag
+    for reading in readings[:2000]:
+        learn_noise(state.outer.observer, reading, 0.1, dt)
+        kept.append(doubt * lag / patience(settings, state, doubt, dt))
+    assert np.mean(kept[1000:]) == pytest.approx(np.std(found), rel=0.1)
 
 
 def test_a_hand_over_is_in_doubt_only_while_a_unit_is_on_its_way(paper_bundle):

@@ -67,9 +67,9 @@ def test_a_model_that_says_less_of_the_same_shifts_the_error_without_a_bump():
     (-6.0, 3.0, -9.0, 0.0),    # no more than was corrected
 ])
 def test_what_the_model_explains_late_is_handed_over(corrected, error, jump, left):
-    """When friction that feedback has made up for is believed at last, it is not there twice."""
+    """Friction that feedback has made up for and that is believed at last is nowhere twice."""
     state = ObserverState()
     begin_at(state, corrected)
     share = hand_over(state, error, jump)
-    assert state.quick == pytest.approx(left)
+    assert [state.quick, *state.between] == pytest.approx([left] * 4)
     assert share * jump == pytest.approx(corrected - left)

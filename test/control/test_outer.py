@@ -10,6 +10,7 @@ import pytest
 
 from fam_bundle_ros.control import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import (
+    at_stiffness,
     FORCE,
     FREE,
     GAP,
@@ -19,10 +20,12 @@ from fam_bundle_ros.control.outer_loop import (
     outer_settings,
     outer_step,
     OuterState,
+    present_stiffness,
     STRAIN,
     uncertainty,
 )
 from fam_bundle_ros.control.signals import MeasurementRecord
+from fam_bundle_ros.control.strain_gains import RATE_LAG
 
 DT = 2e-3
 
@@ -56,6 +59,14 @@ def test_what_the_model_lacks_is_in_the_demand_within_the_lag_of_the_loop(paper_
     later.run(40.0, force=40.0, believed=40.0, duration=1.0, lag=0.1)
     slow = later.run(40.0, force=37.0, believed=40.0, duration=4.0 * 12e-3, lag=0.1)
     assert slow.force - 40.0 < 1.5
+
+
+def test_a_lag_that_is_known_and_the_doubt_of_it_are_independent(paper_bundle):
+    """So they add in squares: 40 ms, known to 30 ms, make the loop as slow as 50 ms."""
+    loop = Loop(paper_bundle, delay=5e-3, lead_time=5e-3)
+    outer_step(loop.settings, loop.state, MeasurementRecord(40.0, 0.1, 0.0, [0.0, 0.0]), 40.0,
+               40.0, 4.0, FORCE, 40.0, 0.0, FREE, 40e-3 - 10e-3 - DT, 30e-3, 0.0, DT)
+    assert loop.state.lag == pytest.approx(50e-3)
 
 
 @pytest.mark.parametrize(('asked', 'rate', 'share'), [
@@ -209,6 +220,41 @@ def test_a_strain_loop_without_a_load_takes_over_the_demand(paper_bundle):
     loop = Loop(paper_bundle)
     held = loop.run(55.0, force=55.0, believed=55.0, duration=0.5).force
     assert loop.run(0.1, force=55.0, believed=55.0, kind=STRAIN).force == pytest.approx(held)
+
+
+@pytest.mark.parametrize(('rate', 'speed', 'quick'), [
+    (-0.1, 0.0, 1.0),     # friction holds the strain, the reference goes away from it
+    (-0.1, -0.05, 0.5),   # it follows at half the rate
+    (-0.1, -0.1, 0.0),    # it follows
+    (-0.1, 0.1, 1.0),     # it still goes the other way
+    (0.1, 0.0, 0.0),      # the reference comes towards it
+    (0.0, 0.0, 0.0),      # nothing is to move
+])
+def test_a_strain_that_friction_holds_gets_the_force_for_its_error_within_two_lags(
+        paper_bundle, rate, speed, quick):
+    """Stiffness times error over two lags of the loop; one that follows, its usual integral."""
+    loop = Loop(paper_bundle, delay=5e-3, lead_time=5e-3)
+    error, pressures = -0.01, [150e3, 0.0]
+    stiffness = present_stiffness(loop.settings, pressures)
+    usual = at_stiffness(loop.settings, loop.settings.strain_integral, stiffness)
+    asked = stiffness / (2.0 * (5e-3 + 5e-3 + DT + RATE_LAG))
+    assert asked > 1.5 * usual
+    outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, speed, pressures), 10.0,
+               10.0, 4.0, STRAIN, 0.1, 0.0, FREE, 0.0, 0.0, 0.0, DT)
+    held = loop.state.integral
+    outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, speed, pressures), 10.0,
+               10.0, 4.0, STRAIN, 0.1 + error, rate, FREE, 0.0, 0.0, 0.0, DT)
+    assert (loop.state.integral - held) / (error * DT) == pytest.approx(
+        usual + quick * (asked - usual))
+
+
+def test_an_integral_that_is_off_stays_off_where_friction_holds(paper_bundle):
+    """A user who asks for no integral gets none."""
+    loop = Loop(paper_bundle, strain_integral=0.0)
+    loop.run(0.1, kind=STRAIN)
+    before = loop.state.integral
+    loop.run(0.09, kind=STRAIN, rate=-0.1, duration=0.2)
+    assert loop.state.integral == before
 
 
 def test_uncertainty_is_noise_and_error_and_a_tenth_of_the_bias(paper_bundle):

@@ -169,7 +169,7 @@ def test_every_figure_is_drawn_and_a_region_zooms_it(watched):
 def test_curves_move_from_the_old_model_to_the_new(watched):
     """Between the old and the new place a curve is somewhere in between."""
     shapes = {}
-    tab = watched()
+    tab = watched(reduced_motion='no-preference')
     page = tab.open()
     tab.click('open-first')
     tab.drawn()
@@ -198,7 +198,8 @@ def test_curves_move_from_the_old_model_to_the_new(watched):
         }""")
         tab.click('own-add')
         page.wait_for_selector('.rung >> nth=1')
-        page.wait_for_timeout(5000)
+        page.wait_for_function('window.shapes.size > 1')
+        page.wait_for_timeout(1500)
         shapes[motion] = page.evaluate('window.shapes.size')
         # the same again in a browser that wants nothing to move: the tab keeps its work
         tab.click('undo')
