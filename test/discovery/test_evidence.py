@@ -256,7 +256,7 @@ def test_what_is_reached_lacks_half_of_the_misfit_that_another_place_would_save(
 
 
 def test_where_a_fit_ends_does_not_depend_on_where_it_begins(repository):
-    """DMSP-20 without a strain level: slack and thresholds have kinks, where linear models mislead."""
+    """DMSP-20 without a strain level; at kinks of slack and thresholds linear models mislead."""
     folder = repository / 'config' / 'data'
     model = load_model(folder / 'dmsp20_static_map.model.yaml')
     data = read_measurement(folder / 'dmsp20_static_map.csv')
