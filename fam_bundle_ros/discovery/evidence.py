@@ -4,7 +4,7 @@
 One set of effects fitted to cells: most probable parameters, then how probable the set is.
 
 The fit is least squares with whitened residuals and the priors as further rows; the evidence is
-Laplace's, for the model linearised there, with parameters at a bound counted as fixed. The
+Laplace's, of the misfit and the slopes there, with parameters at a bound counted as fixed. The
 hyperparameters of the discrepancy follow by coordinate ascent on their grid, a little at a time,
 from a white misfit down: otherwise the discrepancy takes what physics could explain.
 """
@@ -23,7 +23,8 @@ from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle
 
-#: White misfits of the annealing, then where the discrepancy starts, as places on the grid.
+#: White misfits of the annealing, down to none; then where the discrepancy starts, as places on
+#: the grid.
 COOLING = range(12, -1, -2)
 _FIRST = Hyper(even=7, odd=6, white=6, slow=6, speed=6)
 #: Longest step of a fit, in widths of the priors.
@@ -303,10 +304,8 @@ class Fitter:
         given = start or {}
         u = np.array([np.clip(given.get(p.key, p.start), *p.limits) for p in priors])
         first = (u, *self.linearised(model, priors, u))
-        white, point, cold = self._cooled(model, priors, first, 12, _ROUGH)
-        # physics that leaves nothing is not found from beside a discrepancy, nor the other way
-        tries = [self._climb(model, priors, point, self.first_hyper(), 2),
-                 self._climb(model, priors, point, cold, 99)]
+        white, point, _ = self._cooled(model, priors, first, 12, _ROUGH)
+        tries = [self._climb(model, priors, point, self.first_hyper(), 2)]
         if hyper is not None:
             tries.append(self._climb(model, priors, first, hyper, 99))
         evidence, point, h = max(tries, key=lambda found: found[0])

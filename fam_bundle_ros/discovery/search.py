@@ -99,7 +99,6 @@ class Search:
         self.again(self.best.names)
         self._around(_WHOLE)
         self.again(self.best.names)
-        self._beside()
         self._settle()
         return self
 
@@ -151,43 +150,26 @@ class Search:
         for turn in range(3):
             best = max(self.fits.values(), key=ranking.of_fit)
             self._tell(6 + turn)
-            self._vary(best, ranking)
+            for names in self.options.back(best.names):
+                # from here again: in a trap the smaller set would make its effect seem needed
+                fewer = self.again(names, best.start, best.hyper)
+                swaps = [self.screen(fewer, other) for other in self.options.further(names)
+                         if other not in self.fits]
+                for s in sorted(swaps, key=ranking.of_screened)[-settings.BEAM:]:
+                    self.fit(s.names, ranking.start(s), best.hyper)
+            for names in self.options.reshaped(best.names):
+                if names not in self.fits:
+                    self.fit(names, ranking.start(self.screen(best, names)), best.hyper)
             if max(self.fits.values(), key=ranking.of_fit) is best:
                 break
 
-    def _beside(self) -> None:
-        """Vary sets of other families that are as good as the best, too: what ties with it."""
-        tried = {self.best.names}
-        while fits := [fit for fit in _unlike(self._as_good()) if fit.names not in tried]:
-            tried.add(fits[0].names)
-            self._vary(fits[0], _WHOLE)
-
-    def _vary(self, fit: Fit, ranking: _Ranking) -> None:
-        """Fit sets with an effect of this one dropped, swapped or in another shape."""
-        for names in self.options.back(fit.names):
-            # from here again: in a trap the smaller set would make its effect seem needed
-            fewer = self.again(names, fit.start, fit.hyper)
-            others = self.options.further(names)
-            # beside a look-alike the other constants stay as they are in this set; beside another
-            # effect they are rather those of the smaller set
-            for node in (fewer, fit):
-                swaps = [self.screen(node, other) for other in others if other not in self.fits]
-                for s in sorted(swaps, key=ranking.of_screened)[-settings.BEAM:]:
-                    self.fit(s.names, ranking.start(s), fit.hyper)
-        for names in self.options.reshaped(fit.names):
-            if names not in self.fits:
-                self.fit(names, ranking.start(self.screen(fit, names)), fit.hyper)
-
-    def _as_good(self) -> list[Fit]:
-        """Return the sets within the odds of a tie of the best, best first."""
-        least = self.best.posterior - np.log(self.options.choices.odds)
-        return sorted((fit for fit in self.fits.values() if fit.posterior >= least),
-                      key=lambda fit: -fit.posterior)
-
     def _settle(self) -> None:
         """Fit again, from sets as good as the best, those with a change less that are worse."""
+        odds = np.log(self.options.choices.odds)
         settled = set()
-        for fit in self._as_good():
+        for fit in sorted(self.fits.values(), key=lambda fit: -fit.posterior):
+            if fit.posterior < self.best.posterior - odds:
+                break
             for names in self.options.back(fit.names):
                 known = self.fits.get(names)
                 if names not in settled and (known is None or known.posterior < fit.posterior):
