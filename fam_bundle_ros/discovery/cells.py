@@ -9,9 +9,12 @@ loses resolution and adds no error.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
@@ -88,19 +91,27 @@ class Cells:
         """Whether there are cells of both directions."""
         return bool((self.direction > 0).any() and (self.direction < 0).any())
 
-    def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return averages over cells, (n,) or (n, k), of values of rows, (T,) or (T, k)."""
-        return average_over(self.label, self.count, values)
+    @cached_property
+    def mean(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Averages over cells, (n,) or (n, k), of values of rows, (T,) or (T, k)."""
+        return averages(self.label, len(self.count))
 
 
-def average_over(label: np.ndarray, count: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return averages of rows over cells; rows of label -1 do not count."""
-    kept = label >= 0
-    rows = label[kept]
-    if values.ndim == 1:
-        return np.bincount(rows, values[kept], len(count)) / count
-    return np.stack([np.bincount(rows, column[kept], len(count)) / count
-                     for column in values.T], -1)
+def averages(label: np.ndarray, count: int) -> Callable[[np.ndarray], np.ndarray]:
+    """
+    Return the function that averages values of rows, (T,) or (T, k), over cells, (n,) or (n, k).
+
+    Parameters
+    ----------
+    label : ndarray of int, shape (T,)
+        Cell of each row; rows of label -1 do not count.
+    count : int
+        Number of cells.
+    """
+    rows = np.flatnonzero(label >= 0)
+    cell = label[rows]
+    share = 1.0 / np.bincount(cell, minlength=count)
+    return csr_array((share[cell], (cell, rows)), (count, len(label))).__matmul__
 
 
 def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> Cells:
@@ -136,9 +147,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     label = _at_most(most, np.where(
         spikes(data, residual, noise) | unknown_direction(data), -1, label))
     count = np.bincount(label[label >= 0]).astype(float)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        return average_over(label, count, values)
+    mean = averages(label, len(count))
 
     stiff = stiffness(model, data)
     rate = np.abs(mean(data.strain_rate))
@@ -232,13 +241,11 @@ def averaged(data: Measurement, block: int) -> Measurement:
     position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
     first = position % block == 0
     label = np.cumsum(first) - 1
-    count = np.bincount(label).astype(float)
+    mean = averages(label, int(label[-1]) + 1)
     return replace(
-        data.select(first), strain=average_over(label, count, data.strain),
-        force=average_over(label, count, data.force),
-        strain_rate=average_over(label, count, data.strain_rate),
-        pressure=average_over(label, count, data.pressure),
-        time=None if data.time is None else average_over(label, count, data.time))
+        data.select(first), strain=mean(data.strain), force=mean(data.force),
+        strain_rate=mean(data.strain_rate), pressure=mean(data.pressure),
+        time=None if data.time is None else mean(data.time))
 
 
 def _widest_block(data: Measurement, least: int = 8) -> int:

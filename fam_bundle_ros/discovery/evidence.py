@@ -4,7 +4,7 @@
 One set of effects fitted to cells: most probable parameters, then how probable the set is.
 
 The fit is least squares with whitened residuals and the priors as further rows; the evidence is
-Laplace's, for the model linearised there, with parameters at a bound counted as fixed. The
+Laplace's, of the misfit and the slopes there, with parameters at a bound counted as fixed. The
 hyperparameters of the discrepancy follow by coordinate ascent on their grid, a little at a time,
 from a white misfit down: otherwise the discrepancy takes what physics could explain.
 """
@@ -23,8 +23,9 @@ from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle
 
-#: White misfits of the annealing, then where the discrepancy starts, as places on the grid.
-COOLING = (12, 10, 8)
+#: White misfits of the annealing, down to none; then where the discrepancy starts, as places on
+#: the grid.
+COOLING = range(12, -1, -2)
 _FIRST = Hyper(even=7, odd=6, white=6, slow=6, speed=6)
 #: Longest step of a fit, in widths of the priors.
 _LONGEST = 2.0
@@ -59,6 +60,8 @@ class Fit:
         Log evidence with the discrepancy, and the best one with a white misfit instead.
     log_prior : float
         Of the set.
+    promise : float
+        Log evidence that the linear model promises beyond: much at a kink.
     covariance : ndarray, shape (p, p)
         Of u, by Laplace's approximation.
     """
@@ -73,6 +76,7 @@ class Fit:
     evidence: float
     white_evidence: float = -np.inf
     log_prior: float = 0.0
+    promise: float = 0.0
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
     @property
@@ -121,8 +125,7 @@ class Fitter:
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
         """Return measured minus predicted force of the cells, (n,), N."""
-        force = self.cells.mean(with_coordinates(model, priors, u).predict(self.cells.motion))
-        return self.cells.force - np.where(np.isfinite(force), force, 1e6)
+        return self._off(with_coordinates(model, priors, u).predict(self.cells.motion))
 
     def linearised(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                    kept: Mapping[str, np.ndarray] | None = None,
@@ -141,38 +144,52 @@ class Fitter:
         asked = [j for j, prior in enumerate(priors) if prior.key not in known]
         slope = np.array([priors[j].slope(u[j]) for j in asked])
         force, columns = moved.jacobian(self.cells.motion, [priors[j].key for j in asked])
-        mean = self.cells.mean(np.concatenate([force[:, None], columns * slope], axis=1))
-        residual = self.cells.force - np.where(np.isfinite(mean[:, 0]), mean[:, 0], 1e6)
-        slopes = np.empty((len(residual), len(priors)))
-        slopes[:, asked] = np.where(np.isfinite(mean[:, 1:]), mean[:, 1:], 0.0)
+        slopes = np.empty((len(self.cells), len(priors)), order='F')
+        columns = self.cells.mean(columns) * slope
+        slopes[:, asked] = np.where(np.isfinite(columns), columns, 0.0)
         for j, prior in enumerate(priors):
             if prior.key in known:
                 slopes[:, j] = known[prior.key]
-        return residual, slopes
+        return self._off(force), slopes
+
+    def _off(self, force: np.ndarray) -> np.ndarray:
+        """Return measured minus predicted force of the cells, for the predicted of the rows."""
+        mean = self.cells.mean(force)
+        return self.cells.force - np.where(np.isfinite(mean), mean, 1e6)
 
     def log_evidence(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
-                     priors: Sequence[Prior]) -> float:
-        """Return the log evidence of the model linearised at u."""
+                     priors: Sequence[Prior], reached: bool = False) -> float:
+        """
+        Return the log evidence of the model linearised at u.
+
+        Parameters
+        ----------
+        reached : bool
+            With the misfit at u, not the least one that the linear model promises: at a kink (of
+            a slack tendon, a threshold) a step towards that leads nowhere.
+        """
         free = ~pinned(priors, u)
         columns, own = slopes[:, free], u[free]
-        white = self.covariance.whiten(h, np.concatenate(
-            [(residual + columns @ own)[:, None], columns], axis=1))
-        a, b = white[:, 0], white[:, 1:]
         # by QR: with slopes that are large and nearly parallel I + B'B is not positive definite
-        k = b.shape[1]
-        stacked = np.zeros((len(a) + k, k + 1), order='F')
-        stacked[:len(a), :k], stacked[:len(a), k] = b, a
-        stacked[len(a) + np.arange(k), np.arange(k)] = 1.0
+        n, k = columns.shape
+        both = np.empty((n, k + 1), order='F')
+        both[:, :k], both[:, k] = columns, residual + columns @ own
+        white = self.covariance.whiten(h, both)
+        stacked = np.zeros((n + k, k + 1), order='F')
+        stacked[:n] = white
+        stacked[n + np.arange(k), np.arange(k)] = 1.0
         diagonal = np.diag(dgeqrf(stacked, overwrite_a=1)[0])
-        value = (-0.5 * diagonal[k] ** 2 - np.log(np.abs(diagonal[:k])).sum()
-                 - self.covariance.log_determinant(h) - 0.5 * len(a) * np.log(2.0 * np.pi))
+        misfit = float(np.sum((white[:, k] - white[:, :k] @ own) ** 2) + own @ own) if reached \
+            else diagonal[k] ** 2
+        value = (-0.5 * misfit - np.log(np.abs(diagonal[:k])).sum()
+                 - self.covariance.log_determinant(h) - 0.5 * n * np.log(2.0 * np.pi))
         value += np.log(2.0) * sum(p.kind == 'half' for p, f in zip(priors, free) if f)
         return float(value + self.covariance.log_prior(h) - 0.5 * np.sum(u[~free] ** 2))
 
     def evidence_of(self, fit: Fit) -> float:
         """Return the log evidence of a fit to other cells, linearised there, with its prior."""
-        return fit.log_prior + self.log_evidence(fit.hyper, fit.residual, fit.slopes, fit.u,
-                                                 fit.priors)
+        return fit.log_prior - fit.promise + self.log_evidence(
+            fit.hyper, fit.residual, fit.slopes, fit.u, fit.priors)
 
     def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                       whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
@@ -228,9 +245,9 @@ class Fitter:
 
     def best_hyper(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
                    priors: Sequence[Prior], reach: int = 99, fixed: Sequence[str] = (),
-                   ) -> tuple[Hyper, float, float]:
+                   reached: bool = False) -> tuple[Hyper, float]:
         """
-        Return the hyperparameters of the highest evidence near h, it, and that of h.
+        Return the hyperparameters of the highest evidence near h, and it (see `log_evidence`).
 
         Coordinate ascent on the grid; ``reach`` is how many places each may move, except those
         that are ``fixed``.
@@ -239,7 +256,7 @@ class Fitter:
 
         def value(q: Hyper) -> float:
             if q not in known:
-                known[q] = self.log_evidence(q, residual, slopes, u, priors)
+                known[q] = self.log_evidence(q, residual, slopes, u, priors, reached)
             return known[q]
 
         first = h
@@ -265,7 +282,7 @@ class Fitter:
                         h = q
             if h == before:
                 break
-        return h, known[h], known[first]
+        return h, known[h]
 
     def first_hyper(self) -> Hyper:
         """Return where the discrepancy starts after the annealing: small."""
@@ -287,12 +304,7 @@ class Fitter:
         given = start or {}
         u = np.array([np.clip(given.get(p.key, p.start), *p.limits) for p in priors])
         first = (u, *self.linearised(model, priors, u))
-        white, point = -np.inf, first
-        for place in COOLING:
-            h = Hyper(white=place)
-            point = self.most_probable(model, priors, point[0], self.whitener(h), 12, _ROUGH,
-                                       point)
-            white = max(white, self.log_evidence(h, point[1], point[2], point[0], priors))
+        white, point, _ = self._cooled(model, priors, first, 12, _ROUGH)
         tries = [self._climb(model, priors, point, self.first_hyper(), 2)]
         if hyper is not None:
             tries.append(self._climb(model, priors, first, hyper, 99))
@@ -306,18 +318,23 @@ class Fitter:
 
         A discrepancy beside the physics biases its parameters (Brynjarsdottir and O'Hagan 2014).
         """
-        best: Fit | None = None
-        point: Point = (fit.u, fit.residual, fit.slopes)
-        for place in range(COOLING[0], 1, -2):
+        value, (u, residual, slopes), h = self._cooled(
+            fit.model, fit.priors, (fit.u, fit.residual, fit.slopes), 25)
+        return self._made(fit.names, fit.model, fit.priors, u, h, residual, slopes, value, value,
+                          fit.log_prior)
+
+    def _cooled(self, model: Bundle, priors: Sequence[Prior], point: Point, iterations: int,
+                tolerance: float = 0.05) -> tuple[float, Point, Hyper]:
+        """Return physics alone, from a large white misfit down as far as the evidence grows."""
+        best: tuple[float, Point, Hyper] | None = None
+        for place in COOLING:
             h = Hyper(white=place)
-            point = self.most_probable(fit.model, fit.priors, point[0], self.whitener(h), 25,
-                                       at=point)
-            u, residual, slopes = point
-            value = self.log_evidence(h, residual, slopes, u, fit.priors)
-            if best is not None and value <= best.evidence:
+            point = self.most_probable(model, priors, point[0], self.whitener(h), iterations,
+                                       tolerance, point)
+            value = self._reached(h, point, priors)
+            if best is not None and value <= best[0]:
                 break
-            best = self._made(fit.names, fit.model, fit.priors, u, h, residual, slopes, value,
-                              value, fit.log_prior)
+            best = (value, point, h)
         assert best is not None
         return best
 
@@ -326,8 +343,13 @@ class Fitter:
               white: float, log_prior: float) -> Fit:
         bent = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + bent.T @ bent)
+        promise = self.log_evidence(h, residual, slopes, u, priors) - evidence
         return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
-                   slopes, evidence, white, log_prior, spread)
+                   slopes, evidence, white, log_prior, promise, spread)
+
+    def _reached(self, h: Hyper, point: Point, priors: Sequence[Prior]) -> float:
+        u, residual, slopes = point
+        return self.log_evidence(h, residual, slopes, u, priors, reached=True)
 
     def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
                ) -> tuple[float, Point, Hyper]:
@@ -337,11 +359,11 @@ class Fitter:
             point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
                                        _ROUGH, point)
             u, residual, slopes = point
-            better, high, now = self.best_hyper(h, residual, slopes, u, priors, reach)
-            if best is None or now > best[0]:
-                best = (now, point, h)
-            if high > best[0]:
-                best = (high, point, better)
+            now = self._reached(h, point, priors)
+            held = self.log_evidence(h, residual, slopes, u, priors) > now + _ROUGH
+            better, high = self.best_hyper(h, residual, slopes, u, priors, reach, reached=held)
+            found = [(now, point, h), (self._reached(better, point, priors), point, better)]
+            best = max([best, *found] if best else found, key=lambda each: each[0])
             if high - now < 0.3:
                 break
             h = better

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from fam_bundle_ros.data.grouping import varying_unit
-from fam_bundle_ros.discovery.cells import average_over, Cells, places
+from fam_bundle_ros.discovery.cells import averages, Cells, places
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.model import Bundle
@@ -154,10 +154,7 @@ def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray, way: np.ndarray)
     """
     data, kept = cells.data, label >= 0
     rows = np.bincount(label[kept]).astype(float)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        return average_over(label, rows, values)
-
+    mean = averages(label, len(rows))
     force = mean(off)
     visit, index, length = np.unique(np.stack([label[kept], data.trial[kept]]), axis=1,
                                      return_inverse=True, return_counts=True)

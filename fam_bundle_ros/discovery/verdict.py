@@ -121,7 +121,7 @@ def need_of_structure(fitter: Fitter, fit: Fit) -> float:
             h, best = tries[int(np.argmax(values))], max(best, max(values))
         if h == before:
             break
-    return fit.evidence - best
+    return fitter.log_evidence(fit.hyper, fit.residual, fit.slopes, fit.u, fit.priors) - best
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ def _moved(fitter: Fitter, null: Fit) -> bool:
     """Return whether the model's parameters had to move: evidence against those as given."""
     nominal = np.zeros(len(null.u))
     residual = fitter.residual(null.model, null.priors, nominal)
-    _, as_given, _ = fitter.best_hyper(null.hyper, residual, np.zeros((len(residual), 0)),
+    _, as_given = fitter.best_hyper(null.hyper, residual, np.zeros((len(residual), 0)),
                                        np.zeros(0), ())
     return null.evidence - as_given > settings.LEAST_LOSS
 

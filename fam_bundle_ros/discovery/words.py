@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery.cells import Cells
@@ -175,11 +176,16 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         if far:
             notes.append(f'{words} moves geometry beyond what tolerances allow: '
                          + ', '.join(far) + ' tolerances')
-    if not data.is_static and len(data.trial_names) >= 3:
-        means, spread = np.array([(data.pressure[data.trial == k].sum(-1).mean(),
-                                   np.ptp(data.pressure[data.trial == k].sum(-1)))
-                                  for k in range(len(data.trial_names))]).T
-        if np.all(np.diff(means) > 0) and spread.max() < 0.2 * np.ptp(means):
-            notes.append('isobars were run in ascending order: pressure and time cannot be told '
-                         'apart')
+    if ascends(data):
+        notes.append('isobars were run in ascending order: pressure and time cannot be told apart')
     return tuple(dict.fromkeys(notes))
+
+
+def ascends(data: Measurement) -> bool:
+    """Return whether each trial of a log is an isobar of a higher pressure than the one before."""
+    trials = [data.pressure[data.trial == k].sum(-1) for k in np.unique(data.trial)]
+    if data.is_static or len(trials) < 3:
+        return False
+    means = np.array([trial.mean() for trial in trials])
+    return bool(np.all(np.diff(means) > 0)
+                and max(map(np.ptp, trials)) < 0.2 * np.ptp(means))

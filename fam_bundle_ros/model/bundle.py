@@ -381,9 +381,8 @@ class Bundle:
             owner, _, name = key.partition('.')
             changes.setdefault(owner, {})[name] = float(value)
         dimensions = changes.pop('geometry', {})
-        for owner, new in changes.items():
-            for name in new:
-                self.effect(owner).law.parameter(name)
+        for owner in changes:
+            self.effect(owner)
         effects = [e.replace(**changes[e.name]) if e.name in changes else e
                    for e in self.effects]
         units = self.motor_units

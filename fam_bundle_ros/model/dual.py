@@ -8,12 +8,12 @@ parameter of a loss law costs nothing where the mesh is worked out.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-import inspect
 from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros.model.derivative import partials
+from fam_bundle_ros.model.laws.base import arguments
 
 #: Derivatives by key, of arrays (T,) or numbers.
 Slopes = Mapping[int, Any]
@@ -121,7 +121,7 @@ def applied(function: Callable, *inputs: Any) -> tuple[Any, ...]:
         What `fam_bundle_ros.model.derivative.partials` can differentiate.
     *inputs : Dual, array or float
     """
-    names = tuple(inspect.signature(function).parameters)
+    names = arguments(function)
     made = partials(function, names)
     results = made.function(*map(value_of, inputs))
     slopes: list[list[Slopes]] = [[] for _ in range(made.outputs)]

@@ -62,6 +62,11 @@ class Effect:
         """Tell the author of a class-style effect what to do."""
         raise InputError(f'{cls.__name__}: {CLASSES_ARE_GONE}')
 
+    @property
+    def name(self) -> str:
+        """Name of the law; asked for too often to be looked up like the rest."""
+        return self.law.name
+
     def __getattr__(self, name: str) -> Any:
         """Give what the law knows, then a parameter's SI value, as an attribute."""
         own = self.__dict__

@@ -47,8 +47,9 @@ class Muscles:
     @cached_property
     def shape(self) -> np.ndarray:
         """Geometry and number of muscles of each motor unit, (G, n)."""
-        count = [float(unit.muscles) for unit in self.motor_units]
-        return np.array([*(getattr(self.geometry, name) for name in SHAPE), count])
+        units = [[*(getattr(unit.geometry, name) for name in SHAPE), unit.muscles]
+                 for unit in self.motor_units]
+        return np.array(units, float).T
 
     @cached_property
     def _common_shape(self) -> list[Any]:
@@ -63,6 +64,8 @@ class Muscles:
     @cached_property
     def tables(self) -> np.ndarray:
         """Measured tables; at the front stands the index at which each begins, (T,)."""
+        if not self._tabled:
+            return np.zeros(0)
         flat = [table.flat for table in self._tabled]
         first = len(flat) + np.cumsum([0, *(len(table) for table in flat)])[:-1]
         return np.concatenate([first, *flat]).astype(float)

@@ -3,6 +3,7 @@
 """What a bundle is made of, what it is put through, and what is found out about it."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -53,6 +54,20 @@ class Motion:
     strain_rate: np.ndarray
     time: np.ndarray | None = None
     start: np.ndarray | None = None
+
+    @cached_property
+    def clock(self) -> np.ndarray:
+        """Time since the record began, (T,), s; zero without time."""
+        if self.time is None:
+            return np.zeros(len(self.strain))
+        return np.asarray(self.time, float) - self.time[:1]
+
+    @cached_property
+    def stepping(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Time steps (T,), s, zero where a trial begins; where one does; where the record does."""
+        first = np.arange(len(self.strain)) == 0
+        start = first if self.start is None else first | self.start
+        return np.where(start, 0.0, np.diff(self.clock, prepend=0.0)), start, first
 
 
 @dataclass(frozen=True)

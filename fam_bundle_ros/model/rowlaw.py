@@ -16,7 +16,7 @@ import numpy as np
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.model.derivative import Partials, partials
-from fam_bundle_ros.model.dual import Dual, scaled, Slopes, total, value_of
+from fam_bundle_ros.model.dual import Dual, scaled, Slopes, total
 from fam_bundle_ros.model.laws.base import arguments, FELT, Law, Place, STEPPING, TABLES
 from fam_bundle_ros.model.scan import affine_scan
 from fam_bundle_ros.model.source import defined
@@ -64,6 +64,9 @@ class RowLaw:
 
     def __init__(self, function: Callable, fields: tuple[str, ...]):
         self._names = arguments(function)
+        #: Places of the arguments that always have rows, and of those that may have.
+        self._varying = tuple(k for k, name in enumerate(self._names) if name in _VARYING)
+        self._ranged = tuple(k for k, name in enumerate(self._names) if name not in TABLES)
         self._function = function
         self._fields = fields
         self._rows_done = 0
@@ -84,12 +87,12 @@ class RowLaw:
         """
         slopes = {name: item.slopes for name, item in zip(self._names, inputs, strict=True)
                   if isinstance(item, Dual)}
+        values = [item.value if isinstance(item, Dual) else item for item in inputs]
         if not any(slopes.values()):
-            rows, after = self._rows(self._function, 1, [value_of(item) for item in inputs])
+            rows, after = self._rows(self._function, 1, values)
             return (rows[0], *after) if self._fields else rows[0]
         made = self._partials
-        rows, after = self._rows(made.function, 1 + len(made.entries),
-                                 [value_of(item) for item in inputs])
+        rows, after = self._rows(made.function, 1 + len(made.entries), values)
         chain = _Chain(self._fields, slopes, dict(zip(made.entries, rows[1:], strict=True)))
         value = Dual(rows[0], chain.of_output(0))
         return (value, *map(Dual, after, chain.after)) if self._fields else value
@@ -117,14 +120,13 @@ class RowLaw:
 
     def _rows(self, function, count, inputs):
         """Return the value, or the value and the partial derivatives, and the memory after."""
-        size = max((len(item) for name, item in zip(self._names, inputs, strict=True)
-                    if isinstance(item, np.ndarray) and name not in TABLES),
+        size = max((len(inputs[k]) for k in self._ranged if isinstance(inputs[k], np.ndarray)),
                    default=1 if self._fields else 0)
         if not size:
             result = function(*inputs)
             return (result if isinstance(result, tuple) else (result,)), ()
-        inputs = [_rows_of(name, item, size) if name in _VARYING else item
-                  for name, item in zip(self._names, inputs, strict=True)]
+        for k in self._varying:
+            inputs[k] = _rows_of(self._names[k], inputs[k], size)
         self._rows_done += size
         if self._compiles and self._rows_done > _WORTH and kernels.numba() is not None:
             try:
@@ -177,8 +179,7 @@ class RowLaw:
         return np.array(out), after
 
     def _with_rows(self, inputs):
-        return tuple(name for name, item in zip(self._names, inputs, strict=True)
-                     if isinstance(item, np.ndarray) and name not in TABLES)
+        return tuple(self._names[k] for k in self._ranged if isinstance(inputs[k], np.ndarray))
 
 
 def _on_arrays(function, inputs, size):

@@ -10,13 +10,14 @@ from scipy.optimize import least_squares
 from scipy.stats import multivariate_normal
 
 from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery.cells import reduce, unknown_direction
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import head, Options, shapes_of
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.discovery.settings import AMPLITUDES, Choices
-from fam_bundle_ros.model import Bundle, catalogue, MotorUnit
+from fam_bundle_ros.model import Bundle, catalogue, load_model, MotorUnit
 
 FULL = Hyper(even=9, strain=1, pressure=1, odd=8, white=6, slow=7, tau=1)
 
@@ -232,6 +233,47 @@ def test_evidence_of_a_linear_model_is_its_marginal_likelihood(problem):
     expected = multivariate_normal(cov=covariance.matrix(FULL) + slopes @ slopes.T).logpdf(y)
     found = fitter.log_evidence(FULL, y - slopes @ u, slopes, u, priors)
     assert found == pytest.approx(expected + covariance.log_prior(FULL), abs=1e-6)
+
+
+def test_what_is_reached_lacks_half_of_the_misfit_that_another_place_would_save(problem):
+    """At the least misfit of a linear model nothing; elsewhere the misfit at that place counts."""
+    cells, covariance, fitter = problem
+    rng = np.random.default_rng(1)
+    slopes, y = rng.standard_normal((len(cells), 2)), rng.standard_normal(len(cells))
+    priors = [Prior(f'a.{k}', -1e3, 1e3, 0.0, 1.0, 'normal') for k in 'xy']
+    white = covariance.whiten(FULL, np.column_stack([slopes, y]))
+    stacked = np.vstack([white, np.eye(2, 3)])
+
+    def lacks(u):
+        given = FULL, y - slopes @ u, slopes, u, priors
+        return fitter.log_evidence(*given) - fitter.log_evidence(*given, reached=True)
+
+    best, (least,), *_ = np.linalg.lstsq(stacked[:, :2], stacked[:, 2])
+    away = best + [0.4, -0.2]
+    misfit = np.sum((stacked[:, :2] @ away - stacked[:, 2]) ** 2)
+    assert lacks(best) == pytest.approx(0.0, abs=1e-9)
+    assert lacks(away) == pytest.approx(0.5 * (misfit - least))
+
+
+def test_where_a_fit_ends_does_not_depend_on_where_it_begins(repository):
+    """DMSP-20 without a strain level; at kinks of slack and thresholds linear models mislead."""
+    folder = repository / 'config' / 'data'
+    model = load_model(folder / 'dmsp20_static_map.model.yaml')
+    data = read_measurement(folder / 'dmsp20_static_map.csv')
+    cells = reduce(model, data.select(abs(data.strain - 0.199) > 2e-3))
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    options = Options.of(model, cells, Choices())
+    names = tuple(sorted([*options.own, 'bladder_elasticity', 'strain_sensor_offset',
+                          'tendon_slack', 'tondu_factor']))
+    priors, rng = options.priors(names), np.random.default_rng(0)
+    fits = [fitter.fit(names, options.bundle(names), priors)]
+    for _ in range(3):
+        start = {prior.key: float(np.clip(rng.normal(), *prior.limits)) for prior in priors}
+        fits.append(fitter.fit(names, options.bundle(names), priors, start, Hyper()))
+    assert np.ptp([fit.evidence for fit in fits]) < 1.0
+    whole = fitter.covariance.matrix(fits[0].hyper)
+    worst = -0.5 * fits[0].residual @ np.linalg.solve(whole, fits[0].residual)
+    assert fits[0].evidence < worst - 0.5 * np.linalg.slogdet(2.0 * np.pi * whole)[1]
 
 
 def test_a_parameter_at_its_bound_counts_as_fixed(problem):

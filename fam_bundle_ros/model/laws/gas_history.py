@@ -7,6 +7,7 @@ from fam_bundle_ros.model.vocabulary import dahl, lag, play
 
 #: Half width of the play behind which friction in the pressure takes it, Pa.
 _NOISE = 100.0
+_BUILD_UP = Parameter(20.0, 'kPa', 1.0, 400.0, 'change of the pressure over which it builds up')
 
 
 @law('pressure', family='pressure_creep', leaves=('pressure_rate', 'decay'),
@@ -42,7 +43,7 @@ def pressure_hysteresis(pressure, start, centre, half_width):
      signature='at a fixed length the force is lower while filling than while venting, and '
                'changes over by degrees after each reversal',
      half_width=Parameter(5.0, 'kPa', 0.0, 60.0, 'pressure by which either way is off'),
-     width=Parameter(20.0, 'kPa', 1.0, 400.0, 'change of the pressure over which it builds up'))
+     width=_BUILD_UP)
 def pressure_dahl(pressure, start, centre, built_up, half_width, width):
     """
     The muscle feels P - w z, dz/dP = (1 - z sgn(dP))/d.
@@ -62,7 +63,7 @@ def pressure_dahl(pressure, start, centre, built_up, half_width, width):
      signature='at a fixed length the force is lower while filling than while venting, the more '
                'the higher the pressure',
      share=Parameter(0.02, '1', 0.0, 0.3, 'part of the pressure by which either way is off'),
-     width=Parameter(20.0, 'kPa', 1.0, 400.0, 'change of the pressure over which it builds up'))
+     width=_BUILD_UP)
 def pressure_friction(pressure, start, centre, built_up, share, width):
     """
     The muscle feels P (1 - s z), dz/dP = (1 - z sgn(dP))/d.
