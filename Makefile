@@ -13,9 +13,6 @@ SEED ?= 1
 PLAIN ?= test/model test/plant test/control test/test_kernels.py
 OLDEST ?= $(PLAIN) test/nodes
 WITHOUT_NUMBA := --ignore test/control/test_benchmark.py
-# Each process begins with files of its own, so that what the tests of a file share is made once;
-# one that has finished takes over from the others.
-IN_PARALLEL = -n $(JOBS) --dist worksteal
 export PYTHON CHROMIUM
 # Without compiled modules every start of a process takes a second or two longer.
 unexport PYTHONDONTWRITEBYTECODE
@@ -33,14 +30,14 @@ demo: install  ## run the whole story on simulated hardware and write report/
 	@$(BIN)/fam_bundle demo
 
 test: install  ## run all tests (JOBS=2 in parallel)
-	@$(BIN)/python -m pytest $(IN_PARALLEL)
+	@$(BIN)/python -m pytest -n $(JOBS)
 
 test-plain: install  ## run the tests of model, plant and control without numba
-	@FAM_BUNDLE_PLAIN=1 $(BIN)/python -m pytest $(IN_PARALLEL) $(WITHOUT_NUMBA) $(PLAIN)
+	@FAM_BUNDLE_PLAIN=1 $(BIN)/python -m pytest -n $(JOBS) $(WITHOUT_NUMBA) $(PLAIN)
 
 test-oldest:  ## run what the nodes import with Ubuntu 24.04's numpy, scipy, pint; no numba
 	@sh scripts/venv.sh .venv-oldest ubuntu
-	@.venv-oldest/bin/python -m pytest $(IN_PARALLEL) $(WITHOUT_NUMBA) $(OLDEST)
+	@.venv-oldest/bin/python -m pytest -n $(JOBS) $(WITHOUT_NUMBA) $(OLDEST)
 
 browser-test: install  ## run the workbench's browser tests; pictures go to docs/images
 	@sh scripts/chromium.sh
