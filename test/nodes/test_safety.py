@@ -43,6 +43,8 @@ class FaultyRig:
         self.late, self.stamped, self.ambient = 0.0, True, AMBIENT
         self.commands, self.leave = [(-1.0, 0), (-1.0, 0)], (False, 0)
         self.highest, self.leaves, self.queue = 0.0, [], deque()
+        #: When the rig was last moved, ns.
+        self.moved = graph.probe.now_ns()
         probe, make = graph.probe, graph.probe.create_publisher
         self.outputs = [(make(WrenchStamped, 'force', 10), interface.force_message),
                         (make(JointState, 'strain', 10), lambda stamp, strain:
@@ -68,13 +70,16 @@ class FaultyRig:
         self.leaves.append(message.data)
 
     def tick(self):
-        now = self.graph.probe.now_ns()
-        given = self.leave[0] and now - self.leave[1] < 500_000_000
+        # a rig goes on while this process waits for its turn
+        now, before = self.graph.probe.now_ns(), self.moved
+        given = self.leave[0] and before - self.leave[1] < 500_000_000
         self.rig.open_supply(given)
-        self.rig.step(self.valves([
-            command if given and (now - stamp < 100_000_000 or self.late) else -1.0
-            for command, stamp in self.commands]), PERIOD)
-        self.highest = max(self.highest, *self.rig.truth.pressure)
+        while self.moved < now:
+            self.moved += round(1e9 * PERIOD)
+            self.rig.step(self.valves([
+                command if given and (before - stamp < 100_000_000 or self.late) else -1.0
+                for command, stamp in self.commands]), PERIOD)
+            self.highest = max(self.highest, *self.rig.truth.pressure)
         read = self.rig.readings
         self.queue.append((now, (read.force, read.strain, *self.shown(read.pressure.tolist()),
                                  read.supply if self.ambient else read.supply * 1e-3)))
