@@ -47,7 +47,8 @@ setup(
     ],
     python_requires='>=3.11',
     # rclpy and the messages come from ROS (package.xml) or from requirements.txt.
-    install_requires=['numpy>=1.26', 'scipy>=1.11', 'PyYAML>=6', 'pint>=0.19', 'control>=0.10'],
+    install_requires=['numpy>=1.26', 'scipy>=1.11', 'PyYAML>=6', 'pint>=0.19', 'control>=0.10',
+                      'threadpoolctl>=3.1'],
     extras_require={
         'cluster': ['distributed'],
         'fast': ['numba'],

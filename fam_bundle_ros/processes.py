@@ -1,10 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that work for this one: their environment, their standard output, their end."""
+"""How many cores this process takes; and processes that work for it: environment, output, end."""
 
 import os
 import sys
 from typing import IO
+
+from threadpoolctl import threadpool_limits
 
 #: Python code before a program: it gets Ctrl-C when its standard input is closed, also by a kill
 #: of the process that started it, and where a script put that in the background (its children
@@ -15,6 +17,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.SIGINT)),
                  daemon=True).start()
 """
+
+#: Decorator: BLAS keeps to one thread while a function runs. With matrices of a few hundred rows
+#: its threads mostly wait for each other, and where other programs run that takes many times as
+#: long.
+on_one_core = threadpool_limits.wrap(limits=1, user_api='blas')
 
 
 def environment() -> dict[str, str]:

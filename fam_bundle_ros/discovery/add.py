@@ -35,6 +35,7 @@ from fam_bundle_ros.discovery.words import renamed
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.jsonfile import to_json
 from fam_bundle_ros.model import Bundle, catalogue, Effect
+from fam_bundle_ros.processes import on_one_core
 from fam_bundle_ros.told import Told
 
 
@@ -122,6 +123,7 @@ class Added(Told):
         return pandas.DataFrame([e.to_dict() for e in self.parameters])
 
 
+@on_one_core
 def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], measurement: Any,
                name: str | None = None, *, replacing: Mapping[str, str] | None = None,
                removing: Sequence[str] = (), choices: Choices | None = None) -> Added:
@@ -295,6 +297,7 @@ class Ladder(Told):
         return figures.ladder(self.steps, self.noise.value, self.rivals_N['empirical'])
 
 
+@on_one_core
 def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     """
     Return the errors of models on the same data, in the order given.
@@ -344,6 +347,7 @@ def _refitted(model: Bundle, data: Any) -> tuple[Fitter, Fit, Fit]:
     return fitter, joint, fitter.without_discrepancy(joint)
 
 
+@on_one_core
 def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str, list[float]]:
     """
     Return the error after each step for every order of adding effects, N rms.

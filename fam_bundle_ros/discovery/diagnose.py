@@ -58,6 +58,7 @@ from fam_bundle_ros.discovery.verdict import (
 )
 from fam_bundle_ros.discovery.words import next_experiment, notes_on, renamed, summarise
 from fam_bundle_ros.model import Bundle, catalogue
+from fam_bundle_ros.processes import on_one_core
 
 #: Ties that are put to the test on held-out folds.
 _TRIED = 8
@@ -65,6 +66,7 @@ _TRIED = 8
 _TOLD = 6
 
 
+@on_one_core
 def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
              choices: Choices | None = None) -> Diagnosis:
     """

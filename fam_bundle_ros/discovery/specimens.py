@@ -38,6 +38,7 @@ from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.processes import on_one_core
 from fam_bundle_ros.told import Told
 from fam_bundle_ros.units import si_factor
 
@@ -205,6 +206,7 @@ class Together(Told):
                 'constants': [c._asdict() for c in self.constants]}
 
 
+@on_one_core
 def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
                        progress: Progress = None, choices: Choices | None = None) -> Together:
     """

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import (
@@ -14,9 +15,11 @@ from fam_bundle_ros.discovery import (
     Choices,
     compare,
     diagnose,
+    diagnose_specimens,
     ladder,
     orders,
     read_measurement,
+    Specimen,
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import catalogue, dumps_model, load_model, loads_model, Motion
@@ -357,3 +360,33 @@ def test_one_error_of_a_model_whatever_says_it(sweeps, paper_muscle):
     assert result.best.predict(motion).shape == (len(data),)
     assert 'end_caps' in result.best.name
     assert catalogue.get('end_caps').name in dumps_model(result.best)
+
+
+# --- beside other programs ---------------------------------------------------------------------
+
+class Recording:
+    """A path of nothing that notes how many threads BLAS has when it is looked at."""
+
+    def __fspath__(self):
+        """Note the number of threads."""
+        self.threads = blas_threads()
+        return 'nothing.csv'
+
+
+def blas_threads():
+    """Return how many threads each BLAS of this process may take."""
+    return {library['num_threads'] for library in threadpool_info()
+            if library['user_api'] == 'blas'}
+
+
+@pytest.mark.parametrize('work', [
+    diagnose, lambda model, log: add_effect(model, 'softening', log),
+    lambda model, log: ladder(log, [model]), lambda model, log: orders(model, ['softening'], log),
+    lambda model, log: diagnose_specimens(model, [Specimen(name, log) for name in 'ab'])])
+def test_small_matrices_keep_to_one_core(paper_muscle, work):
+    """Threads that wait for each other took five times as long beside two other programs."""
+    log = Recording()
+    with threadpool_limits(2, user_api='blas'):
+        with pytest.raises(InputError):
+            work(paper_muscle, log)
+        assert (log.threads, blas_threads()) == ({1}, {2})
