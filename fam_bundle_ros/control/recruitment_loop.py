@@ -39,6 +39,7 @@ from fam_bundle_ros.control.curves import (
     slope_at,
     tabulate,
 )
+from fam_bundle_ros.control.friction import learn_friction
 from fam_bundle_ros.control.heading import (
     follow_heading,
     heading_now,
@@ -47,7 +48,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
-from fam_bundle_ros.control.observer import hand_over
+from fam_bundle_ros.control.observer import behind_lag, hand_over, low_pass, noise_of
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -251,6 +252,8 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     outer_step(settings.outer, outer, measurement, believed,
                outer.demand - state.shares.missing, reach_of(table, command.pressure), kind, value,
                rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+    noise = noise_of(outer.observer) * behind_lag(low_pass(dt, outer.lag))
+    learn_friction(outer.friction, state.rate.direction, outer.observer.quick, noise, outer.lag, dt)
     # What a hand-over makes of the error is no lateness.
     if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
