@@ -69,6 +69,10 @@ def send_unit(settings: Any, state: Any, command: Any) -> None:
     why = command.reason.why
     # A demand that is out of reach now has no time.
     patient = 0.0 if why == BEYOND or why == UNREACHABLE else state.demand.patience
-    pace = crossing_pace(state.table, unit, abs(state.demand.rate),
+    # On the way up, what the push-back will leave of the others' room.
+    spare = state.table.dip[unit]
+    if up:
+        spare = min(state.table.crossing[now - 1] - state.demand.force, spare)
+    pace = crossing_pace(state.table, unit, abs(state.demand.rate), spare,
                          settings.switching.crossing_rate, patient)
     begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)
