@@ -77,7 +77,7 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
     >>> for direction, error in ((1, -3.0), (-1, 2.0), (-1, 2.5)):
     ...     for _ in range(100):
     ...         learn_friction(state, direction, error, 0.0, 0.02, 4e-3)
-    >>> state.low, state.high
+    >>> round(state.low, 1), round(state.high, 1)
     (-2.5, 2.5)
     """
     state.since = state.since + dt if direction == state.moving else 0.0
@@ -90,8 +90,10 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
             state.high = max(state.high, error - _SURELY * noise)
         return
     if direction == state.side:
-        # What the model misses besides is alike both ways.
-        change = error - (state.low if direction > 0 else state.high)
+        # What the model misses besides is alike both ways. It changes slowly: that a motion has
+        # turned round is seen late.
+        change = low_pass(dt, _SETTLED * lag) * (
+            error - (state.low if direction > 0 else state.high))
         state.low, state.high = state.low + change, state.high + change
     elif state.side == 0:
         state.low = state.high = error

@@ -261,6 +261,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
+        state.friction.heading, state.friction.reckoned = 0, state.observer.quick
     target = state.target
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
     if kind == FORCE:
@@ -355,6 +356,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             integral += held_back(error, rate, measurement.strain_rate) * (quick - integral)
         integrate_error(state, integral * error * dt, saturated)
         if integral > 0.0:
+            # At a turn of the reference it takes what friction will take.
             state.integral -= turn_round(state.friction, rate, state.observer.quick, state.lag, dt)
         # The observer's slow part would be a second integral, which hunts against friction.
         wanted = state.integral + gain * error + damping * (rate - measurement.strain_rate)

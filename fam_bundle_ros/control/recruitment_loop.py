@@ -49,7 +49,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
-from fam_bundle_ros.control.observer import behind_lag, hand_over, low_pass, noise_of
+from fam_bundle_ros.control.observer import hand_over, quick_noise
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -253,8 +253,8 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     outer_step(settings.outer, outer, measurement, believed,
                outer.demand - state.shares.missing, reach_of(table, command.pressure), kind, value,
                rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
-    noise = noise_of(outer.observer) * behind_lag(low_pass(dt, outer.lag))
-    learn_friction(outer.friction, state.rate.direction, outer.observer.quick, noise, outer.lag, dt)
+    learn_friction(outer.friction, state.rate.direction, outer.observer.quick,
+                   quick_noise(outer.observer, outer.lag, dt), outer.lag, dt)
     # What a hand-over makes of the error is no lateness.
     if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
