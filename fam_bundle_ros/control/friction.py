@@ -131,10 +131,9 @@ def turn_round(state: Any, rate: float, error: float, lag: float, dt: float) -> 
     if heading == state.heading:
         return 0.0
     state.heading = heading
-    before = state.reckoned
     # Friction takes energy: what pulls is less while the strain rises.
-    state.reckoned = min(before, state.low) if heading > 0 else max(before, state.high)
-    if state.high <= state.low:
-        state.reckoned = before
-    change = state.reckoned - before
-    return math.copysign(min(abs(change), state.high - state.low), change)
+    level = min(state.reckoned, state.low) if heading > 0 else max(state.reckoned, state.high)
+    way = level - state.reckoned
+    change = math.copysign(min(abs(way), state.high - state.low), way)
+    state.reckoned += change
+    return change

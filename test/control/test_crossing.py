@@ -19,7 +19,7 @@ from fam_bundle_ros.control.crossing import (
     is_crossing,
     no_crossings,
 )
-from fam_bundle_ros.control.curves import curve_table
+from fam_bundle_ros.control.curves import curve_table, top_at
 from fam_bundle_ros.control.inverse import Shares
 from fam_bundle_ros.control.observer import learn_noise
 from fam_bundle_ros.control.reasons import AHEAD
@@ -111,8 +111,38 @@ def test_how_fast_the_limits_come_nearer_is_known_as_soon_as_the_motion(paper_bu
         controller.update(dt, Measurement(force, strain, 0.0, pressure), Reference('force', 20.0))
     full = np.array([paper_bundle.max_pressure[0], 0.0])
     nearer = paper_bundle.force(strain, full) - paper_bundle.force(strain + 0.01 * speed, full)
+    demand, rate = controller.memory.demand, float(nearer) / 0.01
     assert controller.state == 1
-    assert controller.memory.demand.rate == pytest.approx(float(nearer) / 0.01, rel=0.25)
+    assert [demand.rate, demand.smooth_rate] == pytest.approx([rate, rate], rel=0.25)
+
+
+def test_limits_that_come_nearer_faster_and_faster_accelerate_the_demand(paper_bundle):
+    """As the strain does, by the slope of the limit."""
+    controller, dt, pressure = RecruitmentController(paper_bundle), 4e-3, np.array([150e3, 0.0])
+    for k in range(350):
+        strain = 0.12 + 0.2 * (max(k - 250, 0) * dt) ** 2
+        force = float(paper_bundle.force(strain, pressure))
+        controller.update(dt, Measurement(force, strain, 0.0, pressure), Reference('force', 20.0))
+    full = np.array([paper_bundle.max_pressure[0], 0.0])
+    slope = (paper_bundle.force(strain + 1e-3, full) - paper_bundle.force(strain, full)) / 1e-3
+    assert controller.memory.demand.acceleration == pytest.approx(-0.4 * float(slope), rel=0.3)
+
+
+@pytest.mark.parametrize('strain', [0.12, 0.2, 0.27])
+def test_the_largest_force_of_a_state_is_that_of_its_table_at_any_strain(paper_bundle, strain):
+    """Also where a unit is of no use; and the table stays where it is."""
+    controller, dt, pressure = RecruitmentController(paper_bundle), 4e-3, np.zeros(2)
+    tops = {}
+    for now in (strain, strain - 0.01):
+        force = float(paper_bundle.force(now, pressure))
+        controller.reset()
+        controller.update(dt, Measurement(force, now, 0.0, pressure), Reference('force', 5.0))
+        table = controller.memory.table
+        tops[now] = [top_at(table, controller.model, k, strain) for k in range(3)]
+        assert table.moment.strain == now
+        if now == strain:
+            assert tops[now] == pytest.approx(table.top)
+    assert tops[strain] == pytest.approx(tops[strain - 0.01])
 
 
 def test_a_unit_is_brought_in_slowly_where_there_is_time(made):

@@ -16,7 +16,15 @@ from fam_bundle_ros.control import (
 from fam_bundle_ros.control.adaptation import AdaptationConfig
 from fam_bundle_ros.control.friction import FrictionState, learn_friction, turn_round
 from fam_bundle_ros.control.observer import low_pass
-from fam_bundle_ros.control.outer_loop import FREE, outer_settings, outer_step, OuterState, STRAIN
+from fam_bundle_ros.control.outer_loop import (
+    FORCE,
+    forget_outer,
+    FREE,
+    outer_settings,
+    outer_step,
+    OuterState,
+    STRAIN,
+)
 from fam_bundle_ros.control.signals import MeasurementRecord
 
 LAG, DT = 0.02, 4e-3
@@ -74,6 +82,15 @@ def test_at_rest_friction_may_be_anything_between():
     assert turned(state, 0.1, 1.0) == pytest.approx(-4.0)
 
 
+def test_friction_is_asked_for_at_turns_only():
+    """What the error does in the motion is the integral's, and nothing beyond the friction."""
+    state = seen((1, -3.0), (-1, 3.0))
+    turned(state, 0.0, 10.0, 0.5)
+    assert turned(state, 0.1, 10.0) == pytest.approx(-6.0)
+    state.low -= 2.0
+    assert turned(state, 0.1, 10.0, 1.0) == 0.0
+
+
 def test_what_gives_energy_is_no_friction():
     """A model that misses more while the strain rises than while it falls lacks something else."""
     state = seen((1, 3.0), (-1, -3.0))
@@ -108,6 +125,20 @@ def test_the_demand_takes_friction_when_the_reference_turns(paper_bundle, integr
                    4.0, STRAIN, 0.1, rate, FREE, 0.0, 0.0, 0.0, DT)
         state.friction.low, state.friction.high, state.friction.side = -3.0, 3.0, -1
     assert state.integral - before == pytest.approx(share * 6.0, abs=0.05)
+
+
+def test_a_strain_loop_begins_with_the_friction_that_is_there(paper_bundle):
+    """Switched on while its reference moves; and nothing is left when all is forgotten."""
+    settings, state = outer_settings(OuterConfig(), LoadModel(), paper_bundle), OuterState()
+    for kind in (FORCE, STRAIN):
+        for _ in range(300 if kind == FORCE else 1):
+            state.friction.low, state.friction.high = -3.0, 3.0
+            outer_step(settings, state, MeasurementRecord(13.0, 0.1, 0.1, [150e3, 0.0]), 10.0,
+                       10.0, 4.0, kind, 10.0 if kind == FORCE else 0.1, 0.1 * kind, FREE, 0.0, 0.0,
+                       0.0, DT)
+    assert state.friction.reckoned == pytest.approx(-3.0, abs=0.05)
+    forget_outer(state)
+    assert state.friction == FrictionState()
 
 
 def test_friction_is_learnt_from_the_strain_s_own_motion(paper_bundle):
