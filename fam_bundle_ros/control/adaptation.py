@@ -29,7 +29,8 @@ _FILTER_TIME = 0.02
 _CHANGE_TIME = 60.0
 #: So many times as slow as the loop is the lead that is learnt in it.
 _SLOWER = 10.0
-#: Share of `AdaptationConfig.rest_error` that feedback leaves in the tracking error.
+#: Share of `AdaptationConfig.rest_error` that is reckoned with at first, and that feedback leaves
+#: in the tracking error.
 _LEFT = 0.3
 #: Least of `AdaptationConfig.rest_error` that is reckoned with: no force is measured better.
 _LEAST_REST = 0.01
@@ -55,7 +56,7 @@ class AdaptationConfig:
     offset_error : float, N, optional
         sd of a constant error; 2 % of the largest force by default.
     rest_error : float, N, optional
-        Largest sd of the error that gains and offset do not describe, reckoned with at first;
+        Largest sd of the error that gains and offset do not describe, a third of it at first;
         the same by default.
     memory : float, s
         How long such an error stays alike.
@@ -171,8 +172,7 @@ def bound_of(settings: Any, k: int) -> float:
 def forget_adaptation(settings: Any, state: Any) -> None:
     """Go back to the model as it is in its file."""
     state.lead, state.started = 0.0, False
-    state.rest = settings.rest_error * settings.rest_error
-    state.missed = _LEFT * _LEFT * state.rest
+    state.rest = state.missed = (_LEFT * settings.rest_error) ** 2
     for i in range(len(state.error)):
         state.error[i] = 0.0
         for j in range(len(state.error)):

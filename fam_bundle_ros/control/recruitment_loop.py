@@ -63,7 +63,7 @@ from fam_bundle_ros.control.outer_loop import (
     STRAIN,
     uncertainty,
 )
-from fam_bundle_ros.control.rate import forget_rate, quiet_rate, rate_ahead, RateState
+from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.switching import (
@@ -319,7 +319,8 @@ def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool)
     if not settings.enabled:
         return
     learnt, table = state.adaptation, state.table
-    weight = state.outer.observer.sure if feedback else 1.0
+    observer = state.outer.observer
+    weight = (observer.sure if observer.seen >= FIRST else 0.0) if feedback else 1.0
     adaptation_step(settings, learnt, measured, dt, weight)
     n = len(table.pull)
     for unit in range(n):
@@ -365,6 +366,7 @@ def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
         limit_speed = (top_at(state.table, model, k, ahead) - top[k]) / _AHEAD
         limit_acceleration = limit_speed * state.rate.slope / moved
     demand.force, demand.rate = target.force, speed - limit_speed
+    demand.feedback = target.force - target.feed_forward
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
     demand.uncertainty = uncertainty(settings.outer, state.outer)
     doubt = doubt_of(state)

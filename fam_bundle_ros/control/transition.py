@@ -57,6 +57,7 @@ def leave_line(state: Any, unit: int, pressure: Any) -> None:
     outer.demand += jump
     outer.target.force += jump
     state.demand.force += jump
+    state.demand.feedback += jump
 
 
 def send_unit(settings: Any, state: Any, command: Any) -> None:
