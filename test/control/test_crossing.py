@@ -116,6 +116,17 @@ def test_how_fast_the_limits_come_nearer_is_known_as_soon_as_the_motion(paper_bu
     assert [demand.rate, demand.smooth_rate] == pytest.approx([rate, rate], rel=0.25)
 
 
+def test_what_feedback_adds_to_the_demand_is_told_apart(paper_bundle):
+    """Of a bundle that pulls 3 N less than its model: the reference, and the rest."""
+    controller, pressure = RecruitmentController(paper_bundle), np.array([150e3, 0.0])
+    for _ in range(100):
+        force = float(paper_bundle.force(0.12, pressure)) - 3.0
+        controller.update(4e-3, Measurement(force, 0.12, 0.0, pressure), Reference('force', 20.0))
+    demand = controller.memory.demand
+    assert demand.feedback > 2.0
+    assert demand.force - demand.feedback == pytest.approx(20.0)
+
+
 def test_limits_that_come_nearer_faster_and_faster_accelerate_the_demand(paper_bundle):
     """As the strain does, by the slope of the limit."""
     controller, dt, pressure = RecruitmentController(paper_bundle), 4e-3, np.array([150e3, 0.0])
