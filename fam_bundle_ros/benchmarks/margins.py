@@ -4,11 +4,11 @@
 Gain margin of any controller on any plant, and gains of the baselines at a given margin.
 
 The margin is measured in the closed loop, the same way for all: the controller is shown what it
-controls as deviating k times as much from where it is (the loop gain times k), and the largest k
-at which the response to a small step still settles is the gain margin. No noise; the worst of the
-operating points. A baseline is scaled to the margin asked for, or to a share of that, with each
-of several filters and ratios of gain to integral; the one with the least product of squared error
-and air on steps and a sine is taken.
+controls as deviating k times as much from where it is (the loop gain times k), and the smallest k
+from 1 on at which the response to a small step no longer settles is the gain margin. No noise;
+the worst of the operating points. A baseline is scaled to the margin asked for, or to a share of
+that, with each of several filters and ratios of gain to integral; the one with the least product
+of squared error and air on steps and a sine is taken.
 """
 
 from dataclasses import dataclass, replace
@@ -37,8 +37,8 @@ PID_PERIOD, PERIOD = 2e-3, 4e-3
 USUAL_MARGIN = 2.0
 #: ... nor for a smaller one.
 _LEAST_MARGIN = 1.25
-#: Range in which margins are looked for, and how exactly.
-_RANGE, _EXACT = (0.1, 64.0), 1.12
+#: Gains that are tried, 3 dB apart, upwards and downwards; how exactly the limit is found.
+_UP, _DOWN, _EXACT = np.geomspace(1.0, 64.0, 13), np.geomspace(1.0, 0.1, 8), 1.12
 #: s: before the step, and after it in two halves: in the second one it has to have settled.
 _BEFORE, _AFTER = 0.2, 0.9
 #: Shares of the largest force, and strain, of the operating points; steps.
@@ -162,14 +162,25 @@ def gain_margin(plant: str, units: int, controller: Controller, baseline: Baseli
     """
     Return the gain margin of a controller on a plant with a ``kind`` of reference, a factor.
 
-    At most 64. See the module for what is measured.
+    At most 64. See the module for what is measured. Gains are tried from 1 on upwards: at a much
+    larger one a loop may come to rest again, at a limit of its pressures. Below 1 where the loop
+    does not settle as it is.
     """
-    low, high = _RANGE
-    if settles(plant, units, controller, baseline, kind, high):
-        return high
+    holds = partial(settles, plant, units, controller, baseline, kind)
+    low = high = 1.0
+    if holds(1.0):
+        for high in _UP[1:].tolist():
+            if not holds(high):
+                break
+            low = high
+    else:
+        for low in _DOWN[1:].tolist():
+            if holds(low):
+                break
+            high = low
     while high / low > _EXACT:
         middle = math.sqrt(low * high)
-        if settles(plant, units, controller, baseline, kind, middle):
+        if holds(middle):
             low = middle
         else:
             high = middle

@@ -29,7 +29,7 @@ _FILTER_TIME = 0.02
 _CHANGE_TIME = 60.0
 #: So many times as slow as the loop is the lead that is learnt in it.
 _SLOWER = 10.0
-#: Share of `AdaptationConfig.rest_error` that feedback leaves in the tracking error.
+#: Share of `AdaptationConfig.rest_error` that feedback leaves.
 _LEFT = 0.3
 #: Least of `AdaptationConfig.rest_error` that is reckoned with: no force is measured better.
 _LEAST_REST = 0.01
@@ -55,8 +55,8 @@ class AdaptationConfig:
     offset_error : float, N, optional
         sd of a constant error; 2 % of the largest force by default.
     rest_error : float, N, optional
-        Largest sd of the error that gains and offset do not describe, reckoned with at first;
-        the same by default.
+        Largest sd of the error that gains and offset do not describe, reckoned with at first
+        (with feedback a third of it); the same by default.
     memory : float, s
         How long such an error stays alike.
     """
@@ -84,6 +84,8 @@ class AdaptationSettings:
     spread: list
     rest_error: float
     memory: float
+    #: Of `rest_error`, what is reckoned with at first.
+    first_share: float
 
 
 @dataclass
@@ -124,8 +126,9 @@ class AdaptationState:
     started: bool = False
 
 
-def adaptation_settings(config: AdaptationConfig, bundle: Any) -> AdaptationSettings:
-    """Return the record that `adaptation_step` takes."""
+def adaptation_settings(config: AdaptationConfig, bundle: Any, feedback: bool = True
+                        ) -> AdaptationSettings:
+    """Return the record that `adaptation_step` takes; ``feedback``: of the force loop."""
     usual = USUAL_FORCE * float(bundle.force(0.0, bundle.max_pressure))
     pull, push = config.pull_error, config.push_error
     if pull is None:
@@ -135,7 +138,7 @@ def adaptation_settings(config: AdaptationConfig, bundle: Any) -> AdaptationSett
     offset = usual if config.offset_error is None else config.offset_error
     rest = usual if config.rest_error is None else config.rest_error
     return AdaptationSettings(config.enabled, [pull] * bundle.n + [push, offset, USUAL_LAG], rest,
-                              config.memory)
+                              config.memory, _LEFT if feedback else 1.0)
 
 
 def _known_error(bundle, where):
@@ -171,8 +174,8 @@ def bound_of(settings: Any, k: int) -> float:
 def forget_adaptation(settings: Any, state: Any) -> None:
     """Go back to the model as it is in its file."""
     state.lead, state.started = 0.0, False
-    state.rest = settings.rest_error * settings.rest_error
-    state.missed = _LEFT * _LEFT * state.rest
+    state.rest = (settings.first_share * settings.rest_error) ** 2
+    state.missed = (_LEFT * settings.rest_error) ** 2
     for i in range(len(state.error)):
         state.error[i] = 0.0
         for j in range(len(state.error)):

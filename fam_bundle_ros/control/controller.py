@@ -237,4 +237,4 @@ def controller_settings(bundle: Bundle, config: ControllerConfig) -> Recruitment
         SCHEMES.index(config.scheme), config.still, config.hold_time, limit.tolist(),
         switching_settings(config.switching), outer_settings(config.outer, config.load, bundle),
         baseline_settings(config.baseline, bundle, limit),
-        adaptation_settings(config.adaptation, bundle))
+        adaptation_settings(config.adaptation, bundle, config.outer.feedback))

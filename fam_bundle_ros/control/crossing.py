@@ -95,16 +95,17 @@ def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, s
     return step >= distance
 
 
-def crossing_pace(table: Any, unit: int, rate: float, usual: float, patience: float) -> float:
+def crossing_pace(table: Any, unit: int, rate: float, spare: float, usual: float, patience: float
+                  ) -> float:
     """
     Return the pressure rate at which to bring a unit through its falling branch, Pa/s.
 
     Slowly enough for the feedback where there is time; faster where the demand (rising by
-    ``rate``, N/s) would meanwhile use up what the others can compensate. ``usual`` is
+    ``rate``, N/s) would meanwhile use up what the others have to ``spare`` (N). ``usual`` is
     `SwitchingConfig.crossing_rate`, ``patience`` (s) from `hand_over_time`.
     """
     bottom = table.bottom_pressure[unit]
-    hurry = bottom * max(rate, 0.0) / max(table.dip[unit], 0.1)
+    hurry = bottom * max(rate, 0.0) / max(spare, 0.1)
     # Never so slowly that it could not be through in time when the others are spent.
     slow = max(bottom / patience, usual / _RUSH) if patience > 0.0 else usual
     return min(max(min(usual, slow), hurry), _HURRY * usual)
@@ -146,5 +147,5 @@ def crossing_time(table: Any, unit: int, rate: float, usual: float, patience: fl
         if other != unit:
             slope = max(slope, slope_at(table, other, table.grid[other][-1]))
     compensation = table.dip[unit] / slope if slope > 0.0 else 0.0
-    pace = crossing_pace(table, unit, rate, usual, patience)
+    pace = crossing_pace(table, unit, rate, table.dip[unit], usual, patience)
     return 1.4 * max(table.bottom_pressure[unit], compensation) / pace + 2.0 * _EASE

@@ -193,6 +193,18 @@ def find_branches(table: Any, asleep: Any) -> None:
         table.crossing[k] = table.top[k] - table.dip[unit]
 
 
+def top_at(table: Any, model: Any, state: int, strain: float) -> float:
+    """Return the largest force of a state RSk at another strain than the table's, N."""
+    kept, total = table.moment.strain, 0.0
+    table.moment.strain = strain
+    for k in range(len(table.order)):
+        unit = table.order[k]
+        full = k < state and table.useful[unit] > 0
+        total += unit_force(table, model, unit, table.grid[unit][-1] if full else 0.0)
+    table.moment.strain = kept
+    return total
+
+
 def points_up_to(grid: Any, pressure: float) -> int:
     """Return how many pressures of a rising grid are at most this one, by bisection."""
     low, high = 0, len(grid)

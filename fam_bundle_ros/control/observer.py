@@ -239,6 +239,11 @@ def learn_noise(state: Any, value: float, usual: float, dt: float) -> None:
         state.change += gain * (min(change, 4.0 * state.change + usual) - state.change)
 
 
+def quick_noise(state: Any, time: float, dt: float) -> float:
+    """Return the standard deviation of what noise leaves in the quick observer's error, N."""
+    return noise_of(state) * behind_lag(low_pass(dt, time))
+
+
 def noise_of(state: Any) -> float:
     """Return the standard deviation of white noise with these second differences."""
     return state.change * math.sqrt(0.5 * math.pi / 6.0)

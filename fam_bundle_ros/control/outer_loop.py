@@ -12,6 +12,11 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
+from fam_bundle_ros.control.friction import (
+    forget_friction,
+    FrictionState,
+    turn_round,
+)
 from fam_bundle_ros.control.observer import (
     begin_at,
     behind_lag,
@@ -114,6 +119,8 @@ class OuterState:
     ----------
     observer : ObserverState
         What the model leaves out.
+    friction : FrictionState
+        What of it depends on where a strain moves to.
     late : float, N
         Force error, filtered.
     integral, kept : float, N
@@ -153,6 +160,7 @@ class OuterState:
     started: bool = False
     taking_over: bool = False
     observer: ObserverState = field(default_factory=ObserverState)
+    friction: FrictionState = field(default_factory=FrictionState)
     target: Target = field(default_factory=Target)
 
     @property
@@ -195,6 +203,7 @@ def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float)
 def forget_outer(state: Any) -> None:
     """Forget what was learnt."""
     forget_observer(state.observer)
+    forget_friction(state.friction)
     state.late = state.integral = state.kept = state.filtered = 0.0
     state.taken = state.fade = state.demand = 0.0
     state.noise = state.wanted = state.jitter = 0.0
@@ -252,6 +261,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
+        state.friction.heading, state.friction.reckoned = 0, state.observer.quick
     target = state.target
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
     if kind == FORCE:
@@ -345,6 +355,9 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             quick = max(stiffness / (_LAGS * lag), integral)
             integral += held_back(error, rate, measurement.strain_rate) * (quick - integral)
         integrate_error(state, integral * error * dt, saturated)
+        if integral > 0.0:
+            # At a turn of the reference it takes what friction will take.
+            state.integral -= turn_round(state.friction, rate, state.observer.quick, state.lag, dt)
         # The observer's slow part would be a second integral, which hunts against friction.
         wanted = state.integral + gain * error + damping * (rate - measurement.strain_rate)
         still = quiet_band(settings, state, wanted, dt)

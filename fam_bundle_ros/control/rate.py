@@ -27,8 +27,8 @@ _BEGIN, _END, _BACK = 12.0, 1.25, 4.0
 _TURN = 0.04
 #: Up to this window (s) a quick rate, which does not overshoot a stop, must say so by so many sd.
 _SHORT, _SURE = 0.02, 2.0
-#: Nothing is believed before so many readings.
-_FIRST = 10
+#: Nothing is believed before so many readings: their noise is not known.
+FIRST = 10
 #: Least noise of a strain reading; a change that may be noise, whatever was seen before.
 _LEAST, _USUAL = 1e-7, 1e-4
 
@@ -110,7 +110,7 @@ def quiet_rate(state: Any, strain: float, dt: float) -> float:
     noise = max(noise_of(state), _LEAST)
     believe_window(state, strain, noise, dt)
     state.reading = strain
-    if state.seen < _FIRST:
+    if state.seen < FIRST:
         return 0.0
     find_direction(state, noise, dt)
     return state.rate if state.direction != 0 else 0.0

@@ -38,7 +38,9 @@ from fam_bundle_ros.control.curves import (
     line_at,
     slope_at,
     tabulate,
+    top_at,
 )
+from fam_bundle_ros.control.friction import learn_friction
 from fam_bundle_ros.control.heading import (
     follow_heading,
     heading_now,
@@ -47,7 +49,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
-from fam_bundle_ros.control.observer import hand_over
+from fam_bundle_ros.control.observer import hand_over, quick_noise
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -61,7 +63,7 @@ from fam_bundle_ros.control.outer_loop import (
     STRAIN,
     uncertainty,
 )
-from fam_bundle_ros.control.rate import forget_rate, quiet_rate, rate_ahead, RateState
+from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.switching import (
@@ -74,8 +76,8 @@ from fam_bundle_ros.control.transition import patience, switch_units
 
 #: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
 _STEP = 2.0
-#: rad/s: bandwidths at which rates are worked out, of clean and of noisy signals.
-_BRISK, _SLOW = 80.0, 12.0
+#: rad/s: bandwidth at which rates are worked out; s: over which those of the limits are.
+_BRISK, _AHEAD = 80.0, 0.01
 #: Pa: a pressure that is further from its setpoint for long is on its way or has met a fault.
 _LOOSE = 5e3
 
@@ -251,6 +253,8 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     outer_step(settings.outer, outer, measurement, believed,
                outer.demand - state.shares.missing, reach_of(table, command.pressure), kind, value,
                rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+    learn_friction(outer.friction, state.rate.direction, outer.observer.quick,
+                   quick_noise(outer.observer, outer.lag, dt), outer.lag, dt)
     # What a hand-over makes of the error is no lateness.
     if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
@@ -267,7 +271,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     tabulate(table, model)
     find_branches(table, state.asleep)
     if settings.scheme != ALL_ON:
-        see_demand(settings, state, kind, rate, dt)
+        see_demand(settings, model, state, kind, rate, dt)
         switch_units(settings, state, dt, command)
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
@@ -315,7 +319,8 @@ def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool)
     if not settings.enabled:
         return
     learnt, table = state.adaptation, state.table
-    weight = state.outer.observer.sure if feedback else 1.0
+    observer = state.outer.observer
+    weight = (observer.sure if observer.seen >= FIRST else 0.0) if feedback else 1.0
     adaptation_step(settings, learnt, measured, dt, weight)
     n = len(table.pull)
     for unit in range(n):
@@ -329,7 +334,7 @@ def keep_memory(model: Any) -> None:
             model.memory[unit][k] = model.next[unit][k]
 
 
-def see_demand(settings: Any, state: Any, kind: int, rate: float, dt: float) -> None:
+def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt: float) -> None:
     """Work out what the state machine sees: demand, and how it moves against the limits."""
     wanted, limits, top = state.wanted, state.limits, state.table.top
     target = state.outer.target
@@ -347,25 +352,27 @@ def see_demand(settings: Any, state: Any, kind: int, rate: float, dt: float) -> 
     else:
         follow_heading(wanted, 0, target.feed_forward, dt, _BRISK)
         for k in range(len(top)):
-            follow_heading(limits, k, top[k], dt, _BRISK if clean else _SLOW)
+            follow_heading(limits, k, top[k], dt, _BRISK)
     k = min(state.machine.state, len(top) - 2)
     demand = state.demand
     speed, acceleration, jerk = heading_now(wanted, 0, _BRISK)
     limit_speed, limit_acceleration, limit_jerk = 0.0, 0.0, 0.0
+    moved = state.table.moment.strain_rate
     if clean:
         limit_speed, limit_acceleration, limit_jerk = heading_now(limits, k, _BRISK)
-    elif state.rate.direction != 0:
-        # At rest limits move by noise, and by what is learnt, which moves the demand alike.
-        limit_speed, limit_acceleration = limits.rate[k], limits.acceleration[k]
+    elif moved != 0.0:
+        # What noise and learning make of the limits is no motion of them: it goes by the strain's.
+        ahead = state.table.moment.strain + moved * _AHEAD
+        limit_speed = (top_at(state.table, model, k, ahead) - top[k]) / _AHEAD
+        limit_acceleration = limit_speed * state.rate.slope / moved
     demand.force, demand.rate = target.force, speed - limit_speed
+    demand.feedback = target.force - target.feed_forward
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
     demand.uncertainty = uncertainty(settings.outer, state.outer)
     doubt = doubt_of(state)
     demand.patience = patience(settings, state, doubt, dt)
     demand.doubt = doubt if state.crossings.count > 0 else 0.0
-    demand.smooth_rate = wanted.rate[0]
-    if clean or state.rate.direction != 0:
-        demand.smooth_rate -= limits.rate[k]
+    demand.smooth_rate = wanted.rate[0] - (limits.rate[k] if clean else limit_speed)
 
 
 # --- output --------------------------------------------------------------------------------------

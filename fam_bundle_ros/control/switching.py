@@ -66,6 +66,8 @@ class Demand:
         What a hand-over from unit to unit takes where there is time.
     doubt : float, N
         Of the demand while a unit is on its way: push-back that is crossed, and bias.
+    feedback : float, N
+        Part of the demand that feedback has added.
     smooth_rate : float, N/s
         The rate as the filter shows it, late by its delay: looking ahead over a hand-over would
         amplify the noise of one that makes up for it.
@@ -78,6 +80,7 @@ class Demand:
     uncertainty: float = 0.0
     patience: float = 0.0
     doubt: float = 0.0
+    feedback: float = 0.0
     smooth_rate: float = 0.0
 
 
@@ -123,6 +126,8 @@ class MachineState:
     ahead : float, N
         How far below the release level the demand was when the last unit was recruited ahead of
         need: a demand that then stops, and never fell, releases nothing.
+    feedback : float, N
+        What feedback had added to the demand when a unit was recruited last.
     wary : bool
         A unit was recruited for a demand that then turned back: look ahead no more.
     """
@@ -135,6 +140,7 @@ class MachineState:
     calm: float = 0.0
     absent: float = 0.0
     ahead: float = 0.0
+    feedback: float = 0.0
     wary: bool = False
     margins: Margins = field(default_factory=Margins)
 
@@ -144,7 +150,7 @@ def start_machine(machine: Any, state: int) -> None:
     for k in range(len(machine.needed)):
         machine.reserve[k], machine.needed[k] = 0.0, 1
     machine.state, machine.direction, machine.since = state, 0, math.inf
-    machine.calm = machine.absent = machine.ahead = 0.0
+    machine.calm = machine.absent = machine.ahead = machine.feedback = 0.0
     machine.wary = False
 
 
@@ -185,6 +191,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             least = demand.force - band - min(_LEAD * max(demand.rate, 0.0), width)
             machine.ahead = max(
                 release_level(settings, table, state + 1, margin, band) - least, 0.0)
+            machine.feedback = demand.feedback
             switch(machine, 1)
             return
     # Margins are for doubts of the model; a force that the state cannot give is beyond doubt.
@@ -290,7 +297,9 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
         return AT_REST
     if machine.absent >= settings.absence_time:
         return ABSENT
-    if demand.rate < 0.0 and machine.needed[last] == 0:
+    # What feedback takes away since, as friction turns round, is no turn of what is asked.
+    asked = demand.force - demand.feedback + machine.feedback
+    if demand.rate < 0.0 and machine.needed[last] == 0 and asked < release:
         return TURNED_BACK
     held = table.bottom_pressure[table.order[last]]
     if demand.rate < 0.0 and held < settings.worth * machine.reserve[last]:

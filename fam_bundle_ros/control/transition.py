@@ -6,7 +6,7 @@ from typing import Any
 
 from fam_bundle_ros.control.crossing import begin_crossing, crossing_pace, hand_over_time
 from fam_bundle_ros.control.curves import force_at, line_at
-from fam_bundle_ros.control.observer import behind_lag, low_pass, noise_of, shift
+from fam_bundle_ros.control.observer import quick_noise, shift
 from fam_bundle_ros.control.reasons import BEYOND, UNREACHABLE
 from fam_bundle_ros.control.spread import TOLERANCE
 from fam_bundle_ros.control.switching import REVERSAL_AWARE, switch_step
@@ -15,7 +15,7 @@ from fam_bundle_ros.control.switching import REVERSAL_AWARE, switch_step
 def patience(settings: Any, state: Any, doubt: float, dt: float) -> float:
     """Return what a hand-over takes where there is time, s: at most the dwell time."""
     outer = state.outer
-    noise = noise_of(outer.observer) * behind_lag(low_pass(dt, outer.lag))
+    noise = quick_noise(outer.observer, outer.lag, dt)
     time = hand_over_time(doubt, max(noise, TOLERANCE), outer.lag)
     return min(time, settings.switching.dwell)
 
@@ -57,6 +57,7 @@ def leave_line(state: Any, unit: int, pressure: Any) -> None:
     outer.demand += jump
     outer.target.force += jump
     state.demand.force += jump
+    state.demand.feedback += jump
 
 
 def send_unit(settings: Any, state: Any, command: Any) -> None:
@@ -69,6 +70,10 @@ def send_unit(settings: Any, state: Any, command: Any) -> None:
     why = command.reason.why
     # A demand that is out of reach now has no time.
     patient = 0.0 if why == BEYOND or why == UNREACHABLE else state.demand.patience
-    pace = crossing_pace(state.table, unit, abs(state.demand.rate),
+    # On the way up, what the push-back will leave of the others' room.
+    spare = state.table.dip[unit]
+    if up:
+        spare = min(state.table.crossing[now - 1] - state.demand.force, spare)
+    pace = crossing_pace(state.table, unit, abs(state.demand.rate), spare,
                          settings.switching.crossing_rate, patient)
     begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)

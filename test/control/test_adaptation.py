@@ -58,12 +58,14 @@ def test_gains_of_each_unit_and_of_the_push_back_are_found(paper_bundle):
     assert found[3] == pytest.approx(1.0, abs=0.5)
 
 
-def test_gains_that_describe_all_of_the_error_are_found_within_seconds(paper_bundle):
+@pytest.mark.parametrize(('seconds', 'left'), [(3.0, 0.035), (10.0, 0.01)])
+def test_gains_that_describe_all_of_the_error_are_found_within_seconds(
+        paper_bundle, seconds, left):
     """Of 10 % error of one unit nine tenths are found in 10 s when there is nothing else."""
-    forces, noise = exercise(10.0), np.random.default_rng(2)
+    forces, noise = exercise(seconds), np.random.default_rng(2)
     true = 0.9 * forces[:, 0] + forces[:, 1]
     found = Learner(paper_bundle).run(forces, true + 0.5 * noise.standard_normal(len(true)))
-    assert found[0] == pytest.approx(-0.10, abs=0.01)
+    assert found[0] == pytest.approx(-0.10, abs=left)
     assert abs(found[1]) < 0.02
 
 
@@ -182,8 +184,8 @@ def test_a_controller_whose_model_is_right_learns_nothing_from_noise(
         pressure = controller.update(DT, seen, Reference('force', 15.0 + 0.04 * k, 10.0)).pressure
     found = np.abs(controller.memory.adaptation.error)
     assert (found[0] > 0.02) == learns
-    # N: a hundredth of the noise, from the first samples, whose noise is not known yet.
-    assert (found[3] > 0.01) == learns
+    # The first samples, whose noise is not known yet, teach nothing either.
+    assert (found[3] > 0.0) == learns
 
 
 def test_adaptation_is_used_in_the_inverse_and_may_be_off(paper_bundle):

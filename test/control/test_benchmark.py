@@ -9,6 +9,7 @@ import json
 import numpy as np
 import pytest
 
+from fam_bundle_ros.benchmarks import margins
 from fam_bundle_ros.benchmarks.control import Case, cases_of, run_benchmark
 from fam_bundle_ros.benchmarks.control_metrics import chatters, compared, held_air, row_of
 from fam_bundle_ros.benchmarks.control_summary import summarise
@@ -147,6 +148,17 @@ def test_twice_the_gain_is_half_the_margin():
     usual = BaselineConfig(force_gain=0.1, force_integral=10.0)
     assert settles('delay_10', 2, PI, usual, 'force', 0.7 * margins[0])
     assert not settles('delay_10', 2, PI, usual, 'force', 1.5 * margins[0])
+
+
+@pytest.mark.parametrize(('unsettled', 'margin'), [
+    ((5.0, 20.0), 5.0), ((0.3, 0.7), 64.0), ((0.3, 20.0), 0.3), ((100.0, 200.0), 64.0)])
+def test_the_margin_ends_at_the_first_gain_above_today_s_that_does_not_settle(
+        unsettled, margin, monkeypatch):
+    """A loop that comes to rest at its limits, at a far larger gain, has no larger margin."""
+    low, high = unsettled
+    monkeypatch.setattr(margins, 'settles', lambda *case: not low <= case[-1] <= high)
+    assert gain_margin('nominal', 2, PI, BaselineConfig(), 'force') == pytest.approx(
+        margin, rel=0.12)
 
 
 def test_dead_time_costs_margin():

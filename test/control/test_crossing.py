@@ -19,12 +19,14 @@ from fam_bundle_ros.control.crossing import (
     is_crossing,
     no_crossings,
 )
-from fam_bundle_ros.control.curves import curve_table
+from fam_bundle_ros.control.curves import curve_table, top_at
 from fam_bundle_ros.control.inverse import Shares
 from fam_bundle_ros.control.observer import learn_noise
+from fam_bundle_ros.control.reasons import AHEAD
 from fam_bundle_ros.control.recruitment_loop import recruitment_state
 from fam_bundle_ros.control.spread import BATCH, ORDERLY, ratio_of
-from fam_bundle_ros.control.transition import patience
+from fam_bundle_ros.control.switching import Demand
+from fam_bundle_ros.control.transition import patience, send_unit
 
 PACE, DT = 2e6, 1e-3
 
@@ -77,20 +79,92 @@ def test_crossings_keep_their_order():
 def test_the_pace_is_the_usual_one_and_a_hurry_at_most_four_times_as_fast(made):
     """A demand that rises by the dip while the unit fills sets the pace."""
     table = made()
-    assert crossing_pace(table, 1, -50.0, PACE, 0.0) == PACE
-    assert crossing_pace(table, 1, 400.0, PACE, 0.0) == pytest.approx(50e3 * 400.0 / 4.0)
-    assert crossing_pace(table, 1, 1e6, PACE, 0.0) == 4.0 * PACE
+    assert crossing_pace(table, 1, -50.0, 4.0, PACE, 0.0) == PACE
+    assert crossing_pace(table, 1, 400.0, 4.0, PACE, 0.0) == pytest.approx(50e3 * 400.0 / 4.0)
+    assert crossing_pace(table, 1, 1e6, 4.0, PACE, 0.0) == 4.0 * PACE
+
+
+@pytest.mark.parametrize(('room', 'pace'), [
+    (9.0, 50e3 * 200.0 / 4.0),    # more than the dip twice over: as planned
+    (6.0, 50e3 * 200.0 / 2.0),    # 2 N are left beside the dip of 4 N, for 10 ms
+    (3.0, 4.0 * PACE),            # less than the dip
+])
+def test_a_unit_that_comes_late_crosses_within_the_room_that_is_left(made, room, pace):
+    """The demand rises by 200 N/s; what the others lack for the dip they lack for less long."""
+    table = made()
+    state = SimpleNamespace(
+        table=table, crossings=no_crossings(2), machine=SimpleNamespace(state=2, direction=1),
+        demand=Demand(force=table.top[1] - room, rate=200.0, patience=1.0))
+    assert table.dip[1] == pytest.approx(4.0)
+    send_unit(SimpleNamespace(switching=SimpleNamespace(crossing_rate=PACE)), state,
+              SimpleNamespace(pressure=[200e3, 0.0], reason=SimpleNamespace(why=AHEAD)))
+    assert state.crossings.pace[1] == pytest.approx(pace)
+
+
+@pytest.mark.parametrize('speed', [0.07, -0.07])
+def test_how_fast_the_limits_come_nearer_is_known_as_soon_as_the_motion(paper_bundle, speed):
+    """A held force and a strain that begins to move: within 60 ms, not a quarter of a second."""
+    controller, dt, pressure = RecruitmentController(paper_bundle), 4e-3, np.array([150e3, 0.0])
+    for k in range(265):
+        strain = 0.12 + speed * max(k - 250, 0) * dt
+        force = float(paper_bundle.force(strain, pressure))
+        controller.update(dt, Measurement(force, strain, 0.0, pressure), Reference('force', 20.0))
+    full = np.array([paper_bundle.max_pressure[0], 0.0])
+    nearer = paper_bundle.force(strain, full) - paper_bundle.force(strain + 0.01 * speed, full)
+    demand, rate = controller.memory.demand, float(nearer) / 0.01
+    assert controller.state == 1
+    assert [demand.rate, demand.smooth_rate] == pytest.approx([rate, rate], rel=0.25)
+
+
+def test_what_feedback_adds_to_the_demand_is_told_apart(paper_bundle):
+    """Of a bundle that pulls 3 N less than its model: the reference, and the rest."""
+    controller, pressure = RecruitmentController(paper_bundle), np.array([150e3, 0.0])
+    for _ in range(100):
+        force = float(paper_bundle.force(0.12, pressure)) - 3.0
+        controller.update(4e-3, Measurement(force, 0.12, 0.0, pressure), Reference('force', 20.0))
+    demand = controller.memory.demand
+    assert demand.feedback > 2.0
+    assert demand.force - demand.feedback == pytest.approx(20.0)
+
+
+def test_limits_that_come_nearer_faster_and_faster_accelerate_the_demand(paper_bundle):
+    """As the strain does, by the slope of the limit."""
+    controller, dt, pressure = RecruitmentController(paper_bundle), 4e-3, np.array([150e3, 0.0])
+    for k in range(350):
+        strain = 0.12 + 0.2 * (max(k - 250, 0) * dt) ** 2
+        force = float(paper_bundle.force(strain, pressure))
+        controller.update(dt, Measurement(force, strain, 0.0, pressure), Reference('force', 20.0))
+    full = np.array([paper_bundle.max_pressure[0], 0.0])
+    slope = (paper_bundle.force(strain + 1e-3, full) - paper_bundle.force(strain, full)) / 1e-3
+    assert controller.memory.demand.acceleration == pytest.approx(-0.4 * float(slope), rel=0.3)
+
+
+@pytest.mark.parametrize('strain', [0.12, 0.2, 0.27])
+def test_the_largest_force_of_a_state_is_that_of_its_table_at_any_strain(paper_bundle, strain):
+    """Also where a unit is of no use; and the table stays where it is."""
+    controller, dt, pressure = RecruitmentController(paper_bundle), 4e-3, np.zeros(2)
+    tops = {}
+    for now in (strain, strain - 0.01):
+        force = float(paper_bundle.force(now, pressure))
+        controller.reset()
+        controller.update(dt, Measurement(force, now, 0.0, pressure), Reference('force', 5.0))
+        table = controller.memory.table
+        tops[now] = [top_at(table, controller.model, k, strain) for k in range(3)]
+        assert table.moment.strain == now
+        if now == strain:
+            assert tops[now] == pytest.approx(table.top)
+    assert tops[strain] == pytest.approx(tops[strain - 0.01])
 
 
 def test_a_unit_is_brought_in_slowly_where_there_is_time(made):
     """In the time that the feedback needs; not slower than a rising demand allows."""
     table = made()
-    assert crossing_pace(table, 1, 0.0, PACE, 0.2) == pytest.approx(50e3 / 0.2)
-    assert crossing_pace(table, 1, 40.0, PACE, 0.2) == pytest.approx(50e3 * 40.0 / 4.0)
-    assert crossing_pace(table, 1, 0.0, PACE, 1e-3) == PACE
+    assert crossing_pace(table, 1, 0.0, 4.0, PACE, 0.2) == pytest.approx(50e3 / 0.2)
+    assert crossing_pace(table, 1, 40.0, 4.0, PACE, 0.2) == pytest.approx(50e3 * 40.0 / 4.0)
+    assert crossing_pace(table, 1, 0.0, 4.0, PACE, 1e-3) == PACE
     # A unit without a falling branch has nothing to be careful with.
     table.bottom_pressure[1] = 0.0
-    assert crossing_pace(table, 1, 0.0, PACE, 0.2) == PACE / 20.0
+    assert crossing_pace(table, 1, 0.0, 4.0, PACE, 0.2) == PACE / 20.0
     table.bottom_pressure[1] = 50e3
     # Recruitment looks as far ahead as that takes.
     assert crossing_time(table, 1, 0.0, PACE, 0.2) == pytest.approx(1.4 * 0.2 + 0.02)

@@ -150,7 +150,7 @@ def test_friction_in_the_model_still_helps_in_motion(paper_bundle):
     assert errors[1] < 0.4 * errors[0]
 
 
-@pytest.mark.parametrize(('speed', 'worse'), [(0.002, 1.15), (0.004, 1.0), (0.02, 0.9)])
+@pytest.mark.parametrize(('speed', 'worse'), [(0.002, 1.15), (0.004, 1.0), (0.02, 0.91)])
 def test_friction_in_the_model_pays_unless_creeping(paper_bundle, speed, worse):
     """
     To and fro with sudden reversals: better than without it, where the direction can be told.

@@ -312,10 +312,11 @@ def test_noise_of_the_strain_recruits_nothing(paper_bundle):
     """What RS1 can give wavers with a noisy strain; a demand close to it stays in RS1."""
     bench, random = Bench(paper_bundle, 0.16, outer=OPEN), np.random.default_rng(1)
     level = bench.curves.crossing[1] - 1.0
-    bench.hold(level, 1.0)
-    for strain in random.normal(0.16, 2e-4, 1000):
+    for k, strain in enumerate(random.normal(0.16, 2e-4, 1500)):
         bench.strain = float(strain)
-        assert bench.update(level).state == 1
+        state = bench.update(level).state
+        # On the first tick it is in RS0.
+        assert state == 1 or k == 0
 
 
 def test_all_on_stays_all_on(paper_bundle):
@@ -357,7 +358,7 @@ def test_what_is_learnt_at_rest_is_no_demand_that_rises(paper_bundle):
     """RS2's limit comes down as MU2 is found to be weak; the demand comes down with it."""
     bench, rates, limits = Bench(paper_bundle, 0.16), [], []
     bench.bundle = paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.2)
-    bench.hold(70.0, 1.0)
+    bench.hold(70.0, 0.3)
     for _ in range(400):
         limits.append(bench.update(70.0).margins.limit)
         rates.append(bench.controller.memory.demand.rate)

@@ -25,11 +25,12 @@ class Machine:
             'margin': 1.0, 'hysteresis': 2.0, 'dwell': 0.0, **config}))
         self.machine.reset(state)
 
-    def tell(self, force, rate=0.0, acceleration=0.0, duration=DT):
+    def tell(self, force, rate=0.0, acceleration=0.0, duration=DT, feedback=0.0):
         """Return the time of the first switch (nan for none) and why."""
         for k in range(max(round(duration / DT), 1)):
             why = self.machine.update(DT, SimpleNamespace(table=self.table),
-                                      Demand(force, rate, acceleration, smooth_rate=rate))
+                                      Demand(force, rate, acceleration, smooth_rate=rate,
+                                             feedback=feedback))
             if why:
                 return (k + 1) * DT, why
         return float('nan'), ''
@@ -112,6 +113,14 @@ def test_a_demand_that_turned_back_is_looked_at_with_care(made):
     assert 'turned back before it was needed' in machine.tell(236.0, -100.0)[1]
     assert machine.tell(240.0, 100.0, duration=1.0)[1] == ''
     assert 'by more than' in machine.tell(247.5, 100.0)[1]
+
+
+def test_what_feedback_takes_away_is_no_demand_that_turned_back(made):
+    """Friction that turns round takes 4 N of the demand; the reference has to go back itself."""
+    machine = Machine(made(), 1)
+    assert 'rising' in machine.tell(240.0, 100.0, feedback=5.0)[1]
+    assert machine.tell(236.0, -100.0, feedback=1.0)[1] == ''
+    assert 'turned back before it was needed' in machine.tell(232.0, -100.0, feedback=1.0)[1]
 
 
 def test_a_demand_that_stops_where_it_was_recruited_for_releases_nothing(made):
