@@ -282,8 +282,8 @@ def make_hidden(name: str, form: str, rng: np.random.Generator, size: float = 1.
         m = u(0.05, 0.15) * rng.choice([-1, 1])
         return Hidden(name, form, {'mu2': m}, area=lambda unit: 1 + m if unit else 1.0)
     if name == 'bladder_elasticity':
-        if other:  # Fung
-            k, b = u(120, 200), u(-3.0, -1.0)
+        if other:  # Fung 1967: stiffens; with b < 0 it is the formula of `saturating_sheath`
+            k, b = u(120, 200), u(1.0, 3.0)
             return Hidden(name, form, rig={'bladder': lambda e: k / b * (1 - np.exp(b * e))})
         factor, ratio = u(0.7, 1.3), u(0.6, 1.5)
         return Hidden(name, form, {'c10': factor * C10, 'c01': ratio * factor * C01},
