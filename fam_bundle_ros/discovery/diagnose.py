@@ -104,11 +104,13 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         chosen, found = _believed(search, choices)
     physics = fitter.without_discrepancy(chosen)
     base = fitter.without_discrepancy(search.null) if found else physics
-    chosen, found, physics, held = _that_foretell(search, chosen, found, physics)
+    likely = bool(found)
+    chosen, found, physics, held = _that_foretell(search, chosen, found, physics,
+                                                  choices.inclusion)
     if offsets is None and not data.is_static:
         offsets = _offsets_left(cells, physics)
     finding = judge(fitter, search.null, base, chosen, physics, found, held,
-                    _artefacts(offsets, comparison.noise), choices.inclusion)
+                    _artefacts(offsets, comparison.noise), choices.inclusion, likely)
     if finding.verdict == 'unexplained' and found:
         held = held_out(fitter, base, search.null)
     answer = found if finding.named else []
@@ -205,8 +207,7 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
     squares = [squares_of_folds(fitter, physics if fit is chosen else
                                 fitter.without_discrepancy(fit)) for fit in tried]
     least = min(squares, key=np.sum)
-    best = next(fit for fit, each in zip(tried, squares) if np.sum(each - least)
-                <= np.sqrt(len(least)) * np.std(each - least, ddof=len(least) > 1))
+    best = next(fit for fit, each in zip(tried, squares) if _as_good(each, least))
     order = changes(search.options, best.names)
     return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
 
@@ -232,26 +233,39 @@ def _believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
 
 
 def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit,
-                   ) -> tuple[Fit, list[Change], Fit, HeldOut]:
+                   inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
     """
     Return the chosen set without effects that foretell nothing on rows not seen.
 
-    Those are effects without which physics does as well there, alone and with a discrepancy.
+    Those are effects without which physics does as well there. Where structure is left, evidence
+    measures it in units of the noise, so that an effect which imitates a hundredth of the misfit
+    gains tens of log units: there an effect stays, the last one too, only if it foretells better
+    by more than a standard error over the folds. Where none is left, an effect goes only if
+    nothing is worse without it, with a discrepancy too.
     """
     fitter = search.fitter
     held = held_out(fitter, physics, chosen)
-    while len(found) > 1:
+    left = what_is_left(fitter.covariance, chosen, physics)
+    structured = is_structured(fitter.cells, need_of_structure(fitter, chosen), left, inclusion)
+    squares = squares_of_folds(fitter, physics)
+    while len(found) > (not structured):
         for change in reversed(found):
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
-            error = held_out(fitter, without, fewer)
-            if error.is_no_worse(held):
+            error, each = held_out(fitter, without, fewer), squares_of_folds(fitter, without)
+            if _as_good(each, squares) if structured else error.is_no_worse(held):
                 found = [other for other in found if other is not change]
-                chosen, physics, held = fewer, without, error
+                chosen, physics, held, squares = fewer, without, error, each
                 break
         else:
             break
     return chosen, found, physics, held
+
+
+def _as_good(squares: np.ndarray, best: np.ndarray) -> bool:
+    """Return whether mean squares of folds are within a standard error of others (Breiman)."""
+    more = squares - best
+    return bool(more.sum() <= np.sqrt(len(more)) * np.std(more, ddof=len(more) > 1))
 
 
 def _written(model: Bundle, fit: Fit, told: list) -> Bundle:

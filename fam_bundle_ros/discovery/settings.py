@@ -93,5 +93,6 @@ VISIBLE = 0.5
 #: So many times the structure that is normal cannot be left by an explanation: its prior
 #: probability is exp(-10).
 ABNORMAL = 10.0
-#: Share of the need for a discrepancy (log units) that effects must take to be an explanation.
+#: Share of the error's mean square that effects must take to be an explanation. Not of its
+#: evidence: that would ask more of the same effects the better the load cell is.
 MOST_OF_IT = 0.5

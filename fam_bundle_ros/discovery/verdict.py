@@ -5,7 +5,8 @@ Adequate, recalibrate, missing effect, partial or unexplained: what a search amo
 
 The verdict goes by what is left: how large the discrepancy is before and after, and whether it is
 needed. Two kinds of doubt stand beside it. Some refuse a name: no better than a plane on rows
-not seen, or a value that cannot be. Others warn: then it is `partial` at most.
+not seen, a value that cannot be, or one that is hard to believe where structure stays. Others
+warn: then it is `partial` at most.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import catalogue
 
-#: Geometry further than this from its nominal value is said.
+#: Widths of the prior: geometry that is further off is said; a constant of a law that is further
+#: off where structure stays refuses a name.
 _TOLERANCES = 3.0
 #: Belief is never above this while there is a doubt.
 DOUBTED = 0.9
@@ -93,6 +95,18 @@ def _far(physics: Fit) -> list[str]:
             if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES]
 
 
+def _bent(physics: Fit) -> tuple[str, ...]:
+    """
+    Return in words which effects have values that their priors all but exclude.
+
+    Where structure is left all the same, a law was bent to what it is not.
+    """
+    return tuple(f'{prior.key} would be {u:+.1f} widths of its prior off, and structure stays'
+                 for prior, u in zip(physics.priors, physics.u)
+                 if not prior.key.startswith('geometry.') and abs(u) > _TOLERANCES
+                 and not _is_off(prior, u))
+
+
 def _impossible(physics: Fit) -> list[str]:
     """Return in words which of the model's own parameters are at a bound."""
     return [f'{prior.key} would have to be at the end of what is possible'
@@ -135,7 +149,7 @@ class Finding:
     before, after : Left
         Discrepancy of the model as given (recalibrated) and of the chosen set.
     explained : float
-        Share of the need for a discrepancy (log units of evidence) that the changes take.
+        Share of the error's mean square, recalibrated, that the changes take.
     refusals, warnings : tuple of str
         Doubts in words; refusals are why effects that fit are no answer.
     artefacts : tuple of Artefact
@@ -158,7 +172,7 @@ class Finding:
 
 def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
           found: Sequence[Change], held: HeldOut, artefacts: Sequence[Artefact],
-          inclusion: float) -> Finding:
+          inclusion: float, likely: bool) -> Finding:
     """
     Return the verdict.
 
@@ -175,16 +189,20 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     artefacts : sequence of Artefact
     inclusion : float
         Prior probability that something is missing.
+    likely : bool
+        Whether the evidence names something, which may have foretold nothing on rows not seen:
+        then no effect is the answer, but nor is that none is missing.
     """
     cells = fitter.cells
     before = what_is_left(fitter.covariance, null, base)
     after = what_is_left(fitter.covariance, chosen, physics)
-    needed = need_of_structure(fitter, null)
-    still = need_of_structure(fitter, chosen) if found else needed
-    explained = _explained(before, base, physics, needed, still)
+    still = need_of_structure(fitter, chosen)
+    explained = _explained(base, physics) if found else 0.0
     structured = is_structured(cells, still, after, inclusion)
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held, _worth_of_pressure(fitter, null)) if found else ()
+    if found and structured:
+        refusals = (*refusals, *_bent(physics))
     warnings = (*_warnings(physics, held), *_alike_at_one_rate(cells, found)) if found else ()
     lost = chosen.posterior - null.posterior
     if found and lost < settings.LEAST_LOSS:
@@ -192,7 +210,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
                     f'{np.exp(lost):.2g} to 1)')
     warnings = (*warnings, *(artefact.words for artefact in artefacts))
     if not found:
-        if artefacts or structured:
+        if artefacts or structured or likely:
             verdict = 'unexplained'
         else:
             verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
@@ -226,18 +244,14 @@ def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bo
                 and left.smooth > settings.VISIBLE * cells.noise)
 
 
-def _explained(before: Left, base: Fit, physics: Fit, needed: float, still: float) -> float:
+def _explained(base: Fit, physics: Fit) -> float:
     """
-    Return the share of the error's structure that the changes take.
+    Return the share of the error's mean square that the changes take.
 
-    By the need for a discrepancy; where that cannot take most of the error itself (of memory, or
-    of the rate of the pressure, which are no functions of strain, pressure and direction), by
-    the mean square.
+    Not of the need for a discrepancy in log units: that goes with the logarithm of error over
+    noise, so that with a better load cell the same effect on the same muscle would explain less.
     """
-    total = float(np.mean(base.residual ** 2))
-    if before.smooth ** 2 < 0.5 * total:
-        return 1.0 - float(np.mean(physics.residual ** 2)) / total
-    return 1.0 - still / max(needed, 1e-9)
+    return 1.0 - float(np.mean(physics.residual ** 2) / np.mean(base.residual ** 2))
 
 
 def _moved(fitter: Fitter, null: Fit) -> bool:

@@ -14,6 +14,7 @@ from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.protocol import Protocol
+from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.experiment import best_experiment, finer, plain, without_force
@@ -92,6 +93,9 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
                  f'{finding.after.total:.2g} N of it are left to a smooth discrepancy')
         if finding.warnings:
             text += '; doubtful: ' + '; '.join(finding.warnings)
+    elif finding.after.rough > settings.VISIBLE * error['best']:
+        text += (f' explain{s} the error down to {error["best"]:.3g} N: more than the noise, but '
+                 f'without a smooth shape and below {settings.SMALL:.0%} of the largest force')
     else:
         text += f' explain{s} the error down to the noise'
     if ties or trades:

@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery.cells import reduce, unknown_direction
-from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
+from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper, matern_5_2
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import head, Options, shapes_of
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
@@ -253,6 +253,20 @@ def test_what_is_reached_lacks_half_of_the_misfit_that_another_place_would_save(
     misfit = np.sum((stacked[:, :2] @ away - stacked[:, 2]) ** 2)
     assert lacks(best) == pytest.approx(0.0, abs=1e-9)
     assert lacks(away) == pytest.approx(0.5 * (misfit - least))
+
+
+def test_a_length_is_found_though_its_amplitude_has_to_follow(problem):
+    """Data tell amplitude over length^(5/2) of a Matern 5/2: no place along that is better."""
+    cells, _, fitter = problem
+    wave = 10.0 * np.sin(6.0 * cells.strain / np.ptp(cells.strain) + cells.pressure[:, 0] / 1.4e5)
+    given = wave, np.zeros((len(cells), 0)), np.zeros(0), ()
+    h, value = fitter.best_hyper(fitter.first_hyper(), *given)
+    along = [h._replace(even=h.even - more * step, **{axis: getattr(h, axis) + step})
+             for axis in ('strain', 'pressure') for step in (-1, 1) for more in (1, 2, 3)]
+    there = [fitter.log_evidence(q, *given) for q in along
+             if all(0 <= place < size for place, size in zip(q, GRID))]
+    assert there
+    assert value >= max(there)
 
 
 def test_where_a_fit_ends_does_not_depend_on_where_it_begins(repository):

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery.words import ascends
+from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.verdict import Finding, Left
+from fam_bundle_ros.discovery.words import ascends, summarise
 
 TIME = np.arange(0.0, 20.0, 0.1)
 STRAIN = 0.1 + 0.1 * np.sin(TIME)
@@ -36,3 +38,14 @@ def test_a_trial_that_was_taken_out_breaks_no_order():
     data = log(1e5, 2e5, 3e5, 4e5)
     assert ascends(data.select(data.trial != 1))
     assert not ascends(data.select(data.trial < 2))
+
+
+@pytest.mark.parametrize(('rough', 'told'), [(0.1, 'down to the noise'), (1.3, 'down to 1.36 N')])
+def test_what_is_left_without_a_shape_is_not_called_noise(rough, told):
+    """Stick and slip three times as large as the noise, though as good as none for a rig."""
+    finding = Finding('missing_effect', Left(3.1, 0.2), Left(0.0, rough), 0.8)
+    friction = [Change('', 'coulomb_friction')]
+    said = summarise(finding, friction, friction, (), (), None, (), {'recalibrated': 3.1,
+                                                                     'best': 1.36})
+    assert told in said
+    assert ('1% of the largest' in said) == (rough > 1.0)
