@@ -31,6 +31,8 @@ _FIRST = Hyper(even=7, odd=6, white=6, slow=6, speed=6)
 _LONGEST = 2.0
 #: A fit of the search stops when a step gains less (in chi2); evidence is told to about this.
 _ROUGH = 0.2
+#: ... and where other hyperparameters gain less (in log units).
+_SETTLED = 0.3
 #: Most places that an amplitude follows one of a length: 2^(5/2) in quarter decades.
 _RIDGE = 3
 #: From an amplitude of zero, which the next place on the grid hardly differs from.
@@ -282,13 +284,32 @@ class Fitter:
                         if value(q) <= value(h) + 1e-3:
                             break
                         h = q
-            if h == before and not fixed:
-                h = max([h, *(q for q in _along_ridges(h) if all(
-                    0 <= place < size and abs(place - begun) <= reach
-                    for place, size, begun in zip(q, GRID, first)))], key=value)
-            if value(h) <= value(before) + 1e-3:
+            if h == before:
                 break
         return h, known[h]
+
+    def along_ridge(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
+                    priors: Sequence[Prior], reach: int = 99, reached: bool = False,
+                    ) -> tuple[Hyper, float]:
+        """
+        Return the place of the highest evidence with another length, and it (see `log_evidence`).
+
+        Of a Matern covariance of smoothness 5/2 the data tell amplitude over length to the power
+        of 5/2 (Zhang 2004, J. Am. Stat. Assoc. 99, 250): moved one at a time, both stand still on
+        that ridge. Twice the length is 5.7 times the amplitude, three places of a quarter decade;
+        less where the other length stays. At most ``reach`` places from h.
+        """
+        parts = [part for part in ('even', 'odd', 'speed') if getattr(h, part)]
+        moved = [parts] if len(parts) < 2 else [parts, *([part] for part in parts)]
+        places = [h._replace(**{axis: getattr(h, axis) + step},
+                             **{part: getattr(h, part) - step * more for part in some})
+                  for axis in ('strain', 'pressure') for step in (-1, 1)
+                  for more in range(1, min(_RIDGE, reach) + 1) for some in moved if some]
+        places = [q for q in places if all(0 <= place < size for place, size in zip(q, GRID))]
+        values = [self.log_evidence(q, residual, slopes, u, priors, reached)
+                  for q in (h, *places)]
+        best = int(np.argmax(values))
+        return (h, *places)[best], values[best]
 
     def first_hyper(self) -> Hyper:
         """Return where the discrepancy starts after the annealing: small."""
@@ -368,28 +389,15 @@ class Fitter:
             now = self._reached(h, point, priors)
             held = self.log_evidence(h, residual, slopes, u, priors) > now + _ROUGH
             better, high = self.best_hyper(h, residual, slopes, u, priors, reach, reached=held)
+            if high - now < _SETTLED:
+                better, high = self.along_ridge(better, residual, slopes, u, priors, reach, held)
             found = [(now, point, h), (self._reached(better, point, priors), point, better)]
             best = max([best, *found] if best else found, key=lambda each: each[0])
-            if high - now < 0.3:
+            if high - now < _SETTLED:
                 break
             h = better
         assert best is not None
         return best
-
-
-def _along_ridges(h: Hyper) -> list[Hyper]:
-    """
-    Return places of another length at which the amplitudes have followed.
-
-    Of a Matern covariance of smoothness 5/2 the data tell amplitude over length to the power of
-    5/2 (Zhang 2004): with either alone an ascent stands still on that ridge. Twice the length is
-    5.7 times the amplitude, three places of a quarter decade; less where the other length stays.
-    """
-    parts = [part for part in ('even', 'odd', 'speed') if getattr(h, part)]
-    return [h._replace(**{axis: getattr(h, axis) + step},
-                       **{part: getattr(h, part) - step * more for part in moved})
-            for axis in ('strain', 'pressure') for step in (-1, 1) for more in range(1, _RIDGE + 1)
-            for moved in ([parts] if len(parts) < 2 else [parts, *([part] for part in parts)])]
 
 
 def with_coordinates(model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> Bundle:

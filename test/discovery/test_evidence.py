@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery.cells import reduce, unknown_direction
-from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper, matern_5_2
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import head, Options, shapes_of
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
@@ -256,17 +256,27 @@ def test_what_is_reached_lacks_half_of_the_misfit_that_another_place_would_save(
 
 
 def test_a_length_is_found_though_its_amplitude_has_to_follow(problem):
-    """Data tell amplitude over length^(5/2) of a Matern 5/2: no place along that is better."""
+    """Data tell amplitude over length^(5/2) of a Matern 5/2; alone neither can be moved."""
     cells, _, fitter = problem
     wave = 10.0 * np.sin(6.0 * cells.strain / np.ptp(cells.strain) + cells.pressure[:, 0] / 1.4e5)
     given = wave, np.zeros((len(cells), 0)), np.zeros(0), ()
     h, value = fitter.best_hyper(fitter.first_hyper(), *given)
-    along = [h._replace(even=h.even - more * step, **{axis: getattr(h, axis) + step})
-             for axis in ('strain', 'pressure') for step in (-1, 1) for more in (1, 2, 3)]
-    there = [fitter.log_evidence(q, *given) for q in along
-             if all(0 <= place < size for place, size in zip(q, GRID))]
-    assert there
-    assert value >= max(there)
+    better, high = fitter.along_ridge(h, *given)
+    assert high > value + 3.0
+    assert high == fitter.log_evidence(better, *given)
+    shorter = better.strain - h.strain + better.pressure - h.pressure
+    assert shorter * (better.even - h.even) < 0  # a place further on is a shorter length
+    assert fitter.along_ridge(h, *given, reach=0) == (h, value)
+
+
+def test_a_fit_ends_where_no_other_length_is_better(sweeps, paper_muscle):
+    """A wave over strain and pressure that no parameter of the muscle takes."""
+    data = sweeps(noise=0.2, extra=lambda e, p, way, t: 10 * np.sin(25 * e + p / 1.4e5))
+    cells = reduce(paper_muscle, data, most=120)
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fit = fitter.fit(('mesh', 'bladder_elasticity'), paper_muscle, own_priors(paper_muscle))
+    _, high = fitter.along_ridge(fit.hyper, fit.residual, fit.slopes, fit.u, fit.priors)
+    assert high < fit.evidence + fit.promise + 0.3
 
 
 def test_where_a_fit_ends_does_not_depend_on_where_it_begins(repository):
