@@ -33,6 +33,8 @@ _LONGEST = 2.0
 _ROUGH = 0.2
 #: ... and where other hyperparameters gain less (in log units).
 _SETTLED = 0.3
+#: Log units by which places of the grid are alike.
+_ALIKE = 1e-3
 #: Most places that an amplitude follows one of a length: 2^(5/2) in quarter decades.
 _RIDGE = 3
 #: From an amplitude of zero, which the next place on the grid hardly differs from.
@@ -281,7 +283,7 @@ class Fitter:
                                 abs(place - getattr(first, axis)) > reach):
                             break
                         q = h._replace(**{axis: place})
-                        if value(q) <= value(h) + 1e-3:
+                        if value(q) <= value(h) + _ALIKE:
                             break
                         h = q
             if h == before:
@@ -308,7 +310,8 @@ class Fitter:
         places = [q for q in places if all(0 <= place < size for place, size in zip(q, GRID))]
         values = [self.log_evidence(q, residual, slopes, u, priors, reached)
                   for q in (h, *places)]
-        best = int(np.argmax(values))
+        # of places that are alike the first: rounding must not choose
+        best = next(k for k, value in enumerate(values) if value >= max(values) - _ALIKE)
         return (h, *places)[best], values[best]
 
     def first_hyper(self) -> Hyper:

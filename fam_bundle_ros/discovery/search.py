@@ -10,9 +10,9 @@ effects around it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,6 +47,16 @@ class _Ranking(NamedTuple):
 #: With the discrepancy, and without it.
 _WHOLE = _Ranking(lambda fit: fit.posterior, lambda s: s.value, lambda s: s.start)
 _WHITE = _Ranking(lambda fit: fit.white_posterior, lambda s: s.white, lambda s: s.white_start)
+
+
+def _ranked(sets: Iterable[Any], value: Callable[[Any], float]) -> list:
+    """
+    Return sets, the most probable first, and by name where they are alike to three decimals.
+
+    Sets with effects that are fitted to nothing are as probable as each other: rounding, which
+    differs between compiled and plain laws, must not choose between them.
+    """
+    return sorted(sets, key=lambda each: (-round(value(each), 3), each.names))
 
 
 def _unlike(ranked: list[Fit]) -> list[Fit]:
@@ -88,8 +98,8 @@ class Search:
                     found[fit.names] = fit
             if not found:
                 break
-            ranked = sorted(found.values(), key=lambda fit: -fit.posterior)
-            white = sorted(found.values(), key=lambda fit: -fit.white_posterior)
+            ranked = _ranked(found.values(), _WHOLE.of_fit)
+            white = _ranked(found.values(), _WHITE.of_fit)
             level = list({fit.names: fit for fit in [*_unlike(ranked), *_unlike(white)]}.values())
             if ranked[0].posterior > best.posterior:
                 best = ranked[0]
@@ -140,8 +150,8 @@ class Search:
         known = [self.fits[names] for names in further if names in self.fits]
         screened = [self.screen(node, names) for names in further if names not in self.fits]
         count = wide * settings.FITTED
-        by_value = sorted(screened, key=lambda s: -s.value)[:count]
-        by_white = sorted(screened, key=lambda s: -s.white)[:count]
+        by_value = _ranked(screened, _WHOLE.of_screened)[:count]
+        by_white = _ranked(screened, _WHITE.of_screened)[:count]
         return [*known, *(self.fit(s.names, s.start, node.hyper) for s in by_value),
                 *(self.fit(s.names, s.white_start, node.hyper) for s in by_white)]
 
@@ -155,7 +165,7 @@ class Search:
                 fewer = self.again(names, best.start, best.hyper)
                 swaps = [self.screen(fewer, other) for other in self.options.further(names)
                          if other not in self.fits]
-                for s in sorted(swaps, key=ranking.of_screened)[-settings.BEAM:]:
+                for s in _ranked(swaps, ranking.of_screened)[:settings.BEAM]:
                     self.fit(s.names, ranking.start(s), best.hyper)
             for names in self.options.reshaped(best.names):
                 if names not in self.fits:
@@ -167,7 +177,7 @@ class Search:
         """Fit again, from sets as good as the best, those with a change less that are worse."""
         odds = np.log(self.options.choices.odds)
         settled = set()
-        for fit in sorted(self.fits.values(), key=lambda fit: -fit.posterior):
+        for fit in _ranked(self.fits.values(), _WHOLE.of_fit):
             if fit.posterior < self.best.posterior - odds:
                 break
             for names in self.options.back(fit.names):

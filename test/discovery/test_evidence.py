@@ -16,6 +16,7 @@ from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
 from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.options import head, Options, shapes_of
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
+from fam_bundle_ros.discovery.search import _ranked, Screened
 from fam_bundle_ros.discovery.settings import AMPLITUDES, Choices
 from fam_bundle_ros.model import Bundle, catalogue, load_model, MotorUnit
 
@@ -357,6 +358,15 @@ def test_slopes_are_derivatives_of_the_prediction(problem, paper_muscle):
 
 
 # --- sets --------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('rounding', [-1e-13, 1e-13])
+def test_rounding_does_not_choose_between_sets_that_are_alike(rounding):
+    """Compiled and plain laws differ in the last digit; what is better goes first all the same."""
+    sets = [Screened((name,), value, {}, 0.0, {})
+            for name, value in (('c', 3.0), ('b', 3.0 + rounding), ('d', 2.0), ('e', 4.0))]
+    assert [each.names for each in _ranked(sets, lambda each: each.value)] == [
+        ('e',), ('b',), ('c',), ('d',)]
+
 
 def test_one_change_more_and_one_less_are_inverse(problem, paper_muscle):
     """Every set with one change more leads back to where it came from."""
