@@ -219,12 +219,13 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
 
 
 def without_force(first: str, second: str) -> str:
-    """Return what tells two effects apart where no force test does: the remedy of one of them."""
+    """Return what to do where no force test tells two effects apart: the remedy of one of them."""
     laws = catalogue.available()
     for name in (first, second):
         if name in laws and laws[name].remedy:
             return laws[name].remedy
-    return 'measure radius and braid angle with a calliper'
+    return ('with the values that fit, both give the same force: either will do where it was '
+            'measured')
 
 
 def _inwards(low: float, high: float, step: float) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from fam_bundle_ros.data.protocol import (
     save_protocol,
     Sweep,
 )
-from fam_bundle_ros.discovery.experiment import finer, menu, motion
+from fam_bundle_ros.discovery.experiment import finer, menu, motion, without_force
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path
 
@@ -117,3 +117,9 @@ def test_other_speeds_are_multiples_of_that_of_the_data(bundle, log):
     assert list(rates.values()) == pytest.approx([0.037, 0.37, 0.0037])
     assert 'faster' in list(rates)[1]
     assert 'slower' in list(rates)[2]
+
+
+def test_a_calliper_is_asked_for_only_where_it_tells_something():
+    """Dead ends can be measured; two laws of friction with one force cannot."""
+    assert 'calliper' in without_force('bladder_elasticity', 'end_caps')
+    assert 'same force' in without_force('coulomb_friction', 'viscous_power')
