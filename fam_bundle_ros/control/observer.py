@@ -246,4 +246,9 @@ def quick_noise(state: Any, time: float, dt: float) -> float:
 
 def noise_of(state: Any) -> float:
     """Return the standard deviation of white noise with these second differences."""
-    return state.change * math.sqrt(0.5 * math.pi / 6.0)
+    return noise_in(state.change)
+
+
+def noise_in(change: float) -> float:
+    """Return the standard deviation of white noise with second differences of this mean size."""
+    return change * math.sqrt(0.5 * math.pi / 6.0)

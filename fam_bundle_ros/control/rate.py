@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from fam_bundle_ros.control.observer import learn_noise, noise_of
+from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_in, noise_of
 
 #: s: the shortest window; how many there are, each twice as long as the one before.
 _SHORTEST, _WINDOWS = 0.01, 5
@@ -54,6 +54,8 @@ class RateState:
         Since it ended; for so long it may go on backwards.
     last, before, change : float
         Strain in the ticks before, and mean size of second differences; ``seen`` so far.
+    lately : float
+        That mean over the shortest window.
     """
 
     reading: float = 0.0
@@ -72,11 +74,12 @@ class RateState:
     before: float = 0.0
     change: float = 0.0
     seen: int = 0
+    lately: float = 0.0
 
 
 def forget_rate(state: Any) -> None:
     """Begin anew."""
-    state.rate = state.slope = state.quick = state.change = 0.0
+    state.rate = state.slope = state.quick = state.change = state.lately = 0.0
     state.direction, state.ended, state.since = 0, 0, math.inf
     state.seen = 0
 
@@ -106,13 +109,16 @@ def quiet_rate(state: Any, strain: float, dt: float) -> float:
         state.reading = state.last = state.before = strain
         for k in range(_WINDOWS):
             state.once[k] = state.twice[k] = state.thrice[k] = strain
+    # Noise may set in at once, as where a gauge that stood begins to waver between two readings.
+    bend = abs(strain - 2.0 * state.last + state.before)
+    state.lately += low_pass(dt, _SHORTEST) * (bend - state.lately)
     learn_noise(state, strain, _USUAL, dt)
     noise = max(noise_of(state), _LEAST)
     believe_window(state, strain, noise, dt)
     state.reading = strain
     if state.seen < FIRST:
         return 0.0
-    find_direction(state, noise, dt)
+    find_direction(state, noise, max(noise, noise_in(state.lately)), dt)
     return state.rate if state.direction != 0 else 0.0
 
 
@@ -166,8 +172,13 @@ def rate_doubt(window: float, dt: float) -> float:
     return math.sqrt(1.75 * dt / window) / window
 
 
-def find_direction(state: Any, noise: float, dt: float) -> None:
-    """Say whether there is a motion, and in which direction; ``noise`` is that of the readings."""
+def find_direction(state: Any, noise: float, lately: float, dt: float) -> None:
+    """
+    Say whether there is a motion, and in which direction.
+
+    ``noise`` is that of the readings, and ``lately`` that of the last few if it is more: then
+    nothing begins.
+    """
     doubt = noise * rate_doubt(state.window, dt)
     state.since += dt
     if state.direction != 0 and state.rate * state.direction < _END * doubt:
@@ -177,7 +188,7 @@ def find_direction(state: Any, noise: float, dt: float) -> None:
         turned = state.since < state.back and state.rate * state.ended < 0.0
         way = 1 if state.rate > 0.0 else -1
         # Weights (1 - u) exp(-u)/T^2.
-        sure = _SURE * noise * math.sqrt(0.25 * dt / _SHORTEST) / _SHORTEST
-        if (abs(state.rate) > (_BACK if turned else _BEGIN) * doubt
+        sure = _SURE * lately * math.sqrt(0.25 * dt / _SHORTEST) / _SHORTEST
+        if (abs(state.rate) > (_BACK if turned else _BEGIN) * lately * rate_doubt(state.window, dt)
                 and (state.window > _SHORT or state.quick * way > sure)):
             state.direction = way
