@@ -222,13 +222,18 @@ def beyond_noise(power: float, noise: float) -> float:
     return max(1.0 - _CLEAR * noise / power, 0.0) if power > 0.0 else 0.0
 
 
+def second_difference(state: Any, value: float) -> float:
+    """Return the size of the second difference that a signal's next value makes."""
+    return abs(value - 2.0 * state.last + state.before)
+
+
 def learn_noise(state: Any, value: float, usual: float, dt: float) -> None:
     """
     Follow the mean size of a signal's second differences: what moves steadily has none.
 
     A change of the size ``usual`` may be noise, whatever was seen before.
     """
-    change = abs(value - 2.0 * state.last + state.before)
+    change = second_difference(state, value)
     state.before, state.last = state.last, value
     state.seen += 1
     if state.seen == 3:

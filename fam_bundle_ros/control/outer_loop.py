@@ -12,11 +12,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from fam_bundle_ros.control.friction import (
-    forget_friction,
-    FrictionState,
-    turn_round,
-)
+from fam_bundle_ros.control.friction import forget_friction, FrictionState, turn_round
 from fam_bundle_ros.control.observer import (
     begin_at,
     behind_lag,

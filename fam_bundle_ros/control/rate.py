@@ -14,7 +14,13 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_in, noise_of
+from fam_bundle_ros.control.observer import (
+    learn_noise,
+    low_pass,
+    noise_in,
+    noise_of,
+    second_difference,
+)
 
 #: s: the shortest window; how many there are, each twice as long as the one before.
 _SHORTEST, _WINDOWS = 0.01, 5
@@ -110,8 +116,8 @@ def quiet_rate(state: Any, strain: float, dt: float) -> float:
         for k in range(_WINDOWS):
             state.once[k] = state.twice[k] = state.thrice[k] = strain
     # Noise may set in at once, as where a gauge that stood begins to waver between two readings.
-    bend = abs(strain - 2.0 * state.last + state.before)
-    state.lately += low_pass(dt, _SHORTEST) * (bend - state.lately)
+    change = second_difference(state, strain)
+    state.lately += low_pass(dt, _SHORTEST) * (change - state.lately)
     learn_noise(state, strain, _USUAL, dt)
     noise = max(noise_of(state), _LEAST)
     believe_window(state, strain, noise, dt)
