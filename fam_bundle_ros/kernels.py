@@ -16,6 +16,7 @@ from dataclasses import fields, is_dataclass
 import fcntl
 from functools import cache
 import hashlib
+from itertools import count
 import os
 from pathlib import Path
 import shutil
@@ -36,8 +37,18 @@ def numba() -> Any:
         return None
     try:
         import numba
+        from numba.core.bytecode import FunctionIdentity
     except ImportError:
         return None
+
+    def count_from_anywhere():
+        FunctionIdentity._unique_ids = count(int.from_bytes(os.urandom(6), 'big'))
+
+    # The names of compiled functions have this counter in them, but not the sizes of records. From
+    # 1 on in each process, what two had compiled for two and for three units got one name, and a
+    # third process that loaded both ran one of them for both (see numba issue 10486).
+    count_from_anywhere()
+    os.register_at_fork(after_in_child=count_from_anywhere)
     return numba
 
 
@@ -282,7 +293,8 @@ def fingerprint(function: Callable) -> str:
                         if hasattr(word, 'py_func'):
                             walk(word.py_func)
     walk(function)
-    digest = hashlib.sha256(numba().__version__.encode())
+    # 2: since functions are counted from anywhere
+    digest = hashlib.sha256(f'2 {numba().__version__}'.encode())
     for kernel in seen:
         code = kernel.__code__
         numbers = [(n, v) for n, v in _globals(kernel) if isinstance(v, (int, float))]

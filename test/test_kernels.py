@@ -120,3 +120,34 @@ def test_processes_that_start_together_compile_once(tmp_path):
         process.stdin.write('\n')
         process.stdin.flush()
     assert sorted(process.communicate()[0] for process in both) == ['3.0 0\n', '3.0 1\n']
+
+
+@needs_numba
+def test_what_two_processes_compiled_for_two_sizes_of_records_works_in_a_third(tmp_path):
+    """Of two and of three units: neither is taken for the other."""
+    # of a length at which it does not become part of what calls it
+    long = 40 * '        units.pressure[i] += math.sin(units.pressure[i])\n'
+    (tmp_path / 'run.py').write_text(
+        'import math, sys\n'
+        'from dataclasses import dataclass\n'
+        'from fam_bundle_ros import kernels\n'
+        '@dataclass\n'
+        'class Units:\n'
+        '    pressure: list\n'
+        '    steps: int\n'
+        'def helper(units):\n'
+        '    for i in range(len(units.pressure)):\n'
+        + long +
+        '    units.steps += 1\n'
+        'def kernel(units):\n'
+        '    helper(units)\n'
+        '    helper(units)\n'
+        'for n in sys.argv[1]:\n'
+        '    units = kernels.pack(Units([1.0] * int(n), 4))\n'
+        '    kernels.compiled(kernel)(units)\n'
+        '    print((units["pressure"] == math.pi).sum(), units["steps"])\n')
+    shown = [subprocess.run(
+        [sys.executable, 'run.py', units], cwd=tmp_path, capture_output=True, text=True,
+        check=True, env={**os.environ, 'XDG_CACHE_HOME': str(tmp_path)}).stdout
+        for units in ('2', '3', '23', '32')]
+    assert shown == ['2 6\n', '3 6\n', '2 6\n3 6\n', '3 6\n2 6\n']
