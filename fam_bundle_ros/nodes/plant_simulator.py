@@ -243,9 +243,10 @@ class PlantSimulator(BundleNode):
         if self._answers_due():
             return
         late = now - self._stamp - self._period_ns
-        if abs(late - self._behind) > _SET:
+        missed = late > self._period_ns and not any(self._command_stamps)
+        if missed or abs(late - self._behind) > _SET:
             # Begin anew. Not so on a machine that is too slow and falls behind little by little:
-            # stamps that jump would make every command look old, and vent.
+            # stamps that jump would make every command that has come look old, and vent.
             self._stamp += late
             late = 0
         self._behind = late

@@ -150,6 +150,18 @@ def test_machine_that_is_too_slow_vents_nothing(graph, bare, monkeypatch):
     assert seen[-1].status[0].level == b'\x01'
 
 
+def test_a_simulator_that_was_held_up_before_anybody_used_it_is_on_time(graph, bare):
+    """A machine that is busy while everything starts does not make all samples late for good."""
+    ticks = []
+    pacer = graph.pacer
+    pacer.condition = lambda: False
+    pacer.before = lambda rig, time_, period: (ticks.append(time_),
+                                               time.sleep(0.5 if len(ticks) == 5 else 0.0))
+    rig = graph.add(PlantSimulator(context=graph.context, script=pacer, overrides=bare))
+    graph.until(lambda: len(ticks) > 20, 'the samples after it')
+    assert rig._behind < 100_000_000
+
+
 def test_stale_command_is_refused(graph, bare):
     """A command stamped long ago does not open a valve, however late it arrives."""
     rig = graph.add(PlantSimulator(context=graph.context, overrides=bare))
