@@ -39,6 +39,7 @@ from fam_bundle_ros.control.curves import (
     slope_at,
     tabulate,
     top_at,
+    unit_force,
 )
 from fam_bundle_ros.control.friction import learn_friction
 from fam_bundle_ros.control.heading import (
@@ -259,15 +260,19 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
                    value - settings.outer.delay * rate - measurement.force, rate, outer.lag, dt)
+    # Where the strain will be when the pressures are there.
+    ahead = settings.outer.delay + settings.outer.lead_time
+    coming = measurement.strain + ahead * strain_rate
+    follows = kind == STRAIN and settings.outer.feed_forward
     # A force reference says nothing of the strain: there it is the measured rate that counts.
-    if kind == STRAIN and settings.outer.feed_forward:
+    if follows:
         strain_rate = outer.target.strain_rate
-    if kind != STRAIN:
-        # Where the strain will be when the pressures are there.
-        ahead = settings.outer.delay + settings.outer.lead_time
-        outer.target.strain += ahead * strain_rate
+    elif kind != STRAIN:
+        outer.target.strain = coming
         strain_rate = rate_ahead(state.rate, ahead)
     ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
+    if follows:
+        outer.target.force -= driven_away(table, model, command.pressure, coming)
     tabulate(table, model)
     find_branches(table, state.asleep)
     if settings.scheme != ALL_ON:
@@ -284,6 +289,23 @@ def reach_of(table: Any, pressure: Any) -> float:
     for unit in range(len(table.order)):
         force += abs(slope_at(table, unit, pressure[unit])) * _LOOSE
     return force
+
+
+def driven_away(table: Any, model: Any, pressure: Any, strain: float) -> float:
+    """
+    Return what the force at pressures drives a strain further away from the table's, N.
+
+    At constant pressure a muscle is a spring, which the demand leaves as it is. Where push-back
+    collapses the force rises with the strain: the spring pushes on, and has to be taken away.
+    """
+    wanted, push = table.moment.strain, 0.0
+    for unit in range(len(table.order)):
+        push -= unit_force(table, model, unit, pressure[unit])
+    table.moment.strain = strain
+    for unit in range(len(table.order)):
+        push += unit_force(table, model, unit, pressure[unit])
+    table.moment.strain = wanted
+    return push if push * (strain - wanted) > 0.0 else 0.0
 
 
 def ask(table: Any, strain: float, strain_rate: float, time: float, dt: float, start: bool
