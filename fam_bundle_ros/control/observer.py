@@ -84,6 +84,16 @@ class ObserverState:
     between: list[float] = field(default_factory=lambda: [0.0] * _BETWEEN)
 
 
+@dataclass
+class NoiseState:
+    """Memory of `learn_noise`, of any signal; see `ObserverState` for what they are."""
+
+    last: float = 0.0
+    before: float = 0.0
+    change: float = 0.0
+    seen: int = 0
+
+
 def forget_observer(state: Any) -> None:
     """Begin anew."""
     state.bias = state.weight = state.sure = state.quick = state.patient = 0.0

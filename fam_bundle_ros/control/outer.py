@@ -82,7 +82,7 @@ class OuterConfig:
         On the error of the strain rate.
     still : float, N
         Corrections of a strain loop change only by more than this, or by more than the noise
-        that is found in them, up to three times this: no air for sensor noise.
+        that is found in them: no air for sensor noise.
     filter_time : float, s
         Of the force reading.
     strain_reach : float

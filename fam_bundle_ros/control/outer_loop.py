@@ -17,8 +17,10 @@ from fam_bundle_ros.control.observer import (
     begin_at,
     behind_lag,
     forget_observer,
+    learn_noise,
     low_pass,
     noise_of,
+    NoiseState,
     observe,
     ObserverState,
 )
@@ -41,8 +43,10 @@ FREE, HIGH, LOW, GAP = 0, 1, 2, 3
 USUAL_PERIOD = 4e-3
 #: Inertia reckoned with where none is known, N s^2: about 2.5 kg on a muscle of 127 mm.
 _USUAL_INERTIA = 0.3
-#: s: filter of the acceleration of a reference; in which noise is learnt.
-_BEND_TIME, _LEARN_TIME = 0.01, 1.0
+#: s: filter of the acceleration of a reference.
+_BEND_TIME = 0.01
+#: Corrections of a strain change only by more than so many standard deviations of their noise.
+_QUIET = 2.0
 #: Tables of loads are as long as a multiple of this, so that most have records of one kind.
 _TABLE = 16
 #: Within so many lags a strain that friction holds is given the force that would mend its error:
@@ -129,8 +133,8 @@ class OuterState:
     noise : float, N
         Standard deviation of what the sensors' noise makes of the correction (of a strain: before
         the dead zone).
-    wanted, jitter : float, N and N^2
-        Correction of the strain loop in the tick before; variance of its changes.
+    wanted : NoiseState
+        Of the correction of the strain loop before its play.
     rate, bend : float
         Of a strain reference, 1/s and 1/s^2.
     kind : int
@@ -147,8 +151,6 @@ class OuterState:
     fade: float = 0.0
     demand: float = 0.0
     noise: float = 0.0
-    wanted: float = 0.0
-    jitter: float = 0.0
     rate: float = 0.0
     bend: float = 0.0
     lag: float = 0.0
@@ -158,6 +160,7 @@ class OuterState:
     observer: ObserverState = field(default_factory=ObserverState)
     friction: FrictionState = field(default_factory=FrictionState)
     target: Target = field(default_factory=Target)
+    wanted: NoiseState = field(default_factory=NoiseState)
 
     @property
     def bias(self) -> float:
@@ -202,7 +205,8 @@ def forget_outer(state: Any) -> None:
     forget_friction(state.friction)
     state.late = state.integral = state.kept = state.filtered = 0.0
     state.taken = state.fade = state.demand = 0.0
-    state.noise = state.wanted = state.jitter = 0.0
+    state.noise = 0.0
+    state.wanted.seen = 0
     state.rate = state.bend = state.lag = 0.0
     state.kind = -1
     state.started = state.taking_over = False
@@ -356,9 +360,11 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             state.integral -= turn_round(state.friction, rate, state.observer.quick, state.lag, dt)
         # The observer's slow part would be a second integral, which hunts against friction.
         wanted = state.integral + gain * error + damping * (rate - measurement.strain_rate)
-        still = quiet_band(settings, state, wanted, dt)
+        learn_noise(state.wanted, wanted, settings.still, dt)
+        state.noise = noise_of(state.wanted)
+        still = max(settings.still, _QUIET * state.noise)
         state.kept = min(max(state.kept, wanted - still), wanted + still)
-        correction, state.noise = state.kept, math.sqrt(state.jitter)
+        correction = state.kept
     return known, correction
 
 
@@ -417,14 +423,6 @@ def holding_force(settings: Any, strain: float) -> float:
             slope = (forces[k] - forces[k - 1]) / (strains[k] - strains[k - 1])
             return slope * (strain - strains[k - 1]) + forces[k - 1]
     return forces[last]
-
-
-def quiet_band(settings: Any, state: Any, wanted: float, dt: float) -> float:
-    """Return two standard deviations of what changes from tick to tick, within limits, N."""
-    change = wanted - state.wanted
-    state.jitter += low_pass(dt, _LEARN_TIME) * (0.5 * change * change - state.jitter)
-    state.wanted = wanted
-    return min(max(2.0 * math.sqrt(state.jitter), settings.still), 3.0 * settings.still)
 
 
 def integrate_error(state: Any, step: float, saturated: int) -> None:

@@ -181,12 +181,31 @@ def test_strain_feedback_is_a_pid_behind_a_play(paper_bundle):
                 strain_integral=2000.0, strain_damping=5.0, still=0.2)
     first = loop.run(0.11, kind=STRAIN, believed=0.0, speed=0.1).force
     expected = 400.0 * 0.01 + 2000.0 * 0.01 * DT - 5.0 * 0.1
-    # The band is as wide as the noise that is found, up to three times ``still``.
-    assert expected - 0.6 <= first <= expected - 0.2
+    assert first == pytest.approx(expected - 0.2)
     loop.run(0.1, kind=STRAIN, duration=8.0)
     calm = loop.run(0.1, kind=STRAIN).force
     assert loop.run(0.1 + 0.1 / 400.0, kind=STRAIN).force == calm
     assert loop.run(0.1 + 10.0 / 400.0, kind=STRAIN).force > calm + 9.0
+
+
+@pytest.mark.parametrize('noise', [1e-4, 1e-3, 1e-2])
+def test_a_correction_of_a_strain_keeps_still_in_its_noise(paper_bundle, noise):
+    """However large: the demand changes by less than a fifth of what noise makes of the gains."""
+    loop, random = Loop(paper_bundle, LoadModel(force=1.0), strain_gain=400.0,
+                        strain_integral=0.0, strain_damping=0.0), np.random.default_rng(1)
+    strains = 0.1 + noise * random.standard_normal(2000)
+    demands = [loop.run(0.1, strain=strain, kind=STRAIN).force for strain in strains]
+    assert np.abs(np.diff(demands[1000:])).mean() < 0.2 * 400.0 * np.abs(np.diff(strains)).mean()
+    assert loop.state.noise == pytest.approx(400.0 * noise, rel=0.15)
+
+
+def test_a_correction_that_moves_is_no_noise(paper_bundle):
+    """100 N/s: neither a wide band nor a doubt of the demand comes of it."""
+    loop = Loop(paper_bundle, LoadModel(force=1.0), strain_gain=400.0, strain_integral=0.0,
+                strain_damping=0.0)
+    demands = [loop.run(0.1, strain=0.1 - 0.25 * DT * k, kind=STRAIN).force for k in range(500)]
+    assert np.diff(demands[10:]) == pytest.approx(100.0 * DT)
+    assert loop.state.noise < 1e-6
 
 
 @pytest.mark.parametrize('felt', [-15.0, 15.0])
