@@ -34,8 +34,8 @@ def benchmark_control(
     controllers: Annotated[str, typer.Option(
         help='Run beside reversal_aware and equal_pressure: names with commas between, all, or '
         'none.')] = 'all',
-    full: Annotated[bool, typer.Option('--full', help='Every combination, not only every pair '
-                                       '(hours).')] = False,
+    full: Annotated[bool, typer.Option('--full', help='Every combination, not only every pair: '
+                                       'minutes with --controllers none, else longer.')] = False,
     seeds: Annotated[str, typer.Option(help="Seeds of the sensors' noise, with commas between."
                                        )] = '1',
     workers: WorkersOption = None,
