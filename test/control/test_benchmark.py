@@ -282,3 +282,17 @@ def test_unknown_names_fails(make, word):
     """Names that are not there are refused with those that are."""
     with pytest.raises(InputError, match=word):
         make()
+
+
+@pytest.mark.parametrize('plant', ['nominal', 'delay_5', 'delay_10', 'delay_15'])
+def test_a_load_is_not_driven_on_where_push_back_collapses(plant):
+    """
+    Four muscles fold at 5 % strain as the second unit is switched on, at 0.18/s.
+
+    The load goes ahead by no more than 0.3 %, and by four times what it moves in the dead time.
+    """
+    model, true = model_of(6), plant_of(plant, 6)
+    log = loop_of(plant, 6, CONTROLLERS['reversal_aware'], BaselineConfig()).run(
+        make_trajectory('load_step', model, true))
+    folding = (log.time > 0.3) & (log.time < 0.9)
+    assert abs(log.error[folding]).max() < 0.003 + 4.0 * 0.18 * PLANTS[plant].delay
