@@ -7,9 +7,10 @@ Every constant of the search for missing effects, doubled and halved: what answe
     python test/benchmarks/constants.py --cases 200 --rows constants.jsonl --page docs/...
 
 Simulated cases of `fam_bundle benchmark-discovery`, the practice cases, and measured muscles with
-rows kept away. One case is diagnosed once for each constant and factor before the next case
-begins, and each answer is appended to ``--rows``: a run that was ended goes on where it was, and
-the table is of the cases that are complete.
+rows kept away. Each case is diagnosed with the constants as they are and with ``--changes`` of
+the changed constants, so that all changes get the same number of cases; the table compares each
+change with the constants as they are on the cases that had it. Each answer is appended to
+``--rows``: a run that was ended goes on where it was.
 """
 
 from __future__ import annotations
@@ -151,11 +152,21 @@ def read_rows(path: Path) -> dict[tuple[str, str, float], dict[str, Any]]:
     return {(row['case'], row['constant'], row['factor']): row for row in rows}
 
 
-def run(cases: Sequence[Case], path: Path) -> None:
+def shares(cases: int, changes: int) -> list[list[tuple[str, float]]]:
+    """Return the variants of each case: as it is, then its share of the changes, in turn."""
+    every = variants()[1:]
+    draw = np.random.default_rng(0)
+    turns = np.concatenate([draw.permutation(len(every))
+                            for _ in range(1 + cases * changes // len(every))])
+    return [[AS_IT_IS, *(every[i] for i in turns[k * changes:(k + 1) * changes])]
+            for k in range(cases)]
+
+
+def run(cases: Sequence[Case], changes: int, path: Path) -> None:
     """Score what is not in the file yet, case by case, and append it."""
-    for case in cases:
+    for case, share in zip(cases, shares(len(cases), changes)):
         done = read_rows(path)
-        for name, factor in variants():
+        for name, factor in share:
             if (case.name, name, factor) in done:
                 continue
             with with_constant(name, factor) as choices:
@@ -168,41 +179,39 @@ def run(cases: Sequence[Case], path: Path) -> None:
 
 # --- the table ---------------------------------------------------------------------------------
 
-def complete(rows: dict[tuple[str, str, float], dict[str, Any]]) -> list[str]:
-    """Return the cases that every constant and factor has a row of, in their order."""
-    names = dict.fromkeys(case for case, _, _ in rows)
-    return [case for case in names if all((case, *variant) in rows for variant in variants())]
-
-
-def summed(rows: dict[tuple[str, str, float], dict[str, Any]], cases: Sequence[str],
+def summed(rows: dict[tuple[str, str, float], dict[str, Any]],
            variant: tuple[str, float]) -> dict[str, Any]:
     """
-    Return what one variant answers on all cases.
+    Return what one variant answers beside the constants as they are, on the cases that had it.
 
     Returns
     -------
     dict
-        ``right`` and ``wrong`` (and confident) of ``judged`` cases whose truth is known and can
-        be seen; ``named`` and the median and worst ``ratios`` of the measured splits; ``other``:
-        cases whose effects are not those of the constants as they are.
+        ``cases``; ``judged``: those whose truth is known and can be seen; of these ``right`` and
+        ``wrong`` (and confident), and ``was_right`` and ``was_wrong`` with the constants as they
+        are; ``other``: cases whose effects are other ones; the median and the worst ``ratio`` of
+        the errors on the rows that were kept away of measured muscles, None without such cases.
     """
-    here = [rows[(case, *variant)] for case in cases]
-    base = [rows[(case, *AS_IT_IS)] for case in cases]
-    judged = [(row, one) for row, one in zip(here, base) if one.get('right') is not None]
-    ratios = [row['ratio'] for row in here if 'ratio' in row]
-    return {'judged': len(judged), 'right': sum(bool(row['right']) for row, _ in judged),
-            'wrong': sum(row['wrong'] for row, _ in judged),
-            'named': sum(bool(row['effects']) for row in here if 'ratio' in row),
-            'ratios': (float(np.median(ratios)), max(ratios)) if ratios else None,
-            'other': sum(set(row['effects']) != set(one['effects'])
-                         for row, one in zip(here, base))}
+    pairs = [(row, rows[(case, *AS_IT_IS)]) for (case, *of), row in rows.items()
+             if tuple(of) == variant]
+    judged = [pair for pair in pairs if pair[1].get('right') is not None]
+    ratios = [row['held_out_N'] / base['held_out_N'] for row, base in pairs if 'ratio' in row]
+
+    def count(key: str, which: int) -> int:
+        return sum(bool(pair[which][key]) for pair in judged)
+
+    return {'cases': len(pairs), 'judged': len(judged),
+            'right': count('right', 0), 'was_right': count('right', 1),
+            'wrong': count('wrong', 0), 'was_wrong': count('wrong', 1),
+            'other': sum(set(row['effects']) != set(base['effects']) for row, base in pairs),
+            'ratio': (float(np.median(ratios)), max(ratios)) if ratios else None}
 
 
 def cells(found: dict[str, Any]) -> list[str]:
     """Return the cells of one variant."""
-    ratios = [number(value) for value in found['ratios']] if found['ratios'] else ['', '']
-    return [f"{found['right']} of {found['judged']}", str(found['wrong']), str(found['named']),
-            *ratios, str(found['other'])]
+    ratios = [number(value) for value in found['ratio']] if found['ratio'] else ['', '']
+    return [str(found['cases']), f"{found['right']} ({found['was_right']}) of {found['judged']}",
+            f"{found['wrong']} ({found['was_wrong']})", str(found['other']), *ratios]
 
 
 def shown(value: Any) -> str:
@@ -214,39 +223,36 @@ def shown(value: Any) -> str:
 
 def page(rows: dict[tuple[str, str, float], dict[str, Any]], command: str) -> str:
     """Return the page in Markdown: constants that change most first."""
-    cases = complete(rows)
-    if not cases:
-        return ''
-    base = summed(rows, cases, AS_IT_IS)
+    base = [row for (_, *of), row in rows.items() if tuple(of) == AS_IT_IS]
+    judged = [row for row in base if row.get('right') is not None]
     lines = []
     for name, value in constants().items():
-        both = [summed(rows, cases, (name, factor)) for factor in (0.5, 2.0)]
-        lost = max(base['right'] - found['right'] + found['wrong'] - base['wrong']
+        both = [summed(rows, (name, factor)) for factor in (0.5, 2.0)]
+        lost = max(found['was_right'] - found['right'] + found['wrong'] - found['was_wrong']
                    for found in both)
         lines.append(((-lost, -max(found['other'] for found in both)), [
             [f'`{name}`', shown(value), word, *cells(found)]
             for word, found in zip(('half', 'double'), both)]))
     lines.sort(key=lambda line: line[0])
-    head = ['constant', 'value', 'times', 'right', 'wrong and confident', 'named',
-            'ratio (median)', 'ratio (worst)', 'other answer']
-    table = [head, ['---'] * len(head), ['as they are', '', '', *cells(base)],
-             *(row for _, pair in lines for row in pair)]
+    head = ['constant', 'value', 'times', 'cases', 'right (before)',
+            'wrong and confident (before)', 'other answer', 'error (median)', 'error (worst)']
+    table = [head, ['---'] * len(head), *(row for _, pair in lines for row in pair)]
     text = '\n'.join(f"| {' | '.join(row)} |" for row in table)
     return f"""# Constants of the search
 
-`{command}` (it goes on where it was ended; this page has the {len(cases)} cases that were \
-complete, so read it as a first look: `--cases 200 --splits 14` takes a night)
+`{command}` (it goes on where it was ended)
 
 Every number that the search for missing effects goes by (`fam_bundle_ros/discovery/settings.py`) \
-is halved and doubled, one at a time, the most sensitive first. *Right* and *wrong and confident* \
-count simulated cases whose truth is known; *named* and the *ratio* (error on rows kept away over \
-that of a six-parameter empirical form) are of measured muscles; *other answer* counts the cases \
-in which other effects are named than with the constants as they are. A grid is moved as a whole. \
-A share that is doubled to 1 and more (`MOST_OF_IT`) asks for what nothing can reach.
+is halved and doubled, one at a time, the most sensitive first. {len(base)} cases were diagnosed \
+with the constants as they are; of the {len(judged)} of them whose truth is known and can be seen \
+{sum(row['right'] for row in judged)} are right and {sum(row['wrong'] for row in judged)} wrong \
+and confident. Each change was tried on its share of the cases (drawn in turn, so that all have \
+about as many); in parentheses is what the constants as they are answer on the same cases. \
+*Other answer* counts the cases in which other effects are named; the *error* is that on rows \
+kept away from measured muscles, over the one with the constants as they are. A grid is moved as \
+a whole. A share that is doubled to 1 and more (`MOST_OF_IT`) asks for what nothing can reach.
 
 {text}
-
-The cases: {'; '.join(cases)}.
 """
 
 
@@ -259,6 +265,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--real', type=Path, default=ROOT / 'config/data',
                         help='folder of NAME.csv with NAME.model.yaml')
     parser.add_argument('--splits', type=int, default=2, help='splits of each measured muscle (2)')
+    parser.add_argument('--changes', type=int, default=6, help='changes of each case (6)')
     parser.add_argument('--rows', type=Path, default=Path('constants.jsonl'),
                         help='answers so far; is continued (constants.jsonl)')
     parser.add_argument('--page', type=Path, help='Markdown that is written at the end')
@@ -266,12 +273,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = parser.parse_args(arguments)
     if not asked.only_page:
         run(in_turn(measured(asked.real, asked.splits), practice(asked.practice),
-                    simulated(asked.cases)), asked.rows)
+                    simulated(asked.cases)), asked.changes, asked.rows)
     text = page(read_rows(asked.rows), 'python test/benchmarks/constants.py --cases '
-                f'{asked.cases} --splits {asked.splits}')
+                f'{asked.cases} --splits {asked.splits} --changes {asked.changes}')
     if asked.page is None:
         print(text)
-    elif text:
+    else:
         write_whole(asked.page, text)
 
 
