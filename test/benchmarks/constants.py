@@ -153,12 +153,12 @@ def read_rows(path: Path) -> dict[tuple[str, str, float], dict[str, Any]]:
 
 
 def shares(cases: int, changes: int) -> list[list[tuple[str, float]]]:
-    """Return the variants of each case: as it is, then its share of the changes, in turn."""
+    """Return the variants of each case: as it is, then its share of the changes, none twice."""
     every = variants()[1:]
     draw = np.random.default_rng(0)
     turns = np.concatenate([draw.permutation(len(every))
                             for _ in range(1 + cases * changes // len(every))])
-    return [[AS_IT_IS, *(every[i] for i in turns[k * changes:(k + 1) * changes])]
+    return [[AS_IT_IS, *dict.fromkeys(every[i] for i in turns[k * changes:(k + 1) * changes])]
             for k in range(cases)]
 
 

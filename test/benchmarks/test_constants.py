@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The study of the search's constants: each is changed alone, and a run goes on where it was."""
 
+from collections import Counter
 import json
 
 from fam_bundle_ros.discovery import settings
@@ -23,8 +24,17 @@ def test_each_constant_is_changed_alone_and_put_back():
     assert {'Choices.unexplained', 'AMPLITUDES', 'MOST_OF_IT'} <= set(study.constants())
 
 
+def test_every_change_is_tried_on_as_many_cases():
+    """Each case takes its share in turn, after the constants as they are, and none twice."""
+    shares = study.shares(cases=40, changes=6)
+    assert all(share[0] == study.AS_IT_IS and len(set(share)) == len(share) for share in shares)
+    tried = Counter(variant for share in shares for variant in share[1:])
+    assert set(tried) == set(study.variants()[1:])
+    assert max(tried.values()) - min(tried.values()) <= 2
+
+
 def test_a_run_goes_on_where_it_was_ended(tmp_path):
-    """Only missing rows are scored; the table has the cases that are complete."""
+    """Only missing rows are scored; a change is counted on the cases that had it."""
     path, scored = tmp_path / 'rows.jsonl', []
 
     def score(choices):
@@ -32,17 +42,16 @@ def test_a_run_goes_on_where_it_was_ended(tmp_path):
         good = settings.LEAST_LOSS < 6.0
         return {'right': good, 'wrong': not good, 'verdict': '', 'effects': ['a'] * good}
 
-    study.run([study.Case('one', score)], path)
-    every = len(study.variants())
-    assert len(scored) == every == 2 * len(study.constants()) + 1
+    changes = 2 * len(study.constants())
+    study.run([study.Case('one', score)], changes, path)
+    assert len(scored) == changes + 1
     lines = path.read_text().splitlines()
     path.write_text('\n'.join([*lines[:-3], '']))
-    study.run([study.Case('one', score)], path)
-    assert len(scored) == every + 3
+    study.run([study.Case('one', score)], changes, path)
+    assert len(scored) == changes + 1 + 3
     with open(path, 'a') as file:
-        file.write(json.dumps({'case': 'half done', 'constant': 'as it is', 'factor': 1.0}) + '\n')
+        file.write(json.dumps({'case': 'unchanged', 'constant': 'as it is', 'factor': 1.0}) + '\n')
     page = study.page(study.read_rows(path), 'command')
     rows = [line for line in page.splitlines() if line.startswith('| `')]
     assert rows[0].startswith('| `LEAST_LOSS`')  # the most sensitive first
-    assert '| double | 0 of 1 | 1 |' in rows[1]
-    assert 'half done' not in page
+    assert '| double | 1 | 0 (1) of 1 | 1 (0) |' in rows[1]
