@@ -117,7 +117,8 @@ class RigView:
         await self._try(lambda: self.rig.order(**order))
 
     async def _try(self, work: Callable[[], Awaitable[Any]]) -> None:
-        """Do something that may be refused; show the answer."""
+        """Do something that may be refused; show the answer, and until it comes none."""
+        self._tell('')
         try:
             answer = await work()
         except InputError as error:
