@@ -4,13 +4,15 @@
 Observer of the force that the model leaves out: measured minus believed force.
 
 A disturbance observer (Ohnishi, Shibata and Murakami 1996) on five time scales. The quickest is as
-fast as the lag of the loop allows, the patient one averages over half a second. What is found
-goes from the patient one to each quicker one in turn, as far as that differs by more than its
-noise (shrinkage: Gao 1998, J. Comput. Graph. Stat. 7, 469), the more freely the more the quickest
-has shown beyond noise (Wiener's weight, signal over signal and noise): a model without error gets
-no noise into its pressures, one with a steady error a steady correction, and an error that moves
-is followed as quickly as it moves. The believed force is that at the
-*measured* pressures, so that a demand out of reach does not wind it up. Kernels.
+fast as the lag of the loop allows, the patient one averages over half a second. Each foretells the
+next error, and they are averaged by how well they did of late (dynamic model averaging: Raftery,
+Karny and Ettler 2010, Technometrics 52, 52), with odds against all but the patient one. What is
+found goes on to the quickest as far as that differs by more than its noise (shrinkage: Gao 1998,
+J. Comput. Graph. Stat. 7, 469), the more freely the more the quickest has shown beyond noise
+(Wiener's weight, signal over signal and noise): a model without error gets no noise into its
+pressures, one with a steady error a steady correction, and an error that moves is followed as
+quickly as it moves. The believed force is that at the *measured* pressures, so that a demand out
+of reach does not wind it up. Kernels.
 """
 
 from dataclasses import dataclass, field
@@ -31,8 +33,12 @@ _CLEAR = 4.0
 _SURELY = 9.0
 #: Share of the present square that counts as power: above 0 from four standard deviations on.
 _AT_ONCE = _CLEAR / 16.0
-#: Observers between the quick and the patient one.
-_BETWEEN = 3
+#: Observers quicker than the patient one, their times a geometric series to that of the quick one.
+_BANK = 4
+#: s: evidence for one of them fades so fast; what lasts longer the patient one finds as well.
+_FADES = 0.5 * PATIENT_TIME
+#: Log odds against each: one wrong lead in a thousand, shared by all of them.
+_ODDS = math.log(1000.0 * _BANK)
 #: N: a change of this size may be noise, whatever was seen before.
 _USUAL = 0.1
 
@@ -50,8 +56,8 @@ class ObserverState:
         0 to 1: how much of the quick part is more than noise.
     sure : float
         0 to 1: how much of the patient part is more than noise.
-    quick, patient : float, N
-        Measured minus believed force, filtered.
+    patient, steady : float, N
+        Measured minus believed force, filtered; as far as that is more than noise.
     asked, short : float, N
         Force that was asked of the model, with the lag of the loop; what is still missing of it
         at the pressures that are there, integrated: a valve that sticks.
@@ -63,15 +69,17 @@ class ObserverState:
         Error in the tick before and in that before it.
     change : float, N
         Mean size of second differences of it; ``seen`` of them so far.
-    between : list (3,), N
-        As ``quick``, more and more slowly from the last to the first.
+    bank : list (4,), N
+        As ``patient``, more and more quickly from the first to the last.
+    lead : list (4,)
+        Log odds for each against the steady one, by what they foretold of late.
     """
 
     bias: float = 0.0
     weight: float = 0.0
     sure: float = 0.0
-    quick: float = 0.0
     patient: float = 0.0
+    steady: float = 0.0
     asked: float = 0.0
     short: float = 0.0
     short_power: float = 0.0
@@ -81,7 +89,8 @@ class ObserverState:
     before: float = 0.0
     change: float = 0.0
     seen: int = 0
-    between: list[float] = field(default_factory=lambda: [0.0] * _BETWEEN)
+    bank: list[float] = field(default_factory=lambda: [0.0] * _BANK)
+    lead: list[float] = field(default_factory=lambda: [0.0] * _BANK)
 
 
 @dataclass
@@ -96,21 +105,21 @@ class NoiseState:
 
 def forget_observer(state: Any) -> None:
     """Begin anew."""
-    state.bias = state.weight = state.sure = state.quick = state.patient = 0.0
+    state.bias = state.weight = state.sure = state.patient = state.steady = 0.0
     state.asked = state.short = state.short_power = 0.0
     state.power = state.patient_power = state.last = state.before = state.change = 0.0
     state.seen = 0
-    for k in range(_BETWEEN):
-        state.between[k] = 0.0
+    for k in range(_BANK):
+        state.bank[k] = state.lead[k] = 0.0
 
 
 def begin_at(state: Any, error: float) -> None:
     """Begin at an error (N), all of it believed: for a start without a bump."""
     forget_observer(state)
-    state.bias = state.quick = state.patient = error
+    state.bias = state.patient = state.steady = error
     state.patient_power = error * error
-    for k in range(_BETWEEN):
-        state.between[k] = error
+    for k in range(_BANK):
+        state.bank[k] = error
 
 
 def low_pass(dt: float, time: float) -> float:
@@ -145,13 +154,14 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     noise = noise_of(state)
     noise *= noise
     gain, slow = low_pass(dt, time), low_pass(dt, PATIENT_TIME)
-    state.quick += gain * (error - state.quick)
+    compare(state, error, noise, dt)
+    follow(state, error, time, dt)
     state.patient += slow * (error - state.patient)
     state.patient_power += low_pass(dt, _LONG * PATIENT_TIME) * (
         state.patient * state.patient - state.patient_power)
     state.sure = beyond_noise(state.patient_power, noise * slow / (2.0 - slow))
-    steady = state.patient * state.sure
-    left = state.quick - steady
+    state.steady = state.patient * state.sure
+    left = quick_of(state) - state.steady
     state.power += low_pass(dt, _LEARN_TIME) * (left * left - state.power)
     # What four standard deviations of noise cannot be counts at once.
     power = max(state.power, _AT_ONCE * left * left)
@@ -169,17 +179,51 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
     # As far as the model is known to be off, what moves needs no proof.
-    doubt = _SURELY * (1.0 - state.weight) * noise
-    found, span = steady, PATIENT_TIME
-    ratio = (time / PATIENT_TIME) ** (1.0 / (_BETWEEN + 1))
-    for k in range(_BETWEEN):
-        span *= ratio
-        part = low_pass(dt, span)
-        state.between[k] += part * (error - state.between[k])
-        found = towards(found, state.between[k], doubt * part / (2.0 - part))
-    found = towards(found, state.quick, doubt * gain / (2.0 - gain))
+    doubt = _SURELY * (1.0 - state.weight) * noise * gain / (2.0 - gain)
+    found = towards(average(state), quick_of(state), doubt)
     state.bias = found - state.short * beyond_noise(
         state.short_power, noise * gain / (2.0 - gain))
+
+
+def quick_of(state: Any) -> float:
+    """Return what the quickest of the bank finds, N."""
+    return state.bank[_BANK - 1]
+
+
+def compare(state: Any, error: float, noise: float, dt: float) -> None:
+    """
+    Count how much better each of the bank foretold an error (N) than the steady one did.
+
+    Gaussian log likelihoods; ``noise`` (N^2) is the variance of the readings.
+    """
+    kept, missed, best = 1.0 - low_pass(dt, _FADES), error - state.steady, 0.0
+    twice = 2.0 * max(noise, _USUAL * _USUAL)
+    for k in range(_BANK):
+        way = error - state.bank[k]
+        state.lead[k] = kept * state.lead[k] + (missed * missed - way * way) / twice
+        best = max(best, state.lead[k])
+    # None becomes surer than the steady one is to begin with: noise is not known at once.
+    for k in range(_BANK):
+        state.lead[k] -= max(best - 2.0 * _ODDS, 0.0)
+
+
+def follow(state: Any, error: float, time: float, dt: float) -> None:
+    """Move all of the bank on, each in its own time; ``time`` (s) is that of the last."""
+    ratio = (time / PATIENT_TIME) ** (1.0 / _BANK)
+    span = PATIENT_TIME
+    for k in range(_BANK):
+        span *= ratio
+        state.bank[k] += low_pass(dt, span) * (error - state.bank[k])
+
+
+def average(state: Any) -> float:
+    """Return the mean of all, N, each weighted by its lead less the odds against it."""
+    total, mean = 1.0, state.steady
+    for k in range(_BANK):
+        weight = math.exp(state.lead[k] - _ODDS)
+        total += weight
+        mean += weight * state.bank[k]
+    return mean / total
 
 
 def towards(value: float, other: float, noise: float) -> float:
@@ -208,19 +252,18 @@ def hand_over(state: Any, error: float, jump: float) -> float:
     """
     if jump == 0.0:
         return 0.0
-    share = min(max(min((state.quick - error) / jump, state.bias / jump), 0.0), 1.0)
-    for k in range(_BETWEEN):
-        state.between[k] -= min(max((state.between[k] - error) / jump, 0.0), share) * jump
-    state.quick -= share * jump
+    share = min(max(min((quick_of(state) - error) / jump, state.bias / jump), 0.0), 1.0)
+    for k in range(_BANK):
+        state.bank[k] -= min(max((state.bank[k] - error) / jump, 0.0), share) * jump
     return share
 
 
 def shift(state: Any, error: float) -> None:
     """Go on with errors larger by so much (N), as the model says less of the same from now on."""
-    state.quick += error
     state.patient += error
-    for k in range(_BETWEEN):
-        state.between[k] += error
+    state.steady += error
+    for k in range(_BANK):
+        state.bank[k] += error
     state.bias += error
     state.asked -= error
     state.last += error

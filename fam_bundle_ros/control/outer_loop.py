@@ -23,6 +23,7 @@ from fam_bundle_ros.control.observer import (
     NoiseState,
     observe,
     ObserverState,
+    quick_of,
 )
 from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
 from fam_bundle_ros.control.strain_gains import (
@@ -261,7 +262,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
-        state.friction.heading, state.friction.reckoned = 0, state.observer.quick
+        state.friction.heading, state.friction.reckoned = 0, quick_of(state.observer)
     target = state.target
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
     if kind == FORCE:
@@ -357,7 +358,8 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         integrate_error(state, integral * error * dt, saturated)
         if integral > 0.0:
             # At a turn of the reference it takes what friction will take.
-            state.integral -= turn_round(state.friction, rate, state.observer.quick, state.lag, dt)
+            state.integral -= turn_round(state.friction, rate, quick_of(state.observer), state.lag,
+                                         dt)
         # The observer's slow part would be a second integral, which hunts against friction.
         wanted = state.integral + gain * error + damping * (rate - measurement.strain_rate)
         learn_noise(state.wanted, wanted, settings.still, dt)

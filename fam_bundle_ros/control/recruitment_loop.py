@@ -50,7 +50,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
-from fam_bundle_ros.control.observer import hand_over, quick_noise
+from fam_bundle_ros.control.observer import hand_over, quick_noise, quick_of
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -254,7 +254,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     outer_step(settings.outer, outer, measurement, believed,
                outer.demand - state.shares.missing, reach_of(table, command.pressure), kind, value,
                rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
-    learn_friction(outer.friction, state.rate.direction, outer.observer.quick,
+    learn_friction(outer.friction, state.rate.direction, quick_of(outer.observer),
                    quick_noise(outer.observer, outer.lag, dt), outer.lag, dt)
     # What a hand-over makes of the error is no lateness.
     if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
