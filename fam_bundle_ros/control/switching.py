@@ -262,7 +262,8 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     # must be that the unit is needed.
     late = min(max((force - crossing) / max(limit - crossing, _LITTLE), 0.0), 1.0)
     level = limit + (recruit - limit) * (1.0 + 2.0 * late) / 3.0
-    return NONE if force + rise_within(demand, settings.horizon) <= level else AHEAD
+    within = settings.horizon * (1.0 - late)
+    return NONE if force + rise_within(demand, within) <= level else AHEAD
 
 
 def rise_within(demand: Any, horizon: float) -> float:
