@@ -313,7 +313,10 @@ def force_loop(settings: Any, state: Any, force: float, value: float, rate: floa
         correction = settings.force_gain * state.observer.weight * state.late
         correction -= state.observer.bias
         gain = (1.0 + settings.force_gain) * state.observer.weight
-        state.noise = gain * noise_of(state.observer) * behind_lag(share)
+        noise = noise_of(state.observer) * behind_lag(share)
+        # What was found besides the steady part may be noise of the quickest observer.
+        moving = abs(state.observer.bias - state.observer.steady)
+        state.noise = max(gain * noise, min(moving / 3.0, noise))
     elif settings.feedback:
         error = value - state.filtered
         correction = settings.force_gain * error
