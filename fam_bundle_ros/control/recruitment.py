@@ -53,7 +53,8 @@ class SwitchingConfig:
     rest_rate : float, 1/s
         Demands that change by less than this share of the bundle's range per second are at rest.
     horizon : float, s
-        How far ahead a rising demand is followed.
+        How far ahead a rising demand is followed where all of the dip can still be made up for;
+        not at all where none of it can.
     crossing_rate : float, Pa/s
         Largest pressure rate of any unit while one is crossed: what valve and supply surely do.
     """

@@ -259,7 +259,7 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
         return NONE
     # One standard deviation, a third of the margin, is enough: to be wrong costs air, to be late a
     # dip that nothing can make up for any more. The more of it is there already, the surer it
-    # must be that the unit is needed.
+    # must be that the unit is needed, and soon.
     late = min(max((force - crossing) / max(limit - crossing, _LITTLE), 0.0), 1.0)
     level = limit + (recruit - limit) * (1.0 + 2.0 * late) / 3.0
     within = settings.horizon * (1.0 - late)

@@ -439,6 +439,30 @@ def test_a_demand_that_stops_inside_the_overlap_stays_in_the_cheaper_state(paper
     assert command.saturated == ''
 
 
+@pytest.mark.parametrize('duration', [0.8, 1.2, 2.0])
+def test_a_demand_that_comes_to_rest_just_below_the_limit_recruits_nothing(paper_bundle, duration):
+    """Nothing could make up for the dip there, and a stop needs no unit."""
+    bench = Bench(paper_bundle, 0.16, outer=OPEN)
+    end = bench.curves.top[1] - 0.1
+    low = end - 3.0
+    phase = np.linspace(0.0, np.pi, round(duration / DT))
+    force = low + 0.5 * (end - low) * (1.0 - np.cos(phase))
+    rate = 0.5 * (end - low) * np.pi / duration * np.sin(phase)
+    commands = bench.hold(20.0, 1.0) + bench.ramp(20.0, low, 2.0) + bench.hold(low, 1.0)
+    commands += [bench.update(*now) for now in zip(force, rate)] + bench.hold(end, 1.0)
+    assert commands[-1].state == 1
+    assert bench.bundle.force(0.16, bench.pressure) == pytest.approx(end, abs=0.3)
+
+
+def test_noise_of_the_force_recruits_nothing_just_below_the_limit(paper_bundle):
+    """0.9 N of noise, 0.1 N below: what the observer finds in it may be noise."""
+    for seed in range(5):
+        bench = Bench(paper_bundle, 0.16, noise=0.9, seed=seed)
+        bench.ramp(2.0, 30.0, 20.0)
+        end = bench.curves.top[1] - 0.1
+        assert {c.state for c in bench.ramp(30.0, end, 1.0) + bench.hold(end, 20.0)} == {1}
+
+
 def test_uncertainty_widens_the_margin(paper_bundle):
     """The demand must exceed the limit by more than its own uncertainty, or by what was set."""
     curves = Allocator(paper_bundle).curves(Instant(0.16))

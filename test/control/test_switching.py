@@ -63,6 +63,15 @@ def test_the_less_a_dip_can_be_avoided_the_surer_must_be_the_need(made, rate, sl
     assert ('rising' in why) == recruited
 
 
+@pytest.mark.parametrize(('force', 'rate', 'recruited'), [
+    (242.0, 3.0, True), (245.9, 3.0, False), (245.9, 60.0, True)])
+def test_where_there_is_no_room_to_be_early_a_slow_demand_is_waited_for(
+        made, force, rate, recruited):
+    """A rate that may be the rest of a stop is not followed for seconds."""
+    why = Machine(made(), 1).tell(force, rate)[1]
+    assert ('rising' in why) == recruited
+
+
 def test_a_unit_that_adds_nothing_is_not_recruited(made):
     """Beyond RS1 stays beyond where the next unit cannot pull."""
     table = made()
