@@ -362,17 +362,21 @@ def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     target = state.outer.target
     # A strain that is measured is noisy, one that is asked for is not.
     clean = kind == STRAIN and settings.outer.feed_forward
-    jump = abs(target.feed_forward - wanted.value[0])
+    asked = target.feed_forward
+    if kind == FORCE and settings.outer.feed_forward:
+        # A lag that is being learnt moves what is asked for, and is no acceleration of it.
+        asked -= (lag_of(state.adaptation) + state.adaptation.lead) * rate
+    jump = abs(asked - wanted.value[0])
     if clean:
         for k in range(len(top)):
             jump = max(jump, abs(top[k] - limits.value[k]))
     if kind != state.heading_kind or (rate == 0.0 and jump > _STEP):
         state.heading_kind = kind
-        rest_at(wanted, 0, target.feed_forward)
+        rest_at(wanted, 0, asked)
         for k in range(len(top)):
             rest_at(limits, k, top[k])
     else:
-        follow_heading(wanted, 0, target.feed_forward, dt, _BRISK)
+        follow_heading(wanted, 0, asked, dt, _BRISK)
         for k in range(len(top)):
             follow_heading(limits, k, top[k], dt, _BRISK)
     k = min(state.machine.state, len(top) - 2)

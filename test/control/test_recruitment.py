@@ -463,6 +463,20 @@ def test_noise_of_the_force_recruits_nothing_just_below_the_limit(paper_bundle):
         assert {c.state for c in bench.ramp(30.0, end, 1.0) + bench.hold(end, 20.0)} == {1}
 
 
+def test_a_lead_that_is_learnt_is_no_acceleration_of_the_demand(paper_bundle):
+    """Half a millisecond more of it at 20 N/s leaves where the demand is heading as it was."""
+    heading = []
+    for learnt in (0.0, 5e-4):
+        bench = Bench(paper_bundle, 0.16, outer=OPEN)
+        bench.ramp(10.0, 25.0, 20.0)
+        bench.controller.memory.adaptation.lead += learnt
+        bench.update(25.1, 20.0)
+        demand = bench.controller.memory.demand
+        heading.append((demand.rate, demand.acceleration, demand.jerk))
+    assert heading[1] == pytest.approx(heading[0], abs=1e-6)
+    assert heading[0][0] == pytest.approx(20.0, abs=0.1)
+
+
 def test_uncertainty_widens_the_margin(paper_bundle):
     """The demand must exceed the limit by more than its own uncertainty, or by what was set."""
     curves = Allocator(paper_bundle).curves(Instant(0.16))
