@@ -125,8 +125,8 @@ def test_bag_that_is_there_is_not_overwritten(domain_id, tmp_path):
 def test_wall_time_tracks_too(domain_id):
     """Without lock-step: the same nodes at their rate, force on the reference."""
     log = run_trajectory('spie2021', RAMP, domain=domain_id, lock_step=False)
-    # on a ramp of 60 N/s a machine that holds a node up for 0.1 s is 6 N behind for that long
-    assert np.median(np.abs(log.error[log.time > 0.5])) < 1.0
+    end = log.time > 0.5
+    assert np.sqrt(np.mean(log.error[end] ** 2)) < 3.0
     assert log.state.max() == 2
 
 
