@@ -44,7 +44,9 @@ def follow_heading(heading: Any, k: int, value: float, dt: float, bandwidth: flo
 
     Three first-order lags in a row, x' = w (u - x), solved exactly for a signal that is straight
     between two samples (first-order hold: Franklin, Powell and Workman 1998, ch. 6): neither long
-    nor uneven sample times disturb it, and a ramp shows its rate alone.
+    nor uneven sample times disturb it, and a ramp shows its rate alone. The jerk is the mean over
+    the sample: at the samples alone, where the signal bends, it is off by w (w dt)^2 / 12 times
+    the acceleration.
     """
     w, x = bandwidth, bandwidth * dt
     slope = (value - heading.value[k]) / dt
@@ -57,8 +59,9 @@ def follow_heading(heading: Any, k: int, value: float, dt: float, bandwidth: flo
     heading.first[k], heading.second[k], heading.third[k] = first, second, third
     heading.value[k], heading.slope[k] = value, slope
     heading.rate[k] = slope + w * (second - third)
-    heading.acceleration[k] = w * w * (first - 2.0 * second + third)
-    heading.jerk[k] = w * w * w * (3.0 * second - 3.0 * first - third)
+    acceleration = w * w * (first - 2.0 * second + third)
+    heading.jerk[k] = (acceleration - heading.acceleration[k]) / dt
+    heading.acceleration[k] = acceleration
 
 
 def heading_now(heading: Any, k: int, bandwidth: float) -> tuple[float, float, float]:
