@@ -119,6 +119,16 @@ def test_a_value_goes_towards_another_beyond_the_noise():
 
 def test_a_model_that_says_less_of_the_same_shifts_the_error_without_a_bump():
     """Readings that go on as before find the bias changed by just that, from the next on."""
+    state, _ = observed(lambda t: 3.0, 3.0, noise=0.0)
+    before = state.bias
+    shift(state, 2.0)
+    for _ in range(200):
+        observe(state, 3.0, -2.0, -2.0, 1.0, LAG, DT)
+        assert state.bias == pytest.approx(before + 2.0, abs=1e-6)
+
+
+def test_a_shift_leaves_what_follows_as_it_would_have_been():
+    """On a moving error in noise, beside an observer whose model was not changed."""
     state, _ = observed(lambda t: 3.0, 3.0)
     other, draw = copy.deepcopy(state), random.Random(3)
     shift(other, 2.0)
