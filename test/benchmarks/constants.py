@@ -8,8 +8,8 @@ Every constant of the search for missing effects, doubled and halved: what answe
 
 Simulated cases of `fam_bundle benchmark-discovery`, the practice cases, and measured muscles with
 rows kept away. Each case is diagnosed with the constants as they are and with ``--changes`` of
-the changed constants, so that all changes get the same number of cases; the table compares each
-change with the constants as they are on the cases that had it. Each answer is appended to
+the changed constants, so that all changes get the same number of cases; measured muscles get all
+changes. The table compares each change with the constants as they are on the cases that had it. Each answer is appended to
 ``--rows``: a run that was ended goes on where it was.
 """
 
@@ -74,10 +74,11 @@ def with_constant(name: str, factor: float) -> Iterator[Choices]:
 
 @dataclass(frozen=True)
 class Case:
-    """One thing to diagnose: its name and what scores it."""
+    """One thing to diagnose: its name, what scores it, and whether it gets every change."""
 
     name: str
     score: Callable[[Choices], dict[str, Any]]
+    whole: bool = False
 
 
 def simulated(count: int) -> list[Case]:
@@ -125,7 +126,7 @@ def measured(folder: Path, count: int) -> list[Case]:
         def score(choices: Choices) -> dict[str, Any]:
             row = discovery_real.score(split, choices)
             return {key: row[key] for key in ('verdict', 'effects', 'ratio', 'held_out_N')}
-        return Case(f'{split.data.stem}, without {split.away}', score)
+        return Case(f'{split.data.stem}, without {split.away}', score, whole=True)
 
     found = []
     for data, model in discovery_real.measured(folder):
@@ -166,7 +167,7 @@ def run(cases: Sequence[Case], changes: int, path: Path) -> None:
     """Score what is not in the file yet, case by case, and append it."""
     for case, share in zip(cases, shares(len(cases), changes)):
         done = read_rows(path)
-        for name, factor in share:
+        for name, factor in variants() if case.whole else share:
             if (case.name, name, factor) in done:
                 continue
             with with_constant(name, factor) as choices:
@@ -246,8 +247,8 @@ Every number that the search for missing effects goes by (`fam_bundle_ros/discov
 is halved and doubled, one at a time, the most sensitive first. {len(base)} cases were diagnosed \
 with the constants as they are; of the {len(judged)} of them whose truth is known and can be seen \
 {sum(row['right'] for row in judged)} are right and {sum(row['wrong'] for row in judged)} wrong \
-and confident. Each change was tried on its share of the cases (drawn in turn, so that all have \
-about as many); in parentheses is what the constants as they are answer on the same cases. \
+and confident. Each change was tried on the measured muscles and on its share of the other cases \
+(drawn in turn, so that all have about as many); in parentheses is what the constants as they are answer on the same cases. \
 *Other answer* counts the cases in which other effects are named; the *error* is that on rows \
 kept away from measured muscles, over the one with the constants as they are. A grid is moved as \
 a whole. A share that is doubled to 1 and more (`MOST_OF_IT`) asks for what nothing can reach.

@@ -33,6 +33,18 @@ def test_every_change_is_tried_on_as_many_cases():
     assert max(tried.values()) - min(tried.values()) <= 2
 
 
+def test_measured_muscles_get_every_change(tmp_path):
+    """There are few of them; simulated cases get their share."""
+    cases = [study.Case(name, lambda choices: {}, whole=name == 'muscle')
+             for name in ('simulated', 'muscle')]
+    study.run(cases, 6, tmp_path / 'rows.jsonl')
+    count = Counter(case for case, _, _ in study.read_rows(tmp_path / 'rows.jsonl'))
+    assert count == {'simulated': 7, 'muscle': len(study.variants())}
+    muscles = study.measured(study.ROOT / 'config/data', 2)
+    assert muscles
+    assert all(case.whole for case in muscles)
+
+
 def test_a_run_goes_on_where_it_was_ended(tmp_path):
     """Only missing rows are scored; a change is counted on the cases that had it."""
     path, scored = tmp_path / 'rows.jsonl', []
