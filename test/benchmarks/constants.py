@@ -9,8 +9,8 @@ Every constant of the search for missing effects, doubled and halved: what answe
 Simulated cases of `fam_bundle benchmark-discovery`, the practice cases, and measured muscles with
 rows kept away. Each case is diagnosed with the constants as they are and with ``--changes`` of
 the changed constants, so that all changes get the same number of cases; measured muscles get all
-changes. The table compares each change with the constants as they are on the cases that had it. Each answer is appended to
-``--rows``: a run that was ended goes on where it was.
+changes. The table compares each change with the constants as they are on the cases that had it.
+Each answer is appended to ``--rows``: a run that was ended goes on where it was.
 """
 
 from __future__ import annotations
@@ -248,10 +248,10 @@ is halved and doubled, one at a time, the most sensitive first. {len(base)} case
 with the constants as they are; of the {len(judged)} of them whose truth is known and can be seen \
 {sum(row['right'] for row in judged)} are right and {sum(row['wrong'] for row in judged)} wrong \
 and confident. Each change was tried on the measured muscles and on its share of the other cases \
-(drawn in turn, so that all have about as many); in parentheses is what the constants as they are answer on the same cases. \
-*Other answer* counts the cases in which other effects are named; the *error* is that on rows \
-kept away from measured muscles, over the one with the constants as they are. A grid is moved as \
-a whole. A share that is doubled to 1 and more (`MOST_OF_IT`) asks for what nothing can reach.
+(drawn in turn, so that all have about as many); in parentheses is what the constants as they are \
+answer on the same cases. *Other answer* counts the cases in which other effects are named; the \
+*error* is that on rows kept away from measured muscles, over the one with the constants as they \
+are. A grid is moved as a whole. A share that is doubled to 1 and more (`MOST_OF_IT`) asks for what nothing can reach.
 
 {text}
 """
