@@ -251,7 +251,8 @@ and confident. Each change was tried on the measured muscles and on its share of
 (drawn in turn, so that all have about as many); in parentheses is what the constants as they are \
 answer on the same cases. *Other answer* counts the cases in which other effects are named; the \
 *error* is that on rows kept away from measured muscles, over the one with the constants as they \
-are. A grid is moved as a whole. A share that is doubled to 1 and more (`MOST_OF_IT`) asks for what nothing can reach.
+are. A grid is moved as a whole. A share that is doubled to 1 and more (`MOST_OF_IT`) asks for \
+what nothing can reach.
 
 {text}
 """
