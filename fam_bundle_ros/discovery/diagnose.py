@@ -239,16 +239,16 @@ def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fi
 
     Those are effects without which physics does as well there. Where structure is left, evidence
     measures it in units of the noise, so that an effect which imitates a hundredth of the misfit
-    gains tens of log units: there an effect stays, the last one too, only if it foretells better
-    by more than a standard error over the folds. Where none is left, an effect goes only if
-    nothing is worse without it, with a discrepancy too.
+    gains tens of log units: there an effect stays only if it foretells better by more than a
+    standard error over the folds. Where none is left, an effect goes only if nothing is worse
+    without it, with a discrepancy too.
     """
     fitter = search.fitter
     held = held_out(fitter, physics, chosen)
     left = what_is_left(fitter.covariance, chosen, physics)
     structured = is_structured(fitter.cells, need_of_structure(fitter, chosen), left, inclusion)
     squares = squares_of_folds(fitter, physics)
-    while len(found) > (not structured):
+    while found:
         for change in reversed(found):
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)

@@ -213,7 +213,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         if artefacts or structured or likely:
             verdict = 'unexplained'
         else:
-            verdict = 'recalibrate' if _moved(fitter, null) else 'adequate'
+            verdict = 'recalibrate' if _moved(fitter, null, inclusion) else 'adequate'
     elif after.total > max(small(cells), abnormal):
         verdict = 'unexplained'
     elif after.beside > small(cells) and explained < settings.MOST_OF_IT:
@@ -254,13 +254,21 @@ def _explained(base: Fit, physics: Fit) -> float:
     return 1.0 - float(np.mean(physics.residual ** 2) / np.mean(base.residual ** 2))
 
 
-def _moved(fitter: Fitter, null: Fit) -> bool:
-    """Return whether the model's parameters had to move: evidence against those as given."""
-    nominal = np.zeros(len(null.u))
-    residual = fitter.residual(null.model, null.priors, nominal)
-    _, as_given = fitter.best_hyper(null.hyper, residual, np.zeros((len(residual), 0)),
-                                       np.zeros(0), ())
-    return null.evidence - as_given > settings.LEAST_LOSS
+def _moved(fitter: Fitter, null: Fit, inclusion: float) -> bool:
+    """
+    Return whether the model's parameters had to move.
+
+    The evidence is against those as given, or they leave a structure.
+    """
+    nothing = np.zeros(0)
+    residual = fitter.residual(null.model, null.priors, np.zeros(len(null.u)))
+    slopes = np.zeros((len(residual), 0))
+    hyper, evidence = fitter.best_hyper(null.hyper, residual, slopes, nothing, ())
+    as_given = replace(null, priors=(), u=nothing, hyper=hyper, residual=residual, slopes=slopes,
+                       evidence=evidence)
+    left = what_is_left(fitter.covariance, as_given, as_given)
+    return (null.evidence - evidence > settings.LEAST_LOSS
+            or is_structured(fitter.cells, need_of_structure(fitter, as_given), left, inclusion))
 
 
 def _worth_of_pressure(fitter: Fitter, null: Fit) -> float:
