@@ -34,7 +34,7 @@ from fam_bundle_ros.control.reasons import from_row, ROW, sentence
 from fam_bundle_ros.control.signals import command_record, MeasurementRecord
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.plant import Dynamometer, Faults, Load, RigConfig
+from fam_bundle_ros.plant import Dynamometer, Faults, Load, rig_for, RigConfig
 from fam_bundle_ros.plant.faults import fault_record
 from fam_bundle_ros.plant.rig import changed_load, Rig
 
@@ -162,8 +162,8 @@ class ClosedLoop:
     model : Bundle, optional
         What the controller believes; the plant's by default, which is then a Bundle.
     controller : ControllerConfig
-    rig : RigConfig
-        Its load is taken from the trajectory.
+    rig : RigConfig, optional
+        Its load is taken from the trajectory; `rig_for` the model by default.
     period : float, s
         Of the recruitment controller.
     pid_period : float, s
@@ -194,7 +194,7 @@ class ClosedLoop:
 
     def __init__(self, plant: Any, model: Bundle | None = None,
                  controller: ControllerConfig = ControllerConfig(),
-                 rig: RigConfig = RigConfig(), period: float = 4e-3, pid_period: float = 2e-3,
+                 rig: RigConfig | None = None, period: float = 4e-3, pid_period: float = 2e-3,
                  gains: PidGains = PidGains(), pid: PidConfig | None = None,
                  noise_factor: float = 1.0, seed: int = 0, compiled: bool | None = None,
                  deviation: tuple[float, float] = (1.0, 0.0)):
@@ -202,6 +202,7 @@ class ClosedLoop:
         if not isinstance(self.model, Bundle):
             raise InputError(f'{type(plant).__name__} is no model that a controller can invert; '
                              'expected model=, a Bundle')
+        rig = rig or rig_for(self.model)
         self.controller_config, self.rig_config = controller, rig
         self.ticks = max(1, round(period / pid_period))
         self.pid_period = pid_period

@@ -34,6 +34,19 @@ PAPER = 'spie2021'
 console = Console(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 notes = Console(stderr=True, highlight=False)
 
+def _page_to_write(path: Path | None) -> Path | None:
+    if path is not None and path.suffix not in ('', '.html', '.htm'):
+        raise InputError(f'--out {path}: expected the name of a page (.html) to write')
+    if path is not None:
+        _has_folder(path)
+    return path
+
+
+def _has_folder(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise InputError(f'{path}: there is no folder {path.parent}')
+
+
 JsonFile = Annotated[Path | None, typer.Option('--json', metavar='FILE', help='Also write the '
                                                'result as JSON.')]
 AllowPython = Annotated[bool, typer.Option('--allow-python', help='Run Python files of effects '
@@ -48,8 +61,8 @@ Unexplained = Annotated[float, typer.Option(
     "law is normal, as a share of the force's standard deviation.")]
 Odds = Annotated[float, typer.Option('--odds', min=1.0, help='Sets of effects at most so many '
                                      'times less probable than the best are ties.')]
-PageFile = Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write '
-                                               'the page (HTML).')]
+PageFile = Annotated[Path | None, typer.Option(
+    '--out', '-o', metavar='FILE', callback=_page_to_write, help='Also write the page (HTML).')]
 Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace of '
                                         'the bundle.')]
 ControllerModel = Annotated[str | None, typer.Option(
@@ -225,9 +238,18 @@ def quantity(text: str, like: str, option: str) -> float:
 
 
 def yaml_to_write(path: Path, what: str = 'model') -> None:
-    """Raise InputError for a path that does not end as YAML does."""
+    """Raise InputError for a path that does not end as YAML does, or that has no folder."""
     if path.suffix not in ('.yaml', '.yml'):
         raise InputError(f'{path}: expected the name of a {what} file (.yaml) to write')
+    _has_folder(path)
+
+
+def free_name(name: str) -> str:
+    """Return the name of a file here, numbered where there is one already."""
+    path, number = Path(name), 2
+    while path.exists():
+        path, number = Path(name).with_stem(f'{Path(name).stem}_{number}'), number + 1
+    return str(path)
 
 
 def confirm(question: str, yes: bool) -> None:

@@ -12,6 +12,7 @@ from fam_bundle_ros.cli.common import (
     AllowPython,
     console,
     effect_name,
+    free_name,
     JsonFile,
     ModelOption,
     muscle_of,
@@ -148,11 +149,13 @@ def diagnose(
     words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
              *(f'--remove {name}' for name in result.removed)]
     if words and len(recordings) > 1:
-        console.print('add: the same with [bold]--model-out better.yaml[/bold] writes the model')
+        console.print(f"add: the same with [bold]--model-out {free_name('better.yaml')}[/bold] "
+                      'writes the model')
     elif words:
         again = f' {reading.words}' if reading.words else ''
         console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data + again)} "
-                      f'--model {escape(model)} --out better.yaml[/bold]', soft_wrap=True)
+                      f"--model {escape(model)} --out {free_name('better.yaml')}[/bold]",
+                      soft_wrap=True)
     for group in result.tied:
         console.print(f'cannot be told apart in these data: {", ".join(group)}')
     if result.parameters:

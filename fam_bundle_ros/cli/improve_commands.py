@@ -73,6 +73,8 @@ def add(
         library = open_model(source, allow_python)
         wanted = [library.effect(effect) for effect in wanted]
     yaml_to_write(out)
+    if out.exists() and out.resolve() == model_path(model).resolve():
+        raise InputError(f'--out {out} is the model that is changed; expected another name')
     swaps = {}
     for text in replacing or []:
         old, sign, new = text.partition('=')

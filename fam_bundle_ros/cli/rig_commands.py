@@ -62,11 +62,15 @@ def run(
     free = (trajectory is not None and not rig and params_file is None
             and load_profile(trajectory).kind == 'strain'
             and not any('load' in word for word in context.args))
+    # The simulated rig's usual supply and trip are for muscles up to 344.7 kPa.
+    suited = (not rig and params_file is None
+              and not any('pressure' in word or 'params-file' in word for word in context.args))
     own = [item for name, value in (
         ('model', None if model is None else _file(model)),
         ('plant_model', None if plant_model is None else _file(plant_model)),
         ('trajectory', trajectory), ('policy', policy),
         *(_mass(model or PAPER).items() if free else ()),
+        *(_pressures(model or PAPER).items() if suited else ()),
         ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
     given = ['--params-file', str(params_file)] if params_file else []
@@ -186,6 +190,11 @@ def _mass(model: str) -> dict[str, Any]:
     load = load_from({spec.name: spec.default for spec in LOAD} | kind)
     return {**kind, **{name: round(value, 6) for name, value in load_model_parameters(
         load, open_model(model).length).items()}}
+
+
+def _pressures(model: str) -> dict[str, Any]:
+    from fam_bundle_ros.nodes.rig_parameters import pressure_parameters
+    return pressure_parameters(open_model(model))
 
 
 def _file(name: str) -> str:

@@ -37,6 +37,7 @@ from fam_bundle_ros.nodes.diagnostics import ERROR
 from fam_bundle_ros.nodes.models import model_in
 from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
 from fam_bundle_ros.nodes.protocol_run import Asked, ProtocolRun, Seen, Stopped
+from fam_bundle_ros.nodes.rig_parameters import pressure_parameters
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 
 #: s that a rig and its controller get to be heard, a service to answer, a reason to come.
@@ -240,6 +241,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
             else:
                 scratch = ending.enter_context(tempfile.TemporaryDirectory(prefix='fam_bundle_'))
                 values = {**_SIMULATED, 'rate': rate, 'seed': seed, **_load(protocol),
+                          **pressure_parameters(model),
                           'model': model_in(scratch, 'model', model),
                           'plant_model': model_in(scratch, 'plant', plant_model or model),
                           **(overrides or {})}

@@ -101,6 +101,12 @@ class PlantSimulator(BundleNode):
         p = self.p
         self.rig = rig or Rig(bundle_from(p['plant_model'] or p['model']), rig_config(p),
                               seed=p['seed'])
+        highest, trip = max(bundle_from(p['model']).max_pressure), self.rig.config.trip_pressure
+        if highest >= trip:
+            self.get_logger().warning(
+                f'the model allows {highest / 1e3:.0f} kPa, and this rig stops above '
+                f'{trip / 1e3:.0f} kPa: raise trip_pressure, chamber.relief_pressure and '
+                'supply.pressure (of the pressure loops too)')
         self._hidden = HiddenEffect(self.rig, p[HIDDEN.name])
         self.units = self.rig.bundle.n
         self._channels = [f'mu{i + 1}' for i in range(self.units)]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.control import LoadModel
+from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes.parameters import Spec
 from fam_bundle_ros.plant import (
     Arm,
@@ -15,6 +16,7 @@ from fam_bundle_ros.plant import (
     Dynamometer,
     Load,
     MassSpring,
+    rig_for,
     RigConfig,
     SensorConfig,
     SeriesSpringMass,
@@ -91,7 +93,10 @@ RIG = (
          'a restriction, m^3; 0 for one pressure', 0.0, ChamberConfig().tube_volume),
     Spec('chamber.line_conductance', ChamberConfig().line_conductance,
          'sonic conductance of that restriction, m^3/(s Pa)', 1e-12, 1e-5),
-    Spec('trip_pressure', 450e3, 'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
+    Spec('chamber.relief_pressure', ChamberConfig().relief_pressure,
+         'at which the relief valves are open, Pa gauge', 1e3, 1.5e6),
+    Spec('trip_pressure', RigConfig().trip_pressure,
+         'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
 )
 
 
@@ -125,6 +130,15 @@ def _line(known: LoadModel) -> tuple[float, float]:
     return max(float(np.mean(force - slope * strain)), 0.0), slope
 
 
+def pressure_parameters(bundle: Bundle) -> dict[str, float]:
+    """Return supply, trip and relief valves of a simulated rig that a bundle needs higher."""
+    rig = rig_for(bundle)
+    if rig == RigConfig():
+        return {}
+    return {'supply.pressure': rig.supply.pressure, 'trip_pressure': rig.trip_pressure,
+            'chamber.relief_pressure': rig.chamber.relief_pressure}
+
+
 def rig_config(values: dict[str, Any]) -> RigConfig:
     """Return the rig that the parameters describe."""
     return RigConfig(
@@ -133,7 +147,8 @@ def rig_config(values: dict[str, Any]) -> RigConfig:
                           dead_band=values['valve.dead_band'],
                           bandwidth=values['valve.bandwidth'],
                           hysteresis=values['valve.hysteresis'], delay=values['valve.delay']),
-        chamber=ChamberConfig(line_volume=values['chamber.line_volume'],
+        chamber=ChamberConfig(relief_pressure=values['chamber.relief_pressure'],
+                              line_volume=values['chamber.line_volume'],
                               line_conductance=values['chamber.line_conductance']),
         supply=SupplyConfig(pressure=values['supply.pressure'],
                             resistance=values['supply.resistance']),

@@ -32,7 +32,7 @@ from fam_bundle_ros.nodes.recording import Recorder
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.rig_parameters import load_model_parameters
-from fam_bundle_ros.plant import Dynamometer, Load, Rig, RigConfig
+from fam_bundle_ros.plant import Dynamometer, Load, Rig, rig_for, RigConfig
 from fam_bundle_ros.simulation import Log, Trajectory
 
 #: Looks at a run: time of the trajectory (s), simulator, all nodes, valve commands of the step.
@@ -68,7 +68,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
     load : Load, optional
         In place of the trajectory's own; a dynamometer at strain 0.1 where there is none.
     rig : RigConfig, optional
-        Its load is not used.
+        Its load is not used; `rig_for` the model by default.
     rate : float, Hz
         Of samples, controller and pressure loops.
     seed : int
@@ -106,7 +106,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
         model_name = _as_file(model, scratch, 'model')
         plant = bundle_from(_as_file(plant_model, scratch, 'plant')
                             if plant_model is not None else model_name)
-        config = rig or RigConfig()
+        config = rig or rig_for(bundle_from(model_name))
         hardware = Rig(plant, replace(config, load=plan.load), seed=seed)
         values = {**_parameters(config, hardware), 'model': model_name, 'rate': rate,
                   'lock_step': lock_step, 'wait_for_reference': lock_step,

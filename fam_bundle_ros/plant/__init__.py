@@ -15,7 +15,7 @@ from fam_bundle_ros.plant.pneumatics import (
     linearise,
     ValveConfig,
 )
-from fam_bundle_ros.plant.rig import Rig, RigConfig
+from fam_bundle_ros.plant.rig import Rig, rig_for, RigConfig
 from fam_bundle_ros.plant.sensors import Readings, SensorConfig
 from fam_bundle_ros.plant.supply import air_energy, available_energy, liquid_energy, SupplyConfig
 
@@ -23,6 +23,6 @@ __all__ = [
     'air_energy', 'AirBalance', 'Arm', 'available_energy', 'ChamberConfig',
     'ChamberLinearisation', 'Dynamometer', 'fastest_fall', 'fastest_rise', 'Faults',
     'ForeignPlant', 'linearise', 'liquid_energy', 'Load', 'loads', 'MassSpring', 'Readings',
-    'Rig', 'RigConfig', 'SensorConfig', 'sensors', 'SeriesSpringMass', 'SupplyConfig',
+    'Rig', 'rig_for', 'RigConfig', 'SensorConfig', 'sensors', 'SeriesSpringMass', 'SupplyConfig',
     'ValveConfig',
 ]

@@ -83,6 +83,30 @@ class RigConfig:
         require(self, 'trip_pressure', above=0.0)
 
 
+#: Pa: largest pressure of the muscles that the default rig is for (Kim et al. 2021).
+_USUAL = 344.7e3
+
+
+def rig_for(bundle: Any) -> RigConfig:
+    """
+    Return the default rig, its supply, trip and relief valves in proportion to a bundle's limit.
+
+    They are never lower than those of the default rig, which is for 344.7 kPa.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> rig = rig_for(SimpleNamespace(max_pressure=[689.4e3]))
+    >>> print(f'{rig.supply.pressure / 1e3:.0f} kPa, trip at {rig.trip_pressure / 1e3:.0f} kPa')
+    1000 kPa, trip at 900 kPa
+    """
+    usual, scale = RigConfig(), max(*bundle.max_pressure, _USUAL) / _USUAL
+    return replace(
+        usual, trip_pressure=scale * usual.trip_pressure,
+        supply=replace(usual.supply, pressure=scale * usual.supply.pressure),
+        chamber=replace(usual.chamber, relief_pressure=scale * usual.chamber.relief_pressure))
+
+
 def _dependences(plant, model) -> tuple[bool, bool]:
     """Return whether the plant's force depends on the strain rate, its volume on pressure."""
     rate = volume = False
