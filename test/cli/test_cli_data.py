@@ -189,6 +189,36 @@ def test_add_of_what_cannot_be_added_fails(fam_bundle, repository, tmp_path, eff
     assert not (tmp_path / 'better.yaml').exists()
 
 
+def test_add_does_not_overwrite_the_model_that_it_changes(fam_bundle, repository, tmp_path):
+    """The step before would be lost."""
+    case, mine = repository / 'test/data/practice/p03', tmp_path / 'mine.yaml'
+    mine.write_text((repository / 'test/data/practice/p03.model.yaml').read_text())
+    before = mine.read_text()
+    result = fam_bundle('add', 'presliding_hysteresis', '--data', f'{case}.csv',
+                        '--model', mine, '--out', './mine.yaml')
+    assert result.returncode == 2
+    assert 'mine.yaml is the model that is changed; expected another name' in result.stderr
+    assert mine.read_text() == before
+
+
+def test_the_printed_command_writes_to_a_new_file(fam_bundle, repository, tmp_path):
+    """Where there is a better.yaml, it is that of an earlier step."""
+    (tmp_path / 'better.yaml').write_text('an earlier step')
+    case = repository / 'test/data/practice/p03'
+    shown = fam_bundle('diagnose', f'{case}.csv', '--model', f'{case}.model.yaml')
+    assert '--out better_2.yaml' in shown.stdout
+
+
+@pytest.mark.parametrize(('out', 'words'), [
+    ('none/page.html', 'none/page.html: there is no folder none'),
+    ('page.pdf', '--out page.pdf: expected the name of a page (.html) to write')])
+def test_a_page_that_cannot_be_written_is_refused_before_the_work(fam_bundle, out, words):
+    """Not after a minute of it."""
+    result = fam_bundle('compare', 'dmsp20_static_map', '--out', out)
+    assert (result.returncode, result.stdout) == (2, '')
+    assert words in result.stderr
+
+
 def lab_rows(repository):
     """Return the rows of practice case p03 as a lab writes them: ms, length in mm, bar."""
     header, *rows = (repository / 'test/data/practice/p03.csv').read_text().splitlines()

@@ -212,6 +212,15 @@ def test_noise_alone_names_nothing(sweeps, paper_muscle):
         assert result.best is result.model
 
 
+def test_a_muscle_whose_dimensions_are_off_is_not_adequate_as_it_is(sweeps, paper_muscle):
+    """A smooth discrepancy could stand in for a percent of the radius: it has to be refitted."""
+    true = paper_muscle.with_parameters({'geometry.radius': 6.29e-3,
+                                         'geometry.braid_angle': np.radians(32.77)})
+    result = diagnose(paper_muscle, sweeps(true))
+    assert result.verdict == 'recalibrate'
+    assert result.error_N['model'] > 1.1 * result.error_N['best']
+
+
 def test_sweeps_each_with_its_own_tare_name_no_effect(sweeps, paper_muscle):
     """It is no bias of the load cell: said, with what to do."""
     rng = np.random.default_rng(5)

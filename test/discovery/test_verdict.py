@@ -210,6 +210,8 @@ def test_where_structure_is_left_an_effect_must_foretell_better(search, monkeypa
         made, better, found, better, 0.1)[1]] == kept
     off[made.null.names] = [12.0, 8.0]
     assert steps._that_foretell(made, better, found, better, 0.1)[1] == found
+    off[made.null.names] = [8.0, 4.0]  # as well without it: no name, the last one neither
+    assert steps._that_foretell(made, better, found, better, 0.1)[1] == []
 
 
 @pytest.mark.parametrize(('key', 'u', 'said'), [

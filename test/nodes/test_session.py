@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whole runs: the same twice, one process or six, side by side, recorded, checked."""
 
+from dataclasses import replace
 import hashlib
 import subprocess
 import sys
@@ -24,8 +25,9 @@ from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recording import record
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.rig_check import _judge_latency, check_rig
+from fam_bundle_ros.nodes.rig_parameters import LOAD, pressure_parameters, RIG, rig_config
 from fam_bundle_ros.nodes.session import _parameters, run_trajectory
-from fam_bundle_ros.plant import Dynamometer, MassSpring, Rig, SensorConfig
+from fam_bundle_ros.plant import Dynamometer, MassSpring, Rig, rig_for, SensorConfig
 from fam_bundle_ros.plant.rig import RigConfig
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
@@ -128,6 +130,34 @@ def test_wall_time_tracks_too(domain_id):
     end = log.time > 0.5
     assert np.sqrt(np.mean(log.error[end] ** 2)) < 3.0
     assert log.state.max() == 2
+
+
+def strong_bundle():
+    """Return the bundle of the paper with muscles that take 600 kPa."""
+    paper = load_model(config_path('models/spie2021.yaml'))
+    return type(paper)('strong', [replace(unit, max_pressure=600e3)
+                                  for unit in paper.motor_units], paper.effects)
+
+
+def test_muscles_for_600_kpa_are_driven_to_their_limit(domain_id):
+    """The simulated rig's supply and trip go with the model."""
+    bundle = strong_bundle()
+    force = bundle.force(0.1, [580e3, 580e3])
+    log = run_trajectory(bundle, Points('high', 'force', (0.0, 1.5, 2.0), (40.0, force, force)),
+                         domain=domain_id)
+    assert log.pressure.max() > 550e3
+    assert np.abs(log.error[-20:]).max() < 3.0
+
+
+def test_parameters_for_strong_muscles_describe_such_a_rig():
+    """What `measure` and `run` give the simulator; the usual rig needs none."""
+    strong = strong_bundle()
+    assert pressure_parameters(load_model(config_path('models/spie2021.yaml'))) == {}
+    values = {spec.name: spec.default for spec in (*RIG, *LOAD)}
+    made = rig_config({**values, 'ambient_pressure': 101325.0, **pressure_parameters(strong)})
+    wanted = rig_for(strong)
+    assert (made.supply, made.trip_pressure) == (wanted.supply, wanted.trip_pressure)
+    assert made.chamber.relief_pressure == wanted.chamber.relief_pressure
 
 
 def test_two_bundles_side_by_side(ros_context):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole rig: statics, energy, determinism, safety, faults, and hidden effects."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -16,6 +17,7 @@ from fam_bundle_ros.plant import (
     Dynamometer,
     MassSpring,
     Rig,
+    rig_for,
     RigConfig,
     SensorConfig,
     SeriesSpringMass,
@@ -409,3 +411,18 @@ def test_only_a_dynamometer_imposes_a_strain(bundle):
     """Asking a mass for a strain is refused."""
     with pytest.raises(InputError, match='MassSpring'):
         make(bundle, MassSpring()).impose_strain(0.1)
+
+
+def test_the_default_rig_suits_muscles_that_take_more_pressure(bundle):
+    """Supply above trip above limit, in the proportions that it has for the paper's muscles."""
+    assert rig_for(bundle) == RigConfig()
+    strong = Bundle('strong', [replace(unit, max_pressure=800e3) for unit in bundle.motor_units],
+                    bundle.effects)
+    rig, usual, scale = rig_for(strong), RigConfig(), 800e3 / 344.7e3
+    assert rig.trip_pressure == pytest.approx(scale * usual.trip_pressure)
+    assert rig.supply.pressure == pytest.approx(scale * usual.supply.pressure)
+    assert rig.chamber.relief_pressure == pytest.approx(scale * usual.chamber.relief_pressure)
+    ours = Rig(strong, replace(rig, sensors=IDEAL, load=Dynamometer(strain=0.1)))
+    drive(ours, [780e3, 780e3], 3.0)
+    assert not ours.e_stopped
+    assert ours.truth.pressure == pytest.approx([780e3, 780e3], rel=0.02)
