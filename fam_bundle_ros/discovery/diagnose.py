@@ -241,7 +241,8 @@ def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fi
     measures it in units of the noise, so that an effect which imitates a hundredth of the misfit
     gains tens of log units: there an effect stays only if it foretells better by more than a
     standard error over the folds. Where none is left, an effect goes only if nothing is worse
-    without it, with a discrepancy too.
+    without it, with a discrepancy too; the last one only if the evidence for it needs a
+    discrepancy besides.
     """
     fitter = search.fitter
     held = held_out(fitter, physics, chosen)
@@ -253,7 +254,12 @@ def _that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fi
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
             error, each = held_out(fitter, without, fewer), squares_of_folds(fitter, without)
-            if _as_good(each, squares) if structured else error.is_no_worse(held):
+            if structured:
+                goes = _as_good(each, squares)
+            else:
+                goes = error.is_no_worse(held) and (
+                    len(found) > 1 or fewer.white_posterior >= chosen.white_posterior)
+            if goes:
                 found = [other for other in found if other is not change]
                 chosen, physics, held, squares = fewer, without, error, each
                 break

@@ -212,6 +212,9 @@ def test_where_structure_is_left_an_effect_must_foretell_better(search, monkeypa
     assert steps._that_foretell(made, better, found, better, 0.1)[1] == found
     off[made.null.names] = [8.0, 4.0]  # as well without it: no name, the last one neither
     assert steps._that_foretell(made, better, found, better, 0.1)[1] == []
+    sure = replace(better, white_evidence=made.null.white_posterior + 9.0)
+    assert [str(change) for change in steps._that_foretell(
+        made, sure, found, sure, 0.1)[1]] == kept
 
 
 @pytest.mark.parametrize(('key', 'u', 'said'), [
