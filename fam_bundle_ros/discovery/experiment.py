@@ -14,6 +14,8 @@ import math
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import pressure_speed, varying_unit
+from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
 from fam_bundle_ros.data.protocol import (
     Hold,
     Limits,
@@ -44,6 +46,8 @@ _BEARS = 1.5
 _RANGE, _PRESSURE = 0.05, 20e3
 #: Steps of the strains, and of the pressures (Pa), that are proposed.
 _STRAINS, _PRESSURES = 1e-3, 100.0
+#: Share of the range of the pressures that it may move in the time of a stroke on an isobar.
+_ISOBAR = 0.2
 #: Readings above the limit of a motor unit by so much are its noise.
 _OVER = 1.05
 
@@ -197,11 +201,14 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
     """
     Return the experiment that separates two fitted models most, and all of them, best first.
 
-    None when no force test of the menu tells them apart.
+    None when no force test of the menu tells them apart. The plain sweep is left out where the
+    log is one.
     """
-    ranked = []
+    ranked, swept = [], _is_swept(fitter.cells.data)
     known = np.linalg.inv(second.covariance)
     for protocol in menu(fitter.cells, first.model):
+        if swept and protocol.name == _PLAIN:
+            continue
         test = motion(protocol)
         slope = np.array([prior.slope(u) for prior, u in zip(second.priors, second.u)])
         force, columns = second.model.jacobian(test, [p.key for p in second.priors])
@@ -216,6 +223,16 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
                                   else -plain, item.words != _PLAIN))
     top = ranked[0] if ranked and ranked[0].separation > _USELESS else None
     return top, ranked
+
+
+def _is_swept(data: Measurement) -> bool:
+    """Return whether a log has isobars that were swept both ways, with the time."""
+    moving = data.direction_basis == BY_STRAIN
+    if data.is_static or not {-1, 1} <= set(data.direction[moving]):
+        return False
+    stroke = np.ptp(data.strain) / np.median(np.abs(data.strain_rate[moving]))
+    change = stroke * np.median(pressure_speed(data)[moving])
+    return bool(change < _ISOBAR * np.ptp(data.pressure[:, varying_unit(data)]))
 
 
 def without_force(first: str, second: str) -> str:

@@ -112,7 +112,8 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     if finding.artefacts:
         return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
     if answer:
-        tie = ties[0] if ties else (answer[-1].label, '')
+        least_sure = min(answer, key=lambda change: posterior.of_label(change.label))
+        tie = ties[0] if ties else (least_sure.label, '')
         rival = _rival(posterior, tie, chosen)
         if rival is not None:
             other = tie[1] or next((label for label in _labels(posterior, rival)

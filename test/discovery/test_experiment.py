@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The menu of next experiments: protocols within the data, and their motions."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,7 +20,13 @@ from fam_bundle_ros.data.protocol import (
     save_protocol,
     Sweep,
 )
-from fam_bundle_ros.discovery.experiment import finer, menu, motion, without_force
+from fam_bundle_ros.discovery.experiment import (
+    _is_swept,
+    finer,
+    menu,
+    motion,
+    without_force,
+)
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path
 
@@ -123,3 +130,22 @@ def test_a_calliper_is_asked_for_only_where_it_tells_something():
     """Dead ends can be measured; two laws of friction with one force cannot."""
     assert 'calliper' in without_force('bladder_elasticity', 'end_caps')
     assert 'same force' in without_force('coulomb_friction', 'viscous_power')
+
+
+STROKE = np.linspace(0.0, 0.2, 50)
+ISOBARS = np.repeat([1e5, 2e5, 3e5, 4e5], 100)
+
+
+@pytest.mark.parametrize(('course', 'pressure', 'swept'), [
+    ([STROKE, STROKE[::-1]] * 4, ISOBARS, True),
+    ([STROKE[:-1], [0.2] * 51] * 4, ISOBARS, False),                    # one way only
+    ([STROKE, STROKE[::-1]] * 4, np.tile(np.linspace(0.0, 4e5, 100), 4), False),  # no isobars
+])
+def test_a_log_that_is_the_plain_sweep_is_told_from_others(course, pressure, swept):
+    """Where it was made, in one piece or not, another such sweep would tell nothing new."""
+    strain, trial = np.concatenate(course), np.repeat(np.arange(4), 100)
+    for pieces in (trial, 0 * trial) if swept else (trial,):
+        log = build('log', strain, pressure[:, None], np.full(400, 50.0), pieces,
+                    0.1 * np.arange(400))
+        assert _is_swept(log) == swept
+        assert not _is_swept(replace(log, time=None))

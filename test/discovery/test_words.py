@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is said of a measurement beside the answer."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery import words
 from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.verdict import Finding, Left
 from fam_bundle_ros.discovery.words import ascends, summarise
@@ -49,3 +52,18 @@ def test_what_is_left_without_a_shape_is_not_called_noise(rough, told):
                                                                      'best': 1.36})
     assert told in said
     assert ('1% of the largest' in said) == (rough > 1.0)
+
+
+def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatch):
+    """Not about one that all likely sets have."""
+    asked, without = [], SimpleNamespace(names=('coulomb_friction',))
+    monkeypatch.setattr(words, '_rival', lambda posterior, tie, chosen: asked.append(tie[0])
+                        or without)
+    monkeypatch.setattr(words, '_labels', lambda posterior, fit: ['coulomb_friction'])
+    monkeypatch.setattr(words, 'best_experiment', lambda *fits: (None, []))
+    posterior = SimpleNamespace(of_label={'end_caps': 0.7, 'coulomb_friction': 1.0}.get)
+    fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
+    words.next_experiment(fitter, posterior, Finding('missing_effect', Left(3.1, 0.2),
+                                                     Left(0.0, 0.2), 0.8),
+                          [Change('', 'end_caps'), Change('', 'coulomb_friction')], None, (), ())
+    assert asked == ['end_caps']
