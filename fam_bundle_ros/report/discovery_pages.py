@@ -76,8 +76,8 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
         Headline('Noise floor', f'{result.noise.value:.3g} N', result.noise.basis)]
     return Page(
         f'What {result.model.name} is missing',
-        ' '.join(f'{text[:1].upper()}{text[1:]}.' for text in (
-            result.summary, *(f'check first: {slip}' for slip in comparison.slips)))
+        ' '.join(map(_sentence, (
+            result.summary, *(f'check first: {slip}' for slip in comparison.slips))))
         + f' Model {muscle_words(result.model)}.', headline,
         [*diagnosis_sections(result),
          *comparison_sections(comparison, result.model),
@@ -85,6 +85,12 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
         provenance(files, [*_data_rows(comparison),
                            ('rows left out of the fit', str(result.rows_left_out)),
                            ('time taken', f'{result.seconds:.1f} s')]))
+
+
+def _sentence(text: str) -> str:
+    """Return a phrase as a sentence; the name of an effect stays as a command takes it."""
+    named = '_' in text.partition(' ')[0]
+    return f'{text}.' if named else f'{text[:1].upper()}{text[1:]}.'
 
 
 def diagnosis_sections(result: Diagnosis) -> list[Section]:

@@ -107,5 +107,6 @@ def test_the_report_has_all_of_them_beside_the_empirical_form(found):
     for key in ('sets', 'unseen', 'discrepancy', 'priors', 'ladder'):
         assert f'<figure id="{key}">' in page
     assert 'six-parameter empirical form' in page
+    assert found.summary in page  # effects are named as a command takes them
     saved = json.loads(found.to_json())
     assert saved['sets'][0]['probability'] == pytest.approx(found.likely[0].probability)
