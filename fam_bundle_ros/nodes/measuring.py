@@ -26,7 +26,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from fam_bundle_ros.control.direct import ROUNDING
-from fam_bundle_ros.data.protocol import minutes, Protocol, segments
+from fam_bundle_ros.data.protocol import minutes, Protocol, read_protocol, segments
 from fam_bundle_ros.data.segment_store import SegmentStore
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -39,6 +39,7 @@ from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
 from fam_bundle_ros.nodes.protocol_run import Asked, ProtocolRun, Seen, Stopped
 from fam_bundle_ros.nodes.rig_parameters import pressure_parameters
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
+from fam_bundle_ros.resources import config_names
 
 #: s that a rig and its controller get to be heard, a service to answer, a reason to come.
 _PATIENCE, _ANSWER, _REASON = 10.0, 5.0, 2.5
@@ -259,8 +260,11 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
 def fits(protocol: Protocol, model: Bundle) -> None:
     """Refuse a protocol that a bundle cannot be driven by; InputError says why."""
     if protocol.motor_units != model.n:
+        shipped = [name.removesuffix('.yaml') for name in config_names('protocols')]
+        fitting = [name for name in shipped if read_protocol(name).motor_units == model.n]
         raise InputError(f'{protocol.name}: is for {protocol.motor_units} motor units; '
-                         f'{model.name} has {model.n}')
+                         f'{model.name} has {model.n}' + (
+                             f"; protocols for {model.n} that ship: {', '.join(fitting)}" if fitting else ''))
     for k, (value, limit) in enumerate(zip(protocol.highest, model.max_pressure), 1):
         if value > limit * (1.0 + ROUNDING):
             raise InputError(f'{protocol.name}: mu{k} goes up to {value / 1e3:.1f} kPa; '

@@ -108,7 +108,8 @@ def test_what_latches_ends_the_experiment_and_keeps_what_is_complete(domain_id, 
 
 def test_a_protocol_that_does_not_fit_is_refused_before_anything_moves(tmp_path, paper_bundle):
     """Other motor units, or pressures beyond the model; a simulation may be given room."""
-    with pytest.raises(InputError, match='is for 2 motor units; one has 1'):
+    with pytest.raises(InputError, match='is for 2 motor units; one has 1; protocols '
+                       'for 1 that ship: first_look_one'):
         measure(SHORT, tmp_path / 'a.csv', one_muscle(paper_bundle))
     paper = read_protocol('spie2021')
     with pytest.raises(InputError, match='mu1 goes up to 413.7 kPa; spie2021 allows 344.7 kPa'):
