@@ -262,9 +262,9 @@ def fits(protocol: Protocol, model: Bundle) -> None:
     if protocol.motor_units != model.n:
         shipped = [name.removesuffix('.yaml') for name in config_names('protocols')]
         fitting = [name for name in shipped if read_protocol(name).motor_units == model.n]
+        words = f"; protocols for {model.n} that ship: {', '.join(fitting)}" if fitting else ''
         raise InputError(f'{protocol.name}: is for {protocol.motor_units} motor units; '
-                         f'{model.name} has {model.n}' + (
-                             f"; protocols for {model.n} that ship: {', '.join(fitting)}" if fitting else ''))
+                         f'{model.name} has {model.n}{words}')
     for k, (value, limit) in enumerate(zip(protocol.highest, model.max_pressure), 1):
         if value > limit * (1.0 + ROUNDING):
             raise InputError(f'{protocol.name}: mu{k} goes up to {value / 1e3:.1f} kPa; '
