@@ -17,6 +17,7 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
+from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.nodes import interface
@@ -128,8 +129,11 @@ class Sensing:
         self._last_sample = time.monotonic()
         self._stamp = -1
         #: Fires once after it is reset, behind all that waits: what else could be put there,
-        #: `Executor.create_task`, crashes Python when an exception leaves it.
-        self._due = node.every(1e-9, self._complete_fresh)
+        #: `Executor.create_task`, crashes Python when an exception leaves it. With a clock of its
+        #: own: a reset calls all timers of the clock that are due once more, and each such call
+        #: puts the next one off by a period.
+        self._due = node.create_timer(1e-9, self._complete_fresh,
+                                      clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._due.cancel()
         self._listen('force', interface.FORCE, WrenchStamped, interface.read_force)
         self._listen('strain', interface.STRAIN, JointState, self._read_strain)

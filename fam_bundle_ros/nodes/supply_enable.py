@@ -31,16 +31,14 @@ class SupplyEnable:
     """
 
     def __init__(self, node: BundleNode):
-        self._node = node
         self._send = node.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
         self._say(False)
         if not node.lock_step:
             node.every(PERIOD, self._beat)
 
     def set(self, value: bool) -> None:
-        """Say whether the supply may be open: at once where that is new or the timer is late."""
-        late = not self._node.lock_step and time.monotonic() - self._said > 0.5 * TIMEOUT
-        if value != self.value or late:
+        """Say at once whether the supply may be open, where that is new."""
+        if value != self.value:
             self._say(value)
 
     def _beat(self) -> None:
