@@ -14,7 +14,7 @@ from fam_bundle_ros.data.formats.layout import is_blank, is_number
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
-_CLOCK = re.compile(r'(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+)?)\s*([AaPp][Mm])?')
+_CLOCK = re.compile(r'(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+|:\d{3})?)\s*([AaPp][Mm])?')
 _DAY = 86400.0
 
 
@@ -51,6 +51,30 @@ def numbers(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             else:
                 words[i] = True
     return values, words
+
+
+def no_reading(values: np.ndarray) -> float | None:
+    """
+    Return the number that a logger wrote for no reading, None where there is none: -999, 9999.
+
+    It is of nines alone, stands there more than once, and is farther from each other reading
+    than they are from one another.
+
+    Examples
+    --------
+    >>> no_reading(np.array([-999.0, 20.0, 35.0, -999.0])), no_reading(np.array([99.9, 50.0]))
+    (-999.0, None)
+    """
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return None
+    for code in (float(finite.min()), float(finite.max())):
+        others = finite[finite != code]
+        if (len(others) and len(finite) - len(others) > 1 and re.fullmatch(
+                '-?999+', f'{code:g}'.replace('.', ''))
+                and 0.0 < np.ptp(others) < np.abs(others - code).min()):
+            return code
+    return None
 
 
 def looks_like_time(column: np.ndarray) -> bool:
@@ -114,18 +138,26 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
 
 
 def _is_date(cell: str) -> bool:
-    return re.match(r'\d{1,4}[-./]\d{1,2}[-./]\d{1,4}', cell) is not None
+    return re.match(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}|\d{8}T\d{4}',
+                    cell) is not None
 
 
 def _day_first(cells: list[str]) -> bool:
-    """Return whether the day stands before the month: 3.5.2026, or a first number above 12."""
-    first = [re.match(r'(\d{1,2})([-./])(\d{1,2})', cell) for cell in cells[:1000]]
-    return any(match and (match[2] == '.' or int(match[1]) > 12) for match in first)
+    """
+    Return whether the day stands before the month.
+
+    So it does in 3.5.2026, where a first number is above 12, and where it is the one that changes.
+    """
+    matches = [re.match(r'(\d{1,2})([-./])(\d{1,2})', day) for day in {cell[:5] for cell in cells}]
+    found = [match.groups() for match in matches if match]
+    first, second = {int(group[0]) for group in found}, {int(group[2]) for group in found}
+    return any(group[1] == '.' for group in found) or max(first, default=0) > 12 or (
+        max(second, default=0) <= 12 and len(first) > len(second))
 
 
 def _of_clock(match: re.Match) -> float:
     hours, minutes, rest, half = match.groups()
-    total = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(rest.replace(',', '.'))
+    total = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(re.sub('[,:]', '.', rest))
     if half and hours:
         total += 43200.0 * ((half.lower() == 'pm') - (int(hours) == 12))
     return total

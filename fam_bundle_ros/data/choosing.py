@@ -27,6 +27,7 @@ from fam_bundle_ros.data.vocabulary import (
     STRAINS,
     Unit,
     unit_of,
+    unit_text_of,
 )
 from fam_bundle_ros.errors import InputError
 
@@ -34,6 +35,8 @@ from fam_bundle_ros.errors import InputError
 _ENOUGH = 2
 #: Told in place of a column: the file has none for this quantity.
 NONE = 'none'
+#: Quantity: the unit in examples of messages.
+_EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
 #: More trials than rows over this: the column counts rows.
 _ROWS_PER_TRIAL = 2
 
@@ -191,9 +194,11 @@ class Choices:
             found.setdefault(key, []).append((header, match))
         self._one_of_each(found)
         for header in list(self.refused):
-            if 'time' not in self.chosen and 'time' not in self.without and re.fullmatch(
-                    r'column \d+', header) and looks_like_time(self.table.columns[header]):
-                self.chosen['time'] = Choice(header, why='dates without a name')
+            column, unnamed = self.table.columns[header], re.fullmatch(r'column \d+', header)
+            if 'time' not in self.chosen and 'time' not in self.without and looks_like_time(
+                    column) and column[0] != column[-1] and (
+                        unnamed or recognise(header).quantity == 'time'):  # Time [hh:mm:ss]
+                self.chosen['time'] = Choice(header, why='dates without a name' if unnamed else '')
                 del self.refused[header]
 
     def _by_unit(self) -> None:
@@ -260,8 +265,8 @@ class Choices:
             self._refuse(found.pop(key), f'{strains[0]} is there')
         for key, entries in found.items():
             best_score = max(match.score for _, match in entries)
-            best_ones = self._different([entry for entry in entries
-                                         if entry[1].score == best_score])
+            best_ones = self._different(key, [entry for entry in entries
+                                              if entry[1].score == best_score])
             entries = [entry for entry in entries if entry[0] not in self.refused]
             if len(best_ones) > 1:
                 self._refuse(best_ones, f'may be {_shown(key)}, as another may')
@@ -276,13 +281,15 @@ class Choices:
             self.chosen[key] = Choice(header, match.unit, -1 if key == 'elongation' else 1,
                                        absolute=absolute)
 
-    def _different(self, entries: list[tuple[str, Match]]) -> list[tuple[str, Match]]:
+    def _different(self, key: str, entries: list[tuple[str, Match]]) -> list[tuple[str, Match]]:
         """Return the columns without those that repeat another's cells: a clock per channel."""
         kept: list[tuple[str, Match]] = []
         for entry in entries:
             header, match = entry
             cells = self.table.columns[header]
+            # forces of two cells add up, be they equal
             same = next((other for other, known in kept if known.unit == match.unit
+                         and (key != 'force' or known.part == match.part)
                          and _equal(self.table.columns[other], cells)), None)
             if same is None:
                 kept.append(entry)
@@ -317,15 +324,29 @@ class Choices:
                     np.isfinite(column).any()):
                 meant += f' ({np.nanmin(column):.4g} to {np.nanmax(column):.4g})'
             words.append(f"'{header}' {meant}")
-        free = [header for header, column in self.table.columns.items()
-                if header in self.refused and not is_text(column)]
-        unit = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}[key]
+        examples = self._examples(key)
         # without a column left it is a constant, or it is not in this file
-        example = f'{_name_of(free[0])} [{unit}]' if free else (
-            '300 kPa' if key == 'pressure' else f'... [{unit}]')
-        constant = ', a constant' if key == 'pressure' and not free else ''
+        constant = ', a constant' if key == 'pressure' and not examples else ''
+        example = f'--columns "{key}=' + (examples[0] if examples else '300 kPa' if constant else
+                                          f'... [{_EXAMPLES[key]}]') + '"'
+        if key == 'pressure' and len(examples) > 1:
+            example += ', or of motor units ' + ' '.join(
+                f'--columns "pressure.mu{i}={one}"' for i, one in enumerate(examples[:2], 1))
         return (f"{self.table.name}: column '{key}' is missing; found {', '.join(words)}; tell "
-                f'it{constant}, for example --columns "{key}={example}"')
+                f'it{constant}, for example {example}')
+
+    def _examples(self, key: str) -> list[str]:
+        """Return how a user may tell the columns that are left: those whose unit fits, if any."""
+        fitting, without = [], []
+        for header, column in self.table.columns.items():
+            if header not in self.refused or is_text(column):
+                continue
+            text = self.table.units.get(header) or unit_text_of(header)
+            if text is None:
+                without.append(f'{_name_of(header)} [{_EXAMPLES[key]}]')
+            elif any(unit_of(text, like) for like in likes(key)):
+                fitting.append(header)
+        return fitting or without
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:

@@ -15,14 +15,25 @@ import re
 import numpy as np
 
 from fam_bundle_ros.data import checks
-from fam_bundle_ros.data.cells import labels, looks_like_time, numbers, seconds
+from fam_bundle_ros.data.cells import (
+    blank,
+    is_text,
+    labels,
+    looks_like_time,
+    no_reading,
+    numbers,
+    seconds,
+)
 from fam_bundle_ros.data.choosing import Choices
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.guesses import guess_unit, time_unit
-from fam_bundle_ros.data.measurement import build, Measurement, Taken
+from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.vocabulary import Unit
+from fam_bundle_ros.data.vocabulary import is_unit, recognise, Unit
 from fam_bundle_ros.errors import InputError
+
+#: By how much a rest length may be another than the file says.
+_SAME_LENGTH = 0.02
 
 
 @dataclass
@@ -59,8 +70,13 @@ class _Reader:
             units={key: unit for key, unit in given.items() if key in ('force', *pressures) or (
                 key == 'strain' and strains[0] == 'strain')}, max_pressure=recipe.max_pressure)
         lengths = self.choices.chosen[strains[0]].unit
-        return replace(measured, taken=self.choices.taken(), rest_length=recipe.rest_length
+        return replace(measured, taken=self.choices.taken(), rest_length=self.rest_length
                        if lengths is not None and lengths.like == 'm' else None)
+
+    @property
+    def rest_length(self) -> float | None:
+        """The rest length, m: as told, else as the file says."""
+        return self.recipe.rest_length or self.table.rest_length
 
     def _numbers(self) -> dict[str, np.ndarray]:
         """Return the readings of each quantity as floats; a word among readings is an error."""
@@ -75,7 +91,15 @@ class _Reader:
                     choice.unit = choice.unit._replace(factor=1.0)
                 continue
             values[key], words[choice.header] = numbers(self.table.columns[choice.header])
-        footer = self._footer()
+            code = no_reading(values[key])
+            if code is not None:
+                coded = values[key] == code
+                values[key] = np.where(coded, np.nan, values[key])
+                self.notes.append(f"{counted(int(coded.sum()), 'cell')} of '{choice.header}' hold "
+                                  f'{code:g}: taken as no reading')
+        between = self._between(values)
+        self._refuse_another_header(between)
+        footer = self._footer(between)
         for key in values:
             values[key] = np.where(footer, np.nan, values[key])
         rows = self._with_readings(values)
@@ -83,16 +107,60 @@ class _Reader:
             self._refuse_words(header, bad & rows)
         return values
 
-    def _footer(self) -> np.ndarray:
-        """Return the rows at the end that begin with a word, below rows that do not: a mean."""
+    def _between(self, values: dict[str, np.ndarray]) -> np.ndarray:
+        """Return the rows of words between the data: no reading, but something."""
+        between = ~self._with_readings(values)
+        rows = np.flatnonzero(between)
+        texts = [column[rows] for column in self.table.columns.values() if is_text(column)]
+        between[rows] = [any(not blank(cell) for cell in cells) for cells in zip(*texts)] or False
+        return between
+
+    def _cells(self, at: int) -> list[str]:
+        """Return the cells of a row as text, '' for blanks."""
+        return ['' if blank(column[at]) else str(column[at]).strip()
+                for column in self.table.columns.values()]
+
+    def _other_words(self, at: int) -> list[str]:
+        """Return the cells of a row that are neither blank nor the header or its unit again."""
+        units = self.table.units
+        return [cell for cell, header in zip(self._cells(at), self.table.columns)
+                if cell and ' '.join(cell.split()) not in (header, _plain(header))
+                and cell.strip('[](){}<>') != units.get(header)]
+
+    def _refuse_another_header(self, between: np.ndarray) -> None:
+        """Refuse a header with other columns or units further down: rows below are misread."""
+        for at in np.flatnonzero(between).tolist():
+            cells = [cell for cell in self._cells(at) if cell]
+            other = self._other_words(at)
+            if sum(map(_of_a_header, cells)) > 1 and any(map(_of_a_header, other)):
+                raise InputError(
+                    f"{self.table.name}, row {self.table.rows[at]}: another header, "
+                    f"'{', '.join(cells)[:80]}'; expected the columns and units of the first, "
+                    f"'{', '.join(self.table.columns)[:80]}', or a file of its own")
+
+    def _footer(self, between: np.ndarray) -> np.ndarray:
+        """
+        Return the rows at the end that are no samples: statistics, or another small table.
+
+        They begin with a word, below rows that do not, or the clock first goes back below a row
+        of words.
+        """
         column = next(iter(self.table.columns.values()))
-        nothing = np.zeros(len(column), bool)
-        if looks_like_time(column):
-            return nothing
         _, words = numbers(column)
         footer = np.cumprod(words[::-1])[::-1].astype(bool)
-        if footer.mean() > 0.1 or not footer.any() or words[~footer].mean() > 0.5:
-            return nothing
+        if looks_like_time(column) or footer.mean() > 0.1 or words[~footer].mean() > 0.5:
+            footer[:] = False
+        clock = self.choices.chosen.get('time')
+        if clock is not None and clock.header and not looks_like_time(
+                self.table.columns[clock.header]):
+            time, _ = numbers(self.table.columns[clock.header])
+            known = np.flatnonzero(np.isfinite(time))
+            for last in np.flatnonzero(np.diff(time[known]) < 0)[:1]:
+                heads = [at for at in range(known[last] + 1, known[last + 1])
+                         if between[at] and self._other_words(at)]
+                footer[heads[0] if heads else len(time):] = True
+        if footer.mean() > 0.1 or not footer.any():
+            return np.zeros(len(column), bool)
         at = int(np.argmax(footer))
         self.notes.append(f"left out from row {self.table.rows[at]} on: it begins with "
                           f"'{str(column[at])[:40]}'")
@@ -142,7 +210,7 @@ class _Reader:
         if choice.unit is None:
             choice.unit, choice.why = guess_unit(self.table.name, choice.header or key,
                                                  key.partition('.')[0], values,
-                                                 self.recipe.rest_length)
+                                                 self.rest_length)
         return choice.unit
 
     def _ambient(self, key: str) -> float:
@@ -153,7 +221,7 @@ class _Reader:
 
     def _strain(self, key: str, values: dict[str, np.ndarray], pressure: np.ndarray,
                 ) -> np.ndarray:
-        choice, rest = self.choices.chosen[key], self.recipe.rest_length
+        choice, rest = self.choices.chosen[key], self.rest_length
         given, shown = values[key], choice.header or key
         in_lengths = choice.unit is not None and choice.unit.like == 'm'
         if in_lengths and rest is None:
@@ -162,32 +230,42 @@ class _Reader:
             raise InputError(
                 f"{self.table.name}: '{shown}' is a length; expected a strain, or the rest length "
                 f'to make one (--rest-length, rest_length, or a model){longest}')
+        told = self.table.rest_length
+        if in_lengths and rest and told and abs(told / rest - 1.0) > _SAME_LENGTH:
+            self.notes.append(f'read with a rest length of {1e3 * rest:.4g} mm; the file says '
+                              f'{1e3 * told:.4g} mm (--rest-length)')
         if key == 'length':
-            assert rest is not None
-            self._length_fits(given, rest)
-            return 1.0 - given / rest
+            share = given / rest if in_lengths and rest is not None else given
+            self._length_fits(share, rest or 1.0)
+            return 1.0 - share
         ratio = given / rest if in_lengths and rest is not None else given
         if key == 'shift':
             ratio = ratio * self._sign_of_shift(ratio, pressure, values['force'])
-        low = np.nanmin(ratio) if np.isfinite(ratio).any() else 0.0
-        if in_lengths and low > 0.05 and low > 0.5 * (np.nanmax(ratio) - low):
+        low, high = ((np.nanmin(ratio), np.nanmax(ratio)) if np.isfinite(ratio).any()
+                     else (0.0, 0.0))
+        if in_lengths and low > 0.05 and low > 0.5 * (high - low):
             self.notes.append(f"'{shown}' never is near zero ({low:.3f} of the rest length at "
                               'least): expected zero at the rest length')
+        if in_lengths and low < -0.05 and high < 0.0:
+            self.notes.append(f"by '{shown}' the muscle never is shorter than at rest: expected "
+                              'zero at the rest length')
         if choice.unit is not None and choice.unit.factor == 0.01 and np.nanmax(
                 np.abs(given)) < 0.006:
             self.notes.append(f"'{shown}' reaches only {100 * np.nanmax(np.abs(given)):.2g} %: is "
                               'it a ratio, not %?')
         return ratio
 
-    def _length_fits(self, length: np.ndarray, rest: float) -> None:
-        longest = float(np.nanmax(length)) if np.isfinite(length).any() else rest
-        if not 0.5 < longest / rest < 1.2:
+    def _length_fits(self, share: np.ndarray, rest: float) -> None:
+        longest = float(np.nanmax(share)) if np.isfinite(share).any() else 1.0
+        if not 0.5 < longest < 1.2:
+            told = self.table.rest_length
+            says = f'; the file says {1e3 * told:.4g} mm' if told else ''
             raise InputError(
-                f'{self.table.name}: lengths up to {1e3 * longest:.4g} mm beside a rest length of '
-                f'{1e3 * rest:.4g} mm; expected the rest length of this muscle (--rest-length, '
-                'rest_length, or its model)')
-        if longest / rest < 0.9:
-            self.notes.append(f'never longer than {longest / rest:.2f} of the rest length')
+                f'{self.table.name}: lengths up to {1e3 * rest * longest:.4g} mm beside a rest '
+                f'length of {1e3 * rest:.4g} mm; expected the rest length of this muscle '
+                f'(--rest-length, rest_length, or its model){says}')
+        if longest < 0.9:
+            self.notes.append(f'never longer than {longest:.2f} of the rest length')
 
     def _sign_of_shift(self, ratio: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> int:
         """Return +1 where a displacement shortens the muscle: its force then falls."""
@@ -204,6 +282,15 @@ class _Reader:
                               'does not tell')
         choice.why = f'{choice.why}, {said}'.removeprefix(', ')
         return choice.sign
+
+
+def _plain(header: str) -> str:
+    """Return a header without the count of one that is there twice."""
+    return re.sub(r' \(\d+\)$', '', header)
+
+
+def _of_a_header(cell: str) -> bool:
+    return recognise(cell).score > 1 or is_unit(cell)
 
 
 def read_columns(table: Table, recipe: Recipe) -> Measurement:

@@ -62,6 +62,8 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
                      if unit]
             fitting = [unit for unit in units
                        if low <= top * unit.factor / rest_length <= high]
+        if quantity == 'length' and low <= top <= high:
+            fitting += [unit for unit in (unit_of('1', '1'),) if unit]
         if quantity in ('contraction', 'elongation', 'shift'):
             ratio, percent = unit_of('1', '1'), unit_of('%', '1')
             fitting += [unit for unit in (ratio, percent)
@@ -91,4 +93,6 @@ def time_unit(values: np.ndarray) -> tuple[Unit, str]:
     steps = steps[steps > 0]
     if 2e4 < top < 1e6 and len(steps) and np.median(steps) < 2e-5:
         return Unit('d', 86400.0, 's'), 'days, as spreadsheets count'
-    return Unit('s', 1.0, 's'), ''
+    # whole numbers may count milliseconds
+    whole = len(steps) > 0 and bool((finite == np.round(finite)).all())
+    return Unit('s', 1.0, 's'), 's guessed, no unit given' if whole else ''

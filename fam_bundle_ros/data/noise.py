@@ -20,15 +20,20 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import betainc, erf
 
 from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.rates import ROBUST, spread
 from fam_bundle_ros.data.trials import trial_offsets
 
 #: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
 _LOOPS = 0.2
+#: Two estimates differ where the noise of one is more than this many times the other's ...
+_MATTERS = 1.25
+#: ... and pairs of one noise would look like it at most this often.
+_BY_CHANCE = 0.01
 #: Strains closer than this are one.
 _ONE_STRAIN = 2e-4
-_ROBUST = 1.4826  # median absolute deviation -> standard deviation, normal noise
 
 
 @dataclass(frozen=True)
@@ -143,27 +148,6 @@ def force_step(force: np.ndarray) -> float:
     return float(gaps.min()) if np.mean(np.abs(share - np.round(share)) < 0.05) > 0.99 else 0.0
 
 
-def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
-    """
-    Return the standard deviation of differences with outliers, by their median deviation.
-
-    Differences of quantised readings are multiples of the step: where the step is not small
-    beside them, the median deviation is one too, often zero. The standard deviation of those
-    within 5 of it, or of the step, is taken then.
-
-    Parameters
-    ----------
-    gaps : ndarray
-    quantum : float
-        Step that the readings come in, 0 for none.
-    """
-    gaps = gaps - np.median(gaps)
-    robust = float(_ROBUST * np.median(np.abs(gaps)))
-    if robust > 4.0 * quantum:
-        return robust
-    return float(gaps[np.abs(gaps) <= 5.0 * max(robust, quantum)].std())
-
-
 def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:
     quantum = force_step(measurement.force)
     differences = second_differences(measurement, values)
@@ -178,7 +162,7 @@ def _chosen(values: np.ndarray, differences: float | None, repeats: float | None
     """Return the floor by the estimate that is to be believed."""
     note = ''
     if differences is None and repeats is None:
-        wide = _ROBUST * float(np.median(np.abs(values - np.median(values))))
+        wide = ROBUST * float(np.median(np.abs(values - np.median(values))))
         return NoiseFloor(max(wide, 1e-9), None, None, None, 1.0, 'spread of the residual',
                           'too few neighbours or repeats to tell noise from error')
     if repeats is None:
@@ -187,16 +171,27 @@ def _chosen(values: np.ndarray, differences: float | None, repeats: float | None
                           'drift cannot be told from a model error')
     if differences is None:
         return NoiseFloor(repeats, None, repeats, visits, correlation, 'repeats')
-    # a quarter better, and by more than two standard errors of a median deviation over the pairs
-    if repeats * (1.25 + 2.3 / np.sqrt(pairs)) < differences:
+    ratio = repeats / max(differences, np.finfo(float).tiny)
+    if _chance_of_less(ratio * _MATTERS, pairs) < _BY_CHANCE:
         note = ('repeats agree better than neighbours do: the force has a fine ripple that comes '
                 'back each time')
         return NoiseFloor(repeats, differences, repeats, visits, correlation, 'repeats', note)
-    if repeats > 1.3 * differences:
+    if 1.0 - _chance_of_less(ratio / _MATTERS, pairs) < _BY_CHANCE:
         note = ('repeats differ more than neighbours do: slow noise, drift, or an effect of '
                 'history or speed')
     return NoiseFloor(differences, differences, repeats, visits, correlation,
                       'second differences', note)
+
+
+def _chance_of_less(ratio: float, pairs: int) -> float:
+    """
+    Return how often white noise of sd 1 gives a robust deviation of pairs of at most this.
+
+    A median of n values is at most x where half of them are: a binomial tail, which is a
+    regularised incomplete beta function (David & Nagaraja, Order Statistics, 3rd ed., 2.1.5).
+    """
+    half = 0.5 * (pairs + 1)
+    return float(betainc(half, half, erf(ratio / ROBUST / np.sqrt(2.0))))
 
 
 def second_differences(measurement: Measurement, values: np.ndarray) -> float | None:
@@ -251,7 +246,7 @@ def _smoothness(measurement: Measurement, values: np.ndarray, *, by_strain: bool
     gap = _off_the_line(x, values[order], onward & near[1:] & near[:-1])
     if len(gap) < max(6, len(x) // 4):
         return None
-    return float(_ROBUST * np.median(np.abs(gap)))
+    return float(ROBUST * np.median(np.abs(gap)))
 
 
 def _lines(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
@@ -307,7 +302,7 @@ def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray], quant
     gap = values[first[a]] - values[first[b]]
     repeats = max(spread(gap, quantum) / np.sqrt(2.0), quantum / np.sqrt(12.0))
     scale = np.sqrt(1.0 / count[a] + 1.0 / count[b])
-    of_means = float(_ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
+    of_means = float(ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
     correlation = max((of_means / repeats) ** 2, 1.0) if repeats > 0 else 1.0
     return repeats, of_means, float(min(correlation, 100.0)), len(again)
 

@@ -17,6 +17,8 @@ _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
 _SMOOTHED = (5, 9, 17, 33)
 #: Share of the usual fast motion below which a motion counts as rest.
 CRAWL = 0.02
+#: Median absolute deviation to standard deviation, of normal noise.
+ROBUST = 1.4826
 
 
 def local_quadratic(time: np.ndarray, value: np.ndarray, half: int,
@@ -79,14 +81,55 @@ def _blocks(time: np.ndarray, value: np.ndarray, half: int, block: int = 2000,
     return fitted, slope
 
 
+def _usual_step(time: np.ndarray, trial: np.ndarray) -> float:
+    steps = np.diff(time)[np.diff(trial) == 0]
+    return float(np.median(steps)) if len(steps) else 1.0
+
+
+def _parts(time: np.ndarray, trial: np.ndarray) -> list[np.ndarray]:
+    """
+    Return the rows of each stretch that windows stay in: a trial, up to a pause of the log.
+
+    A pause is longer than the widest window. Fitted across one of hours, running sums would have
+    no digits left.
+    """
+    pause = np.diff(time) > _WINDOWS[-1] * _usual_step(time, trial)
+    return np.split(np.arange(len(time)), np.flatnonzero(pause | (np.diff(trial) != 0)) + 1)
+
+
+def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
+    """
+    Return the standard deviation of differences with outliers, by their median deviation.
+
+    Differences of quantised readings are multiples of the step: where the step is not small
+    beside them, the median deviation is one too, often zero. The standard deviation of those
+    within 5 of it, or of the step, is taken then.
+
+    Parameters
+    ----------
+    gaps : ndarray
+    quantum : float
+        Step that the readings come in, 0 for none.
+    """
+    gaps = gaps - np.median(gaps)
+    robust = float(ROBUST * np.median(np.abs(gaps)))
+    if robust > 4.0 * quantum:
+        return robust
+    return float(gaps[np.abs(gaps) <= 5.0 * max(robust, quantum)].std())
+
+
 def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
-    """Return the white-noise standard deviation of a sampled signal, by third differences."""
-    third = np.diff(value, 3)
-    same = trial[3:] == trial[:-3]
-    third = third[same]
+    """
+    Return the white-noise standard deviation of a sampled signal, by third differences.
+
+    Most differences of a signal that is read in few steps are zero, those of one that is held
+    between two steps among them.
+    """
+    third = np.diff(value, 3)[trial[3:] == trial[:-3]]
     if len(third) < 4:
         return 0.0
-    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
+    levels = np.diff(np.unique(value))
+    return spread(third, float(levels.min()) if len(levels) else 0.0) / np.sqrt(20.0)
 
 
 def _is_held(value: np.ndarray, noise: float) -> bool:
@@ -120,8 +163,7 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
         return value
     best, spread = value.copy(), np.full(len(value), noise)
     going = np.ones(len(value), bool)
-    bounds = np.flatnonzero(np.diff(trial)) + 1
-    parts = np.split(np.arange(len(time)), bounds)
+    parts = _parts(time, trial)
     for window in _SMOOTHED:
         fitted = np.empty(len(value))
         for rows in parts:
@@ -153,13 +195,11 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     ----------
     time, value : ndarray, shape (T,)
     trial : ndarray of int, shape (T,)
-        Rows of one trial are neighbours; no window reaches across trials.
+        Rows of one trial are neighbours; no window reaches across trials or long pauses.
     """
     # a signal read in steps q has rounding noise of q / sqrt(12), which differences do not see
     noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
-    bounds = np.flatnonzero(np.diff(trial)) + 1
-    parts = np.split(np.arange(len(time)), bounds)
-    step = np.median(np.diff(time)[np.diff(trial) == 0]) if len(time) > len(parts) else 1.0
+    parts, step = _parts(time, trial), _usual_step(time, trial)
     best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
     for window in _WINDOWS:
         half = window // 2

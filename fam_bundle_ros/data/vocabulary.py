@@ -27,8 +27,9 @@ STRAINS = ('strain', 'contraction', 'elongation', 'shift', 'length')
 _UNITS: dict[str, dict[str, float]] = {
     'N': {'n': 1.0, 'newton': 1.0, 'newtons': 1.0, 'kn': 1e3, 'mn': 1e-3, 'cn': 1e-2,
           'dan': 10.0, 'lbf': 4.4482216, 'lb': 4.4482216, 'lbs': 4.4482216, 'pound': 4.4482216,
-          'pounds': 4.4482216, 'kgf': 9.80665, 'kg': 9.80665, 'kp': 9.80665, 'gf': 9.80665e-3,
-          'g': 9.80665e-3, 'ozf': 0.27801385},
+          'pounds': 4.4482216, 'kgf': 9.80665, 'kg': 9.80665, 'kilogram': 9.80665,
+          'kp': 9.80665, 'gf': 9.80665e-3, 'g': 9.80665e-3, 'gram': 9.80665e-3,
+          'ozf': 0.27801385, 'oz': 0.27801385},
     'Pa': {'pa': 1.0, 'hpa': 100.0, 'kpa': 1e3, 'mpa': 1e6, 'n/m2': 1.0, 'n/mm2': 1e6,
            'n/cm2': 1e4, 'bar': 1e5, 'mbar': 100.0, 'psi': 6894.757, 'lbf/in2': 6894.757,
            'lb/in2': 6894.757, 'ksi': 6894757.0, 'atm': 101325.0, 'at': 98066.5,
@@ -40,14 +41,15 @@ _UNITS: dict[str, dict[str, float]] = {
           'in': 0.0254, 'inch': 0.0254, 'inches': 0.0254, 'zoll': 0.0254, '"': 0.0254,
           'mil': 2.54e-5, 'ft': 0.3048},
     's': {'s': 1.0, 'sec': 1.0, 'secs': 1.0, 'second': 1.0, 'seconds': 1.0, 'sek': 1.0,
-          'sekunde': 1.0, 'sekunden': 1.0, 'ms': 1e-3, 'msec': 1e-3, 'milliseconds': 1e-3,
-          'millisekunden': 1e-3, 'us': 1e-6, 'usec': 1e-6, 'microseconds': 1e-6, 'ns': 1e-9,
+          'sekunde': 1.0, 'sekunden': 1.0, 'ms': 1e-3, 'msec': 1e-3, 'millis': 1e-3,
+          'milliseconds': 1e-3, 'millisekunden': 1e-3, 'us': 1e-6, 'usec': 1e-6,
+          'micros': 1e-6, 'microseconds': 1e-6, 'ns': 1e-9,
           'min': 60.0, 'minutes': 60.0, 'minuten': 60.0, 'h': 3600.0, 'hours': 3600.0,
           'stunden': 3600.0, 'd': 86400.0, 'days': 86400.0, 'tage': 86400.0},
     '1': {'1': 1.0, '-': 1.0, '': 1.0, 'ratio': 1.0, 'mm/mm': 1.0, 'm/m': 1.0, 'in/in': 1.0,
           'dimensionless': 1.0, 'unitless': 1.0, 'none': 1.0, '%': 1e-2, 'percent': 1e-2,
           'pct': 1e-2, 'prozent': 1e-2, 'permille': 1e-3, '\u2030': 1e-3, 'um/m': 1e-6,
-          'microstrain': 1e-6, 'u\u03b5': 1e-6},
+          'microstrain': 1e-6, 'u\u03b5': 1e-6, 'l0': 1.0},
     '1/s': {'1/s': 1.0, '/s': 1.0, 's-1': 1.0, 's^-1': 1.0, '%/s': 1e-2, '%/min': 1e-2 / 60.0},
 }
 _ABSOLUTE = re.compile(r'^(?P<unit>.*?)[\s_(]*(?:(?P<abs>absolute|absolut|abs|a)|'
@@ -91,7 +93,8 @@ def unit_of(text: str, like: str) -> Unit | None:
 
 def _factor(text: str, like: str) -> float | None:
     plain = re.sub(r'[\s^*\u00b7]', '', text).replace('\u00b2', '2')
-    plain = plain.replace('\u00b5', 'u').replace('\u03bc', 'u')
+    plain = plain.replace('\u00b5', 'u').replace('\u03bc', 'u').rstrip('.')
+    plain = re.sub(r'(?<=[a-z])-f(orce)?$', '', plain)  # kg-f, pound-force
     if plain == 'MN' and like == 'N':
         return 1e6
     key = plain.casefold()
@@ -136,7 +139,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     'shift': ('displacement', 'disp', 'displ', 'position', 'pos', 'weg', 'stroke', 'hub', 'travel',
               'deflection', 'verschiebung', 'auslenkung', 'x', 's', 'dehnung', 'crosshead',
               'traverse', 'traversenweg', 'standardweg', 'kolbenweg'),
-    'length': ('length', 'l', 'len', 'laenge'),
+    'length': ('length', 'l', 'len', 'laenge', 'stretch', 'stretch ratio', 'lambda', '\u03bb'),
     'strain_rate': ('strain rate', 'contraction rate', 'dehnrate'),
 }
 #: Words that say nothing about which quantity it is.
@@ -144,9 +147,11 @@ _NEUTRAL = frozenset("""measured meas measurement actual act ist current gemesse
     wert sensor signal channel kanal ch ai raw roh reading muscle muskel pam mckibben bpa dmsp
     mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen der
     des the of in am im total id nr no number nummer name avg average mean mittelwert filtered
-    filt gefiltert smoothed smooth signals values data""".split())
+    filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared tariert zeroed
+    signals values data""".split())
 #: Of these a column of its own is better, where there is one.
-_LESSER = frozenset('filtered filt gefiltert smoothed smooth avg average mean mittelwert'.split())
+_LESSER = frozenset("""raw roh filtered filt gefiltert smoothed smooth avg average mean
+    mittelwert""".split())
 #: Words of columns that are no reading of the muscle.
 _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref reference cmd command
     demand supply versorgung versorgungs tank source speise speicher ambient umgebung umgebungs
@@ -154,7 +159,8 @@ _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref referenc
     error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration temperature
     temperatur temp voltage volt spannung strom valve ventil derivative noise max min limit
     offset line regulator torque moment drehmoment weight gewicht friction reibung diameter
-    durchmesser radius thickness dicke width breite height hoehe""".split())
+    durchmesser radius radial thickness dicke width breite height hoehe stress modulus vacuum
+    vakuum unterdruck preload vorlast theoretical theo theoretisch estimated estimate""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
                      r'kontraktion)$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')
@@ -230,7 +236,8 @@ def recognise(header: str, unit_text: str = '') -> Match:
         found = _with_unit(found, unit)
         if found.score > best.score or (found.quantity and not best.quantity):
             best = found
-    return best
+    clock = unit_of(header, 's') if len(header) > 3 else None  # 'min' is a minimum too
+    return best if best.quantity or clock is None else Match('time', 2, clock)
 
 
 #: Units that columns of other things carry too: masses, a share, an acceleration.
@@ -254,6 +261,41 @@ def dimension_of(header: str, unit_text: str = '') -> Unit | None:
             if unit is not None:
                 return unit
     return None
+
+
+#: The rest length above a table: 'L0 = 250 mm', 'Rest length [mm];250,0', 'L0;250;mm'.
+_REST = re.compile(
+    r'(?<![^\W_])(?:l_?0|(?:rest|resting|initial|original|nominal)[ _]length|'
+    r'(?:ruhe|anfangs|ausgangs|nenn)l(?:\u00e4|ae)nge)(?:[\s_]*[\[(]?(mm|cm|m|in)\b[\])]?)?'
+    r'[\s:=;,|]+(\d+(?:[.,]\d+)?)[\s;,|]*(?:[\[(]?(mm|cm|m|in)\b)?', re.IGNORECASE)
+
+
+def rest_length_of(line: str) -> float | None:
+    """
+    Return the rest length that a line above a table tells, m; None for none, or one without unit.
+
+    Examples
+    --------
+    >>> rest_length_of('L0 [mm];250,0'), rest_length_of('Rest length: 250')
+    (0.25, None)
+    """
+    found = _REST.search(line)
+    unit = unit_of(found[1] or found[3] or '', 'm') if found else None
+    return float(found[2].replace(',', '.')) * unit.factor if found and unit else None
+
+
+def unit_text_of(header: str) -> str | None:
+    """
+    Return what a header carries in place of a unit, be it one that is known or not; None for none.
+
+    Examples
+    --------
+    >>> unit_text_of('Mass [kg]'), unit_text_of('F_N'), unit_text_of('F')
+    ('kg', 'N', None)
+    """
+    bracket = re.search(r'[\[({<]\s*([^\[({<]*)[\])}>]\s*$', header)
+    unit = dimension_of(header)
+    return bracket[1] if bracket else unit.text if unit else None
 
 
 def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
@@ -298,8 +340,8 @@ def _with_unit(found: Match, text: str | None) -> Match:
 
 
 def likes(quantity: str) -> tuple[str, ...]:
-    """Return the SI units that a quantity may come in: a contraction as length or as ratio."""
-    if quantity in ('strain', 'contraction', 'elongation', 'shift'):
+    """Return the SI units that a quantity may come in: a length may be a ratio to that at rest."""
+    if quantity in STRAINS:
         return ('1', 'm') if quantity == 'strain' else ('m', '1')
     return (QUANTITIES[quantity],)
 

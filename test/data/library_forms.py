@@ -108,6 +108,31 @@ def by_savemat_simulink(log, path):
                        'values': 1e3 * REST * (1 - log['strain'][:, None]), 'label': 'length'}}})
 
 
+def by_savemat_dspace(log, path):
+    """Write a .mat as dSPACE does: X and Y of channels with a name, data and a unit."""
+    from scipy.io import savemat
+    data = frame(log)
+    channels = [{'Name': name.split(' [')[0], 'Data': data[name].to_numpy(),
+                 'Unit': name.split('[')[1][:-1], 'XIndex': 1} for name in data]
+    savemat(path, {'rec1': {'X': channels[0], 'Y': channels[1:], 'Description': 'run 3'}})
+
+
+def by_savemat_scope(log, path):
+    """Write a .mat as a Simulink scope does: one time, signals with a label and values."""
+    from scipy.io import savemat
+    names = ('length [mm]', 'pressure [bar]', 'force [N]')
+    savemat(path, {'ScopeData': {'time': log['time'], 'signals': [
+        {'values': values, 'dimensions': 1, 'label': name}
+        for name, values in zip(names, frame(log).to_numpy().T[1:])], 'blockName': 'rig/Scope'}})
+
+
+def by_savemat_runs(log, path):
+    """Write a .mat with a struct for each run."""
+    from scipy.io import savemat
+    names, data = ('t_s', 'L_mm', 'p_bar', 'F_N'), frame(log).to_numpy()
+    savemat(path, {f'run{k}': dict(zip(names, data[120 * k:120 * k + 120].T)) for k in range(3)})
+
+
 def by_nptdms_daq(log, path):
     """Write a .tdms as a DAQ task does: channels by their terminals, units as properties."""
     from nptdms import ChannelObject, TdmsWriter
@@ -240,6 +265,9 @@ LIBRARIES = {
         log, path)),
     'scipy.io.savemat of trials': ('a.mat', by_savemat_trials),
     'scipy.io.savemat of Simulink logs': ('a.mat', by_savemat_simulink),
+    'scipy.io.savemat of dSPACE channels': ('a.mat', by_savemat_dspace),
+    'scipy.io.savemat of a Simulink scope': ('a.mat', by_savemat_scope),
+    'scipy.io.savemat of a struct for each run': ('a.mat', by_savemat_runs),
     'npTDMS of a DAQ task': ('a.tdms', by_nptdms_daq),
     'pandas.to_csv of two levels': ('a.csv', by_pandas_levels),
     'openpyxl, texts with decimal commas': ('a.xlsx', by_openpyxl_text),

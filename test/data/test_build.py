@@ -51,6 +51,18 @@ def test_a_held_muscle_takes_its_direction_from_the_pressure(isometric, noise):
     assert (data.direction_basis[data.direction == 0] == REST).all()
 
 
+@pytest.mark.parametrize('pause', [60.0, 3600.0, 36e3, 2.6e6])
+def test_a_pause_of_the_log_leaves_the_rates_of_the_rest(muscle, pause):
+    """A clock that goes on for hours between two sweeps changes no rate and no direction."""
+    time = 0.05 * np.arange(900)
+    strain = 0.1 - 0.1 * np.cos(2 * np.pi * time / 6.0)
+    pressure = np.full(900, 300e3)
+    whole, apart = (build('log', strain, pressure, muscle(strain, pressure), None,
+                          time + gap * (np.arange(900) >= 400)) for gap in (0.0, pause))
+    assert np.allclose(apart.strain_rate, whole.strain_rate, atol=3e-3)
+    assert (apart.direction == whole.direction).mean() > 0.99
+
+
 def test_a_moving_muscle_takes_its_direction_from_the_strain(sweeps):
     """In a sweep at constant pressure the strain decides, on every row inside."""
     data = sweeps()
@@ -82,6 +94,29 @@ def test_noise_of_a_strain_at_rest_has_no_direction(muscle):
     held = np.r_[115:385, 515:785]
     assert (data.direction[held] == 0).mean() > 0.95
     assert (data.direction[10:90] == 1).all()
+
+
+@pytest.mark.parametrize('share', [0.0, 0.2, 0.5])
+@pytest.mark.parametrize('noise', [5e-5, 1e-4, 2e-4])
+def test_a_strain_held_between_two_steps_of_its_gauge_rests(share, noise, muscle):
+    """Its readings change to and fro by a step or two: the direction is that of the pressure."""
+    step, time = 5e-4, np.arange(0.0, 200.0, 0.1)
+    pressure = 2e5 - 1.5e5 * np.cos(2.0 * np.pi * time / 40.0)
+    strain = 0.1 + share * step + noise * np.random.default_rng(0).standard_normal(len(time))
+    data = build('log', step * np.round(strain / step), pressure[:, None],
+                 muscle(strain, pressure), None, time)
+    assert np.mean(data.direction_basis == BY_STRAIN) < 0.05
+
+
+def test_a_muscle_held_at_one_level_after_another_rests_at_each(muscle):
+    """The strain logged is the one asked for, to the last digit: filled up, vented down."""
+    level = np.repeat(np.arange(11) * 0.02, 200)
+    pressure = np.tile(np.r_[np.linspace(5e4, 3e5, 100), np.linspace(3e5, 5e4, 100)], 11)
+    data = build('levels', level, pressure[:, None], muscle(level, pressure), None,
+                 0.05 * np.arange(2200))
+    assert np.mean(data.direction_basis == BY_PRESSURE) > 0.95
+    filling = np.tile(np.repeat([1, -1], 100), 11)
+    assert np.mean(data.direction == filling) > 0.95
 
 
 def test_even_ramps_are_not_read_in_steps(sweeps):

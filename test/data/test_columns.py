@@ -38,7 +38,9 @@ def table(log, **renamed):
 @pytest.mark.parametrize(('header', 'quantity', 'unit', 'factor'), [
     ('Muskeldruck in bar', 'pressure', 'bar', 1e5), ('p/psi', 'pressure', 'psi', 6894.757),
     ('Pressure (cmH2O)', 'pressure', 'cmH2O', 98.0665), ('Load [g]', 'force', 'g', 9.80665e-3),
-    ('Load [kgf]', 'force', 'kgf', 9.80665), ('F_lbf', 'force', 'lbf', 4.4482216),
+    ('Load [kgf]', 'force', 'kgf', 9.80665), ('Load [kg-f]', 'force', 'kg-f', 9.80665),
+    ('force [lbs.]', 'force', 'lbs.', 4.4482216), ('force [oz]', 'force', 'oz', 0.27801385),
+    ('F_lbf', 'force', 'lbf', 4.4482216),
     ('Zugkraft [kN]', 'force', 'kN', 1e3), ('Force [MN]', 'force', 'MN', 1e6),
     ('Force [mN]', 'force', 'mN', 1e-3), ('L\u00e4nge [mm]', 'length', 'mm', 1e-3),
     ('\u03b5 [%]', 'strain', '%', 1e-2), ('t_ms', 'time', 'ms', 1e-3),
@@ -56,7 +58,7 @@ def test_names_and_units_are_recognised(header, quantity, unit, factor):
     'Solldruck [bar]', 'pressure setpoint [kPa]', 'supply pressure [bar]', 'p_ref [kPa]',
     'Luftdruck [hPa]', 'ambient pressure [kPa]', 'model force [N]', 'residual [N]',
     'force error [N]', 'torque [Nm]', 'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]',
-    'target length [mm]'])
+    'target length [mm]', 'radial displacement [mm]', 'estimated force [N]'])
 def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
     """Setpoints, supplies, models and other sensors are left alone."""
     assert recognise(header).quantity == ''
@@ -215,6 +217,63 @@ def test_what_is_missing_lists_every_column(log):
                   "'Kanal 3' not known (", "'note' text", '--columns "force=Kanal 3 [N]"'):
         assert words in message
     assert '\n' not in message
+
+
+@pytest.mark.parametrize(('key', 'header', 'told'), [
+    ('force', 'Mass [kg]', '--columns "force=Mass [kg]"'),
+    ('force', 'force [V]', '--columns "force=... [N]"'),
+    ('pressure', 'pressure setpoint [bar]', '--columns "pressure=pressure setpoint [bar]"'),
+    ('strain', 'Stauchung [\u2030]', '--columns "strain=Stauchung [\u2030]"')])
+def test_an_example_keeps_the_unit_of_the_column(log, key, header, told):
+    """What a message says to write would read kg as kg; volts are never an example of N."""
+    with pytest.raises(InputError) as caught:
+        read_measurement(table(log, **{key: (header, log[0])}))
+    assert told in str(caught.value)
+
+
+def test_an_example_of_two_pressures_names_the_motor_units(log):
+    """Columns of unknown names in kPa may be one pressure or those of a bundle: both are shown."""
+    data = {**table(log, pressure=('MU_A [kPa]', log[2] / 1e3)), 'MU_B [kPa]': log[2] / 2e3}
+    with pytest.raises(InputError, match=r'--columns "pressure=MU_A \[kPa\]", or of motor units '
+                       r'--columns "pressure.mu1=MU_A \[kPa\]" --columns "pressure.mu2=MU_B'):
+        read_measurement(data)
+
+
+@pytest.mark.parametrize(('key', 'header'), [
+    ('pressure', 'Stress [MPa]'), ('pressure', 'vacuum [kPa]'), ('force', 'Preload [N]')])
+def test_another_quantity_is_not_taken_for_its_unit(log, key, header):
+    """A stress has the unit of a pressure and is none: what is missing is asked for."""
+    with pytest.raises(InputError, match=f"column '{key}' is missing"):
+        read_measurement(table(log, **{key: (header, log[0])}))
+
+
+def test_two_equal_forces_are_asked_for(log):
+    """Forces of two cells add up, be they equal; a clock beside each channel is one clock."""
+    data = {**table(log, force=('force 1 [N]', log[3] / 2)), 'force 2 [N]': log[3] / 2}
+    with pytest.raises(InputError, match='both may be force'):
+        read_measurement(data)
+
+
+def test_a_clock_of_whole_numbers_without_a_unit_is_said(log):
+    """0, 50, 100 may be milliseconds: that they are taken for seconds stands in the first line."""
+    said = taken_words(read_measurement(table(log, time=('time', np.round(1e3 * log[0])))))
+    assert "time 'time' (s guessed, no unit given)" in said
+    assert taken_words(read_measurement(table(log, time=('time', log[0])))) == ''
+
+
+def test_a_displacement_that_is_never_shorter_than_at_rest_is_noticed(log):
+    """A position counted from another place makes every strain negative: a note asks for zero."""
+    data = read_measurement(table(log, strain=('position [mm]', 30 - 100 * log[1])),
+                            rest_length=0.25)
+    assert any('never is shorter than at rest' in note for note in data.notes)
+
+
+@pytest.mark.parametrize('header', ['stretch', '\u03bb', 'L/L0', 'length [%]'])
+def test_a_length_may_be_a_ratio_to_that_at_rest(log, header):
+    """No rest length is needed then."""
+    scale = 100.0 if '%' in header else 1.0
+    data = read_measurement(table(log, strain=(header, scale * (1.0 - log[1]))))
+    assert np.allclose(data.strain, log[1])
 
 
 @pytest.mark.parametrize(('columns', 'right'), [

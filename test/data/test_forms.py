@@ -301,6 +301,99 @@ def test_a_footer_that_begins_with_a_word_is_left_out(log, tmp_path, kind):
         read_measurement(tmp_path / f'b.{kind}', rest_length=REST)
 
 
+@pytest.mark.parametrize(('head', 'units'), [
+    ('time [s],contraction [mm],force [N],pressure [kPa]', ''),
+    ('time [s],contraction [mm],pressure [bar],force [N]', ''),
+    ('Time,Contraction,Pressure,Force', 's,mm,bar,N'),
+    ('Time,Contraction,Pressure,Force', 's,mm,kPa,N')])
+def test_a_header_further_down_must_be_the_same(log, tmp_path, head, units):
+    """Columns or units that change halfway would be misread: an error with the row of it."""
+    first = HEAD if not units else 'Time,Contraction,Pressure,Force\ns,mm,kPa,N'
+    rows = cells(log)
+    again = [line.split(',') for line in (head, units) if line]
+    (tmp_path / 'a.csv').write_text(text([first], [*rows[:120], *again, *rows[120:]]))
+    if units == 's,mm,kPa,N':
+        same(read_measurement(tmp_path / 'a.csv', rest_length=REST), log)
+        return
+    with pytest.raises(InputError, match=r'row 12\d: another header') as caught:
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    assert (units or head).replace(',', ', ') in str(caught.value)
+
+
+@pytest.mark.parametrize('label', ['Run 2', HEAD])
+def test_a_short_last_run_below_its_name_is_no_footer(log, tmp_path, label):
+    """Runs with their name or header above each restart the clock: all of them are read."""
+    rows = cells(log)
+    runs = [row for begin in (0, 170, 340) for row in (
+        label.split(','), *([f'{float(r[0]) - 0.05 * begin:.3f}', *r[1:]]
+                            for r in rows[begin:begin + (170 if begin < 340 else 20)]))]
+    (tmp_path / 'a.csv').write_text(text([HEAD], runs))
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    assert np.bincount(data.trial).tolist() == [170, 170, 20]
+
+
+@pytest.mark.parametrize('kind', ['csv', 'xlsx'])
+@pytest.mark.parametrize('line', ['L0 [mm];250,0', 'L0;250;mm', 'Ruhel\u00e4nge: 25 cm',
+                                  'Rest length = 250 mm'])
+def test_a_rest_length_above_the_table_is_heard(log, tmp_path, line, kind):
+    """It is taken where none is told; one that is told counts more, and the other is noted."""
+    path = tmp_path / f'a.{kind}'
+    body = text([line, HEAD.replace(',', ';')], cells(log, ','), ';')
+    if kind == 'csv':
+        path.write_text(body)
+    else:
+        import openpyxl
+        book = openpyxl.Workbook()
+        for row in body.splitlines():
+            book.active.append(row.split(';'))
+        book.save(path)
+    same(read_measurement(path), log)
+    told = read_measurement(path, rest_length='240 mm')
+    assert np.allclose(told.strain, log['strain'] * 250 / 240, atol=1e-5)
+    assert any('rest length of 240 mm; the file says 250 mm' in note for note in told.notes)
+
+
+def test_commas_for_decimals_between_commas_are_told_apart(log, tmp_path):
+    """Twice as many cells as names: the message says what to change."""
+    (tmp_path / 'a.csv').write_text(text([HEAD], cells(log, ',')))
+    with pytest.raises(InputError, match='row 2: 8 cells under 4 names; expected points'):
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
+
+
+def test_a_first_row_with_more_cells_is_not_lost(log, tmp_path):
+    """Remarks behind the first readings leave the readings."""
+    rows = cells(log)
+    rows[0] = [*rows[0], 'valve', 'on']
+    (tmp_path / 'a.csv').write_text(text([HEAD], rows))
+    same(read_measurement(tmp_path / 'a.csv', rest_length=REST), log)
+
+
+@pytest.mark.parametrize(('column', 'code'), [(3, '-999'), (3, '9999.00'), (2, '-99.99'),
+                                              (1, '-9999')])
+def test_nines_for_no_reading_are_blank_cells(log, tmp_path, column, code):
+    """-999 again and again, far from every reading, is what loggers write for none: counted."""
+    rows = cells(log)
+    for k in (40, 41, 200):
+        rows[k][column] = code
+    if code == '-99.99':  # bar
+        rows = [[*r[:2], r[2] if r[2] == code else f'{float(r[2]) / 100:.4f}', r[3]] for r in rows]
+    (tmp_path / 'a.csv').write_text(text(
+        [HEAD.replace('kPa', 'bar' if code == '-99.99' else 'kPa')], rows))
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    assert sum(data.dropped.values()) == 3
+    assert any(f'hold {float(code):g}: taken as no reading' in note for note in data.notes)
+
+
+@pytest.mark.parametrize('reading', [-999.0, 99.9, 9.99])
+def test_a_reading_of_nines_stays(log, reading):
+    """One alone, or one within what others read, is a reading."""
+    force = log['force'].copy()
+    force[[20, 21] if reading > 0 else 20] = reading
+    data = read_measurement({'t [s]': log['time'], 'eps': log['strain'],
+                             'p [Pa]': log['pressure'], 'F [N]': force})
+    assert len(data) == ROWS
+
+
 def test_words_for_no_reading_are_blank_cells(log, tmp_path):
     """What C, Excel and instruments write for no number leaves its row out, in any case."""
     rows = cells(log)

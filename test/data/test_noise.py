@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from fam_bundle_ros.data import noise_floor
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.data.noise import _chosen, force_step, visit_cells
+from fam_bundle_ros.data.noise import _chance_of_less, _chosen, force_step, visit_cells
 from fam_bundle_ros.data.trials import trial_offsets
 
 
@@ -87,13 +87,24 @@ def test_a_held_muscle_visits_one_strain(muscle):
 @pytest.mark.parametrize(('repeats', 'pairs', 'by', 'note'), [
     (0.5, 1000, 'repeats', 'a fine ripple'), (1.0, 1000, 'second differences', ''),
     (2.0, 1000, 'second differences', 'slow noise'), (0.7, 1000, 'repeats', 'a fine ripple'),
-    (0.7, 10, 'second differences', '')])
+    (0.7, 10, 'second differences', ''), (0.6, 37, 'second differences', ''),
+    (1.5, 15, 'second differences', ''), (1.5, 1000, 'second differences', 'slow noise')])
 def test_repeats_are_believed_only_when_they_clearly_agree_better(repeats, pairs, by, note):
-    """By a quarter and two standard errors; that they agree worse is said."""
+    """By a quarter, as one noise looks in one of 100 cases; that they agree worse is said."""
     floor = _chosen(np.zeros(9), 1.0, repeats, None, 1.0, pairs)
     assert floor.basis == by
     assert note in floor.note
     assert bool(note) == bool(floor.note)
+
+
+@pytest.mark.parametrize('pairs', [13, 37, 200])
+def test_the_chance_of_agreeing_pairs_is_that_of_white_noise(pairs):
+    """As often as medians of drawn noise are below the ratio, even and odd."""
+    drawn = np.abs(np.random.default_rng(0).standard_normal((20_000, pairs)))
+    deviation = 1.4826 * np.median(drawn, 1)
+    for ratio in (0.7, 0.9, 1.1):
+        found = _chance_of_less(ratio, pairs)
+        assert found == pytest.approx(np.mean(deviation < ratio), abs=0.015)
 
 
 def test_noise_that_lasts_is_no_offset_of_a_trial(sweeps):

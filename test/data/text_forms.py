@@ -51,6 +51,18 @@ def with_column(rows, at, values):
     return [[*row[:at], value, *row[at:]] for row, value in zip(rows, values)]
 
 
+def stamped(log, form):
+    """Return a CSV with dates of a form."""
+    return text([HEAD.replace('time [s]', 'timestamp')], cells(
+        log, time=lambda t: (BEGIN + timedelta(seconds=float(t))).strftime(form)))
+
+
+def in_groups(log, sign):
+    """Return the rows in whole ms, um, Pa and mN, digits in groups of three."""
+    return [[f'{value:,.0f}'.replace(',', sign) for value in (1e3 * t, 1e6 * REST * e, p, 1e3 * f)]
+            for t, e, p, f in zip(*log.values())]
+
+
 #: What was written by hand, as programs of labs write it: function of the log to text or bytes.
 TEXTS = {
     'plain': lambda log: text([HEAD], cells(log)),
@@ -215,6 +227,56 @@ TEXTS = {
     'a name and a unit beside each value': lambda log: ''.join(
         f't:{r[0]}s,contraction:{r[1]}mm,p:{p / 6894.757:.7f}psi,F:{r[3]}N\r\n'
         for p, r in zip(log['pressure'], cells(log))),
+    'dates with strokes': lambda log: stamped(log, '%d/%m/%Y %H:%M:%S.%f'),
+    'dates of America': lambda log: stamped(log, '%m/%d/%Y %H:%M:%S.%f'),
+    'dates of MATLAB': lambda log: stamped(log, '%d-%b-%Y %H:%M:%S.%f'),
+    'dates without strokes': lambda log: stamped(log, '%Y%m%dT%H%M%S.%f'),
+    'milliseconds behind a colon': lambda log: text(
+        [HEAD.replace('time [s]', 'Time')],
+        cells(log, time=lambda t: day_time(t).replace('.', ':'))),
+    'the form of a clock in the place of its unit': lambda log: text(
+        [HEAD.replace('[s]', '[hh:mm:ss]')], cells(log, time=day_time)),
+    'the zone of a clock behind its name': lambda log: text(
+        [HEAD.replace('time [s]', 'Timestamp (UTC)')], cells(log, time=iso)),
+    'a title with the names of quantities': lambda log: (text(
+        ['Force (N) over contraction (%) and pressure (bar)', 'a;b;c;d;e'],
+        [[*r, '0.1'] for r in cells(log)], ';'),
+        {'columns': {'time': 'a', 'contraction': 'b [mm]', 'pressure': 'c [kPa]',
+                     'force': 'd [N]'}}),
+    'millis of a microcontroller': lambda log: text(
+        [HEAD.replace('time [s]', 'millis')], cells(log, time=lambda t: f'{1e3 * t:.0f}')),
+    'length over rest length': lambda log: text(
+        [HEAD.replace('contraction [mm]', 'L/L0')],
+        [[r[0], f'{1.0 - float(r[1]) / 250.0:.7f}', *r[2:]] for r in cells(log)]),
+    'whole numbers with points for thousands': lambda log: text(
+        ['Zeit [ms]\tKontraktion [um]\tDruck [Pa]\tKraft [mN]'], in_groups(log, '.'), '\t'),
+    'whole numbers with commas for thousands': lambda log: text(
+        ['Time [ms]\tContraction [um]\tPressure [Pa]\tForce [mN]'], in_groups(log, ','), '\t'),
+    'apostrophes for thousands': lambda log: text(
+        ['Zeit [ms];Kontraktion [um];Druck [Pa];Kraft [mN]'], in_groups(log, "'"), ';'),
+    'narrow blanks for thousands, decimal comma': lambda log: text(
+        ['Temps [s];Contraction [mm];Pression [Pa];Force [N]'],
+        [[*r[:2], group[2], r[3]] for r, group in zip(cells(log, ','), in_groups(log, '\u202f'))],
+        ';'),
+    'a header of two lines in each cell': lambda log: text(
+        ['"Time\n[s]","Contraction\n[mm]","Pressure\n[kPa]","Force\n[N]"'], cells(log)),
+    'comments that tell what channels are': lambda log: (text(
+        ['# ch1: time, s', '# ch2: contraction, mm', '# ch3: gauge pressure, kPa',
+         '# ch4: force, tension positive, N', 'ch1,ch2,ch3,ch4'], cells(log)),
+        {'columns': {'time': 'ch1 [s]', 'contraction': 'ch2 [mm]', 'pressure': 'ch3 [kPa]',
+                     'force': 'ch4 [N]'}}),
+    'a small table beside the first rows': lambda log: text(
+        [HEAD + ',,pressure [kPa],largest force [N]'],
+        [*([*r, '', '100', '31.5'] for r in cells(log)[:4]), *cells(log)[4:]]),
+    'statistics below rows of words': lambda log: text(
+        [HEAD], [*cells(log), ['Mean'], ['9.0', '25.0', '250.0', '70.0'],
+                 ['Std'], ['5.2', '17.0', '122.0', '51.0']]),
+    'a table of sensors below': lambda log: text(
+        [HEAD], [*cells(log), ['Sensors'], ['no', 'offset', 'gain', 'range'],
+                 ['1', '0.1', '1.0', '500'], ['2', '0.2', '1.1', '10']]),
+    'raw beside tared force': lambda log: text(
+        [HEAD.replace('force [N]', 'force_raw [N],force_tared [N]')],
+        [[*r[:3], f'{float(r[3]) + 12.0:.3f}', r[3]] for r in cells(log)]),
     'LabVIEW .lvm': lambda log: lvm(log, 'One'),
     'LabVIEW .lvm with German numbers': lambda log: lvm(log, 'One', ','),
     'LabVIEW .lvm without times': lambda log: lvm(log, 'No'),

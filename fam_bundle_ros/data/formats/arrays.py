@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.formats.table import plain_columns, Table, unique
+from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -107,12 +108,45 @@ def flattened(values: Mapping[str, Any], prefix: str = '', depth: int = 4) -> di
         name = f'{prefix}.{key}' if prefix else str(key)
         if isinstance(value, (list, np.ndarray)) and len(value) and all(
                 isinstance(entry, Mapping) for entry in value):
-            value = _joined(list(value))
-        if isinstance(value, Mapping) and depth:
+            value = _channels(list(value)) or _joined(list(value))
+        channels = _channels([value]) if isinstance(value, Mapping) else {}
+        if channels and not flat.keys() & channels:
+            flat.update(channels)
+        elif isinstance(value, Mapping) and depth:
             flat.update(flattened(value, name, depth - 1))
         else:
             flat[name] = value
     return flat
+
+
+#: Fields of a struct that holds one channel, as dSPACE and Simulink write them: name, unit.
+_CHANNEL = ('name', 'label', 'title'), ('unit', 'units')
+
+
+def _channels(entries: list[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return structs of a name and one vector each as vectors by name, {} for other structs."""
+    found: dict[str, Any] = {}
+    for entry in entries:
+        texts = {key.casefold(): value for key, value in entry.items() if isinstance(value, str)}
+        name, unit = (next((texts[key] for key in keys if texts.get(key)), '')
+                      for keys in _CHANNEL)
+        vectors = [value for value in entry.values()
+                   if isinstance(value, (list, np.ndarray)) and np.size(value) > 1]
+        if not name or name in found or len(vectors) != 1:
+            return {}
+        found[name] = vectors[0]
+        if unit:
+            found[f'{name}_unit'] = unit
+    return found
+
+
+def _runs(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return several structs of the same quantities: run1.p, run1.F, run2.p, run2.F; else []."""
+    runs = [run for run in values.values() if isinstance(run, Mapping)]
+    fields = {tuple(run) for run in runs}
+    known = {recognise(field).quantity for field in next(iter(fields), ())} - {'', 'time'}
+    others = any(np.size(value) > 1 for value in values.values() if not isinstance(value, Mapping))
+    return runs if len(runs) > 1 == len(fields) < len(known) and not others else []
 
 
 def _joined(entries: list[Mapping[str, Any]]) -> dict[str, Any]:
@@ -136,7 +170,7 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
     Nested mappings are flattened; a matrix gives a column each (named by a list of as many
     texts, if there is one); texts named ``units.<name>`` or ``<name>_unit`` are units.
     """
-    flat = flattened(values)
+    flat = flattened(_joined(runs) if (runs := _runs(values)) else values)
     vectors: dict[str, np.ndarray] = {}
     texts: dict[str, str] = {}
     labels: list[list[str]] = []
@@ -184,7 +218,7 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
             if (tail == last and first.rpartition('.')[2].casefold() in ('unit', 'units')) or (
                     tail in (f'{last}_unit', f'{last}_units')):
                 units[head] = text
-    other = [key for key in vectors if key not in kept]
+    other = [key for key in vectors if key not in kept and vectors[key].dtype.kind == 'f']
     notes = (f'of another length, not used: {", ".join(other)}',) if other else ()
     return Table(name, kind, columns_of, units, notes=notes)
 

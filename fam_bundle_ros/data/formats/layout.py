@@ -33,8 +33,8 @@ _NUMBER = {
     '.': re.compile(r'[-+]?(\d+(,\d{3})+(\.\d*)?|\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?'),
     ',': re.compile(r'[-+]?(\d+(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
 }
-_CLOCK = re.compile(r'\d{1,4}[-./]\d{1,2}[-./]\d{1,4}([T ]\S+.*)?|\d{1,3}:\d{2}(:\d{2})?'
-                    r'([.,]\d+)?(\s*[AaPp][Mm])?')
+_CLOCK = re.compile(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}([T ]\S+.*)?|\d{8}T\S+|'
+                    r'\d{1,3}:\d{2}(:\d{2})?([.,]\d+|:\d{3})?(\s*[AaPp][Mm])?')
 #: Rows looked at above the data.
 _ABOVE = 8
 
@@ -56,6 +56,21 @@ def is_blank(cell: str) -> bool:
 def is_number(cell: str, decimal: str = '.') -> bool:
     """Return whether a cell holds a number, with this sign before its decimals."""
     return _NUMBER[decimal].fullmatch(cell.strip()) is not None
+
+
+def in_groups(cells: Sequence[str], sign: str) -> bool:
+    """
+    Return whether a sign in a column groups thousands: '950' beside '1,013', never '1,5'.
+
+    Examples
+    --------
+    >>> in_groups(['950', '1,013'], ','), in_groups(['0,950', '1'], ',')
+    (True, False)
+    """
+    found = [cell.strip().lstrip('+-') for cell in cells if sign in cell]
+    return bool(found) and all(
+        re.fullmatch(rf'[1-9]\d{{0,2}}({re.escape(sign)}\d{{3}})+', cell) for cell in found
+        ) and any(re.fullmatch(r'[-+]?[1-9]\d{2}', cell.strip()) for cell in cells)
 
 
 def is_reading(cell: str, decimal: str = '.') -> bool:
@@ -133,9 +148,16 @@ def is_row(cells: Sequence[str], width: int, decimal: str = '.') -> bool:
     A row that begins with a word (a label such as 'offset') belongs to the header.
     """
     used = trimmed(cells)
-    return bool(used) and abs(len(used) - width) <= 1 and (
+    return len(used) >= max(width - 1, 1) and (
         is_reading(used[0], decimal) or is_blank(used[0])) and any(
             is_reading(cell, decimal) for cell in used)
+
+
+def may_name(cells: Sequence[str], width: int) -> bool:
+    """Return whether a row has a word for each column, and not a unit or a number."""
+    used = trimmed(cells)
+    return len(used) == width and not _units_in(used) and not any(
+        is_number(cell) or is_blank(cell) for cell in used)
 
 
 def find_names(rows: Sequence[Sequence[str]], width: int,
@@ -154,7 +176,8 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     """
     begin = max(len(rows) - _ABOVE, 0)
     near = [(i, [*row, *[''] * width][:width]) for i, row in enumerate(rows[begin:], begin)
-            if 2 <= len(trimmed(row)) <= width + 1]
+            if 2 <= len(trimmed(row)) and (len(trimmed(row)) <= width + 1 or sum(
+                recognise(cell).score > 1 for cell in row[:width]) > 1)]
     near = [(i, row) for i, row in near
             if not any(is_number(cell) for cell in row if len(cell) > 1)]
     if not near:

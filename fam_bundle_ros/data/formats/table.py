@@ -36,6 +36,8 @@ class Table:
         What to call each row in messages.
     notes : tuple of str
         What was met on the way, such as sheets that were not read.
+    rest_length : float, m, optional
+        As told above the table.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     rows: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     notes: tuple[str, ...] = ()
+    rest_length: float | None = None
 
     def __post_init__(self) -> None:
         if not len(self.rows) and self.columns:

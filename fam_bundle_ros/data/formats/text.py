@@ -18,6 +18,7 @@ from itertools import islice
 from pathlib import Path
 import re
 from typing import NamedTuple
+import warnings
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from fam_bundle_ros.data.formats import layout
 from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import check_size, Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
+from fam_bundle_ros.data.vocabulary import rest_length_of
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -32,6 +34,10 @@ from fam_bundle_ros.extras import library
 _LONGEST, _SNIFFED = 1 << 16, 400
 _BLANK = r'\s+'
 _SEPARATORS = (',', ';', '\t', '|', _BLANK)
+#: Between the digits of 1'234 and 1\u202f234.
+_GROUPS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f](?=\\d{3}(?!\\d))")
+#: A quote that begins a cell and does not end on its line, and the most lines of such a header.
+_OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
 _COMMENTS = ('#', '%', '//', '!')
 _BOMS = ((codecs.BOM_UTF8, 'utf-8-sig'), (codecs.BOM_UTF32_LE, 'utf-32'),
          (codecs.BOM_UTF32_BE, 'utf-32'), (codecs.BOM_UTF16_LE, 'utf-16'),
@@ -101,12 +107,14 @@ def _read(path: Path, encoding: str) -> Table:
             thousands = None
         try:
             pieces = []
-            with pandas.read_csv(
+            with warnings.catch_warnings(), pandas.read_csv(
                     rows, sep=dialect.separator, decimal=decimal, header=None,
                     names=range(dialect.layout.width), index_col=False, skipinitialspace=True,
                     na_values=list(layout.BLANKS), skip_blank_lines=False, quotechar='"',
                     thousands=thousands, chunksize=200_000, low_memory=False,
                     on_bad_lines='error') as reader:
+                # remarks behind the first readings are not read
+                warnings.simplefilter('ignore', pandas.errors.ParserWarning)
                 total = 0
                 for piece in reader:
                     total += len(piece)
@@ -124,7 +132,8 @@ def _read(path: Path, encoding: str) -> Table:
                                                unit)
         if unit:
             units[name] = unit
-    return Table(path.name, _kind(dialect), columns, units, at)
+    told = filter(None, map(rest_length_of, head[:skipped]))
+    return Table(path.name, _kind(dialect), columns, units, at, rest_length=next(told, None))
 
 
 def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, str]:
@@ -150,11 +159,28 @@ def _kind(dialect: Dialect) -> str:
 
 
 def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
+    """Yield lines, one of a cell of several lines as one with blank lines in place of the rest."""
+    lines = _checked_lines(name, stream)
+    for line in lines:
+        found = [line]
+        if line.count('"') % 2 and _OPEN.search(line):
+            for part in islice(lines, _TALLEST):
+                found.append(part)
+                if sum(one.count('"') for one in found) % 2 == 0:
+                    found = [' '.join(one.strip('\r\n') for one in found) + '\n',
+                             *['\n'] * (len(found) - 1)]
+                    break
+        yield from found
+
+
+def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
     """Yield lines; refuse what is no text before much of it is in memory."""
     while True:
         line = stream.readline(_LONGEST)
         if not line:
             return
+        if "'" in line or not line.isascii():
+            line = _GROUPS.sub('', line)
         if '\0' in line:
             raise InputError(f'{name}: not a text file; expected a table with a header')
         if len(line) >= _LONGEST and not line.endswith('\n'):
@@ -207,7 +233,7 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     InputError
         Where there are no rows of at least two numbers.
     """
-    odd = sum(not (ch.isprintable() or ch in '\t\r\n\f\v') for line in head for ch in line)
+    odd = sum(not (ch.isprintable() or ch.isspace()) for line in head for ch in line)
     if odd > 0.02 * sum(map(len, head)):
         raise InputError(f'{name}: not a text file; expected a table with a header')
     plain = [(i, line) for i, line in enumerate(head) if line.strip() and not _is_comment(line)]
@@ -241,8 +267,19 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                          'force')
     width = dialect.layout.width
     above = [i for i, line in enumerate(head[:line_at]) if line.strip()]
-    names, units, last = layout.find_names(
-        [_header_cells(head[i], dialect, width) for i in above], width)
+    cells = {i: _header_cells(head[i], dialect, width) for i in above}
+    own = {i: len(split(head[i], dialect.separator)) for i in above}
+    if any(own[i] == width and layout.may_name(cells[i], width) for i in above
+           if not _is_comment(head[i])):
+        # beside a row of names a title, or a comment of another length, is a note about them
+        above = [i for i in above if own[i] == width or own[i] > 1 and not _is_comment(head[i])]
+    names, units, last = layout.find_names([cells[i] for i in above], width)
+    named = sum(not cell.startswith('column ') for cell in names)
+    row = split(head[line_at], dialect.separator)
+    if dialect.separator == ',' and width == len(row) == 2 * named and all(
+            re.fullmatch(r'-?\d+', cell) for cell in row):
+        raise InputError(f'{name}, row {line_at + 1}: {width} cells under {named} names; expected '
+                         'points for decimals, or quotes about each cell, where commas part cells')
     # what stands between the names and the first sound row are data with bad cells
     unsound = [i for i in above[last + 1:] if last >= 0 and not _is_comment(head[i])
                and layout.is_row(split(head[i], dialect.separator), width, dialect.decimal)]
@@ -251,10 +288,11 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
 
 
 def _decimals(rows: list[list[str]], decimal: str) -> float:
-    """Return the share of cells with this sign before decimals."""
+    """Return the share of cells with this sign before decimals, negative where it is of groups."""
     cells = [cell for row in rows for cell in row if cell.strip()]
-    return sum(decimal in cell and layout.is_number(cell, decimal) for cell in cells) / max(
+    share = sum(decimal in cell and layout.is_number(cell, decimal) for cell in cells) / max(
         len(cells), 1)
+    return -share if any(layout.in_groups(column, decimal) for column in zip(*rows)) else share
 
 
 def split(line: str, separator: str) -> list[str]:

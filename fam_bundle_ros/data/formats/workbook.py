@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 import zipfile
@@ -12,7 +13,7 @@ import numpy as np
 
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique
-from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -66,7 +67,7 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     table, known = max(found, key=lambda pair: pair[1])
     others = [other.kind for other, also in found if other is not table and also >= known]
     notes = (f'not read: {", ".join(others)} (tell the sheet)',) if others else ()
-    return Table(table.name, table.kind, table.columns, table.units, table.rows, notes)
+    return replace(table, notes=notes)
 
 
 def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
@@ -89,9 +90,10 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     columns = {name: _column(values[begin:, j], decimal) for name, j in zip(names, used)}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
+    told = filter(None, (rest_length_of(';'.join(row)) for row in head[:begin]))
     known = sum(recognise(name, units.get(name, '')).quantity != '' for name in names)
     return Table(file, f'sheet {sheet}', columns, units,
-                 np.flatnonzero(kept) + begin + 1), known
+                 np.flatnonzero(kept) + begin + 1, rest_length=next(told, None)), known
 
 
 def _text(cell: Any) -> str:
