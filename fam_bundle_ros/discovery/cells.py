@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
 from fam_bundle_ros.data.noise import noise_floor
-from fam_bundle_ros.data.rates import CRAWL, slope, turning
+from fam_bundle_ros.data.rates import CRAWL, sample_noise, slope, turning
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.outliers import spikes
 from fam_bundle_ros.discovery.predict import matched, motion, stiffness
@@ -27,6 +27,9 @@ from fam_bundle_ros.model import Bundle, Motion
 
 #: Bins across strain and pressure that are tried, finest first.
 _BINS = (60, 40, 30, 24, 20, 16, 12, 10)
+#: Two readings of what stands still are further apart than so many standard deviations of one
+#: about once in fifty thousand.
+_STILL = 6.0
 
 
 @dataclass(frozen=True)
@@ -142,8 +145,11 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     noise = max(min(known, default=0.0), settings.LEAST_NOISE * float(np.abs(data.force).max()))
     strain_range = max(float(np.ptp(data.strain)), 1e-6)
     pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
-    label = np.arange(len(data)) if len(data) <= most else _labels(
-        data, data.direction, strain_range, pressure_range, most, not data.is_static)
+    if len(data) <= most:
+        label = np.arange(len(data))
+    else:
+        label = (_places if data.is_static else _stays)(
+            data, data.direction, strain_range, pressure_range, most)
     label = _at_most(most, np.where(
         spikes(data, residual, noise) | unknown_direction(data), -1, label))
     count = np.bincount(label[label >= 0]).astype(float)
@@ -188,7 +194,7 @@ def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
         Rows of another way are apart.
     """
     most = settings.PLACES
-    label = _labels(cells.data, way, cells.strain_range, cells.pressure_range, most, False)
+    label = _places(cells.data, way, cells.strain_range, cells.pressure_range, most)
     return _at_most(most, np.where(kept, label, -1))
 
 
@@ -207,9 +213,9 @@ def _renumbered(label: np.ndarray) -> np.ndarray:
     return new.ravel() - (1 if (label < 0).any() else 0)
 
 
-def _labels(data: Measurement, direction: np.ndarray, strain_range: float,
-            pressure_range: np.ndarray, most: int, by_visit: bool) -> np.ndarray:
-    """Return a cell of strain, pressure, direction (and visit) for each row, (T,) int."""
+def _places(data: Measurement, direction: np.ndarray, strain_range: float,
+            pressure_range: np.ndarray, most: int) -> np.ndarray:
+    """Return a cell of strain, pressure and direction for each row, whatever visit, (T,) int."""
     label = np.zeros(len(data), int)
     for bins in _BINS:
         parts = [np.round(data.strain / strain_range * bins).astype(int), direction]
@@ -217,11 +223,32 @@ def _labels(data: Measurement, direction: np.ndarray, strain_range: float,
                   for column, size in zip(data.pressure.T, pressure_range)]
         _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
         label = cell.ravel()
-        if by_visit:
-            change = np.ones(len(label), bool)
-            change[1:] = (np.diff(label) != 0) | (np.diff(data.trial) != 0)
-            label = np.cumsum(change) - 1
         if label.max() < most:
+            break
+    return label
+
+
+def _stays(data: Measurement, direction: np.ndarray, strain_range: float,
+           pressure_range: np.ndarray, most: int) -> np.ndarray:
+    """
+    Return a number for each row of a log, (T,) int, that rises where the muscle moved on.
+
+    It has when strain or a pressure is further than a bin from where the stay began, and further
+    than noise goes: a muscle that is held is one stay, however noisy its gauge.
+    """
+    columns = np.column_stack([data.strain, data.pressure])
+    size = np.append(strain_range, pressure_range)
+    noise = np.array([sample_noise(column, data.trial) for column in columns.T])
+    fresh = (data.start | (np.diff(direction, prepend=direction[0]) != 0)).tolist()
+    label = np.zeros(len(data), int)
+    for bins in _BINS:
+        scaled = (columns / np.maximum(size / bins, _STILL * noise)).tolist()
+        first, stay = scaled[0], -1
+        for k, row in enumerate(scaled):
+            if fresh[k] or any(abs(a - b) > 1.0 for a, b in zip(row, first)):
+                first, stay = row, stay + 1
+            label[k] = stay
+        if stay < most:
             break
     return label
 

@@ -56,7 +56,7 @@ from fam_bundle_ros.discovery.verdict import (
     small,
     what_is_left,
 )
-from fam_bundle_ros.discovery.words import next_experiment, notes_on, renamed, summarise
+from fam_bundle_ros.discovery.words import next_experiment, not_named, notes_on, renamed, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 from fam_bundle_ros.processes import on_one_core
 
@@ -133,6 +133,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     recommended = recommend(best, final, joint, held, fitter)
     residual = data.force - predict(best, data)
     shapes = describe(cells, final)
+    alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))
+    doubts = () if finding.verdict == 'unexplained' else not_named(posterior, chosen, alike)
     further = next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes)
     return Diagnosis(
         verdict=finding.verdict, model=model, measurement=comparison.measurement,
@@ -149,7 +151,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         parameters=tuple(told),
         moved={p.key: float(u) for p, u in zip(final.priors, final.u) if p.own},
         best=best, recalibrated=recalibrated, shapes_left=shapes,
-        notes=(*data.notes, *finding.refusals, *finding.warnings,
+        notes=(*data.notes, *finding.refusals, *finding.warnings, *doubts,
                *notes_on(cells, comparison.noise, base, final, held)),
         rows_left_out=int((cells.label < 0).sum()), confounding=confounding(final),
         held_out=held, recommended=recommended, leftover=leftover,

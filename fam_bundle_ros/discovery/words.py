@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -184,6 +184,29 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
     if ascends(data):
         notes.append('isobars were run in ascending order: pressure and time cannot be told apart')
     return tuple(dict.fromkeys(notes))
+
+
+def not_named(posterior: Posterior, chosen: Fit, told: Iterable[str]) -> tuple[str, ...]:
+    """
+    Return in words which effects are likelier than not without being part of an answer.
+
+    An effect in more than half of the posterior foretells better than none (Barbieri and Berger
+    2004, Ann. Stat. 32, 870), but a name asks for more: see `settings.LEAST_LOSS`.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    chosen : Fit
+        The set that is the answer.
+    told : iterable of str
+        Labels that are said elsewhere, as ties and trades are.
+    """
+    known = {*_labels(posterior, chosen), *told}
+    return tuple(
+        f'{label} is likelier than not ({posterior.of_label(label):.2f}) but not named: the '
+        'evidence for it is weak, or it foretells nothing on rows not seen'
+        for label in posterior.labels()
+        if label not in known and posterior.of_label(label) > 0.5)
 
 
 def ascends(data: Measurement) -> bool:

@@ -29,6 +29,10 @@ _MOST_UNITS = 64
 _PATIENCE = 10.0
 #: s: what a killed process loses at most.
 FLUSH = 0.5
+#: Messages of a topic that wait until they are taken; later ones push earlier ones out.
+_DEPTH = 200
+#: s between two looks at the clock from which a warning is due: `_DEPTH` messages at 200 Hz.
+_HELD_UP = 1.0
 
 
 class Recorder(BundleNode):
@@ -100,7 +104,7 @@ def matching_qos(offers: Iterable[QoSProfile]) -> QoSProfile:
     reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
     latched = all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
     return QoSProfile(
-        depth=200,
+        depth=_DEPTH,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE))
 
@@ -143,10 +147,16 @@ def record(folder: str | Path, seconds: float | None = None,
         signals = ending.enter_context(StopSignals())
         begin = time.monotonic()
         heard: float | None = None
+        now = begin
         while not signals.received:
+            before = now
             node.discover()
             spinner.spin(0.25)
             now = time.monotonic()
+            if heard is not None and now - before > _HELD_UP:
+                node.get_logger().warning(
+                    f'held up from {before - heard:.1f} to {now - heard:.1f} s of the recording: '
+                    'sensor readings of that time may be missing')
             if heard is None:
                 # Finding each other takes seconds and is no part of the recording.
                 heard = now if writer.count else None

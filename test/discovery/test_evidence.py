@@ -59,6 +59,38 @@ def test_a_small_map_is_taken_row_by_row(paper_muscle):
     assert not cells.both_ways
 
 
+@pytest.mark.parametrize('gauge', [
+    lambda held: held, lambda held: 5e-4 * np.round(held / 5e-4)], ids=['noise', 'steps'])
+def test_no_row_is_lost_to_the_noise_of_a_gauge_that_stands_still(gauge, paper_muscle):
+    """Held at one strain, 200 s of filling and venting: stays follow the pressure alone."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 200.0, 0.1)
+    strain = gauge(0.1 + 2e-4 * rng.standard_normal(len(time)))
+    pressure = 2e5 - 1.5e5 * np.cos(2.0 * np.pi * time / 40.0) + 500.0 * rng.standard_normal(
+        len(time))
+    data = build('log', strain, pressure[:, None], 1e-4 * pressure, None, time)
+    cells = reduce(paper_muscle, data, most=150)
+    np.testing.assert_array_equal(cells.label < 0, unknown_direction(data))
+    assert np.median(cells.count) > 10
+    widths = [np.ptp(data.pressure[cells.label == k]) for k in range(len(cells))]
+    assert max(widths) < 0.1 * 3e5
+
+
+def test_a_stay_ends_where_a_unit_of_a_bundle_moves_on():
+    """One unit is held, the other goes up in ten levels: no stay has rows of two levels."""
+    rng = np.random.default_rng(0)
+    muscle = load_model('spie2021')
+    level = np.repeat(np.arange(10), 50)
+    pressure = np.column_stack([np.full(500, 3.4e5), 3e4 * level]) + 300.0 * rng.standard_normal(
+        (500, 2))
+    data = build('log', np.full(500, 0.1), pressure, 10.0 + 5.0 * level, None,
+                 0.1 * np.arange(500.0))
+    cells = reduce(muscle, data, most=100)
+    assert (cells.label[1:] >= 0).all()
+    assert all(len(np.unique(level[cells.label == k])) == 1 for k in range(len(cells)))
+    assert len(cells) <= 30  # each level is reached and held
+
+
 @pytest.mark.parametrize('hyper', [FULL, Hyper(white=6)])
 def test_cells_of_no_bounded_noise_tell_no_more_than_cells_that_are_not_there(problem, hyper):
     """The evidence of one residual over another is that of the other cells alone."""

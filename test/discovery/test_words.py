@@ -67,3 +67,12 @@ def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatc
                                                      Left(0.0, 0.2), 0.8),
                           [Change('', 'end_caps'), Change('', 'coulomb_friction')], None, (), ())
     assert asked == ['end_caps']
+
+
+def test_an_effect_that_is_likelier_than_not_but_not_named_is_told_of(monkeypatch):
+    """Named effects are told as the answer, ties as ties; what is left is below one half."""
+    shares = {'end_caps': 0.99, 'coulomb_friction': 0.6, 'tendon_slack': 0.7, 'temperature': 0.4}
+    posterior = SimpleNamespace(labels=lambda: list(shares), of_label=shares.get)
+    monkeypatch.setattr(words, '_labels', lambda posterior, fit: ['end_caps'])
+    told, = words.not_named(posterior, None, ['tendon_slack'])
+    assert told.startswith('coulomb_friction is likelier than not (0.60)')

@@ -1,9 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A recording that is killed keeps what it heard."""
+"""A recording that is killed keeps what it heard; one that is held up says so."""
 
+import re
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -34,14 +37,19 @@ def growing(folder):
         return 0
 
 
-def test_sigkill_leaves_a_bag_up_to_the_last_second(graph, quiet, tmp_path):
-    """`fam_bundle record` is killed: all that was on the disk by then opens, second by second."""
+def recording_of(graph, quiet, folder):
+    """Return a process that records a simulated rig of the graph into a folder."""
     graph.add(PlantSimulator(context=graph.context, overrides={
         **quiet, 'rate': 100.0, 'faults.drift': 'mu1/pressure=1e4'}))
     graph.spin()
+    return subprocess.Popen([sys.executable, '-m', 'fam_bundle_ros.cli', 'record', str(folder)],
+                            stderr=subprocess.PIPE, text=True)
+
+
+def test_sigkill_leaves_a_bag_up_to_the_last_second(graph, quiet, tmp_path):
+    """`fam_bundle record` is killed: all that was on the disk by then opens, second by second."""
     folder, seen = tmp_path / 'bag', [0]
-    process = subprocess.Popen([sys.executable, '-m', 'fam_bundle_ros.cli', 'record',
-                                str(folder)], stderr=subprocess.DEVNULL)
+    process = recording_of(graph, quiet, folder)
 
     def more_than(count):
         seen.append(growing(folder))
@@ -58,3 +66,24 @@ def test_sigkill_leaves_a_bag_up_to_the_last_second(graph, quiet, tmp_path):
     assert len(read_bag(folder)) > 50
     # What a busy machine adds to this is not ours.
     assert recording.FLUSH < 1.0
+
+
+def test_a_recording_that_was_held_up_warns_of_it(graph, quiet, tmp_path):
+    """For 1.5 s its process does not run (a busy disk, a laptop's lid): when, is on stderr."""
+    folder = tmp_path / 'bag'
+    process = recording_of(graph, quiet, folder)
+    try:
+        graph.until(lambda: growing(folder) > 60, 'a recording with forces')
+        process.send_signal(signal.SIGSTOP)
+        end = time.monotonic() + 1.5
+        while time.monotonic() < end:
+            graph.spin()
+        process.send_signal(signal.SIGCONT)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=20)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 0, errors
+    begin, last = map(float, re.search(r'held up from ([\d.]+) to ([\d.]+) s', errors).groups())
+    assert last - begin > 1.4
