@@ -180,6 +180,8 @@ class ClosedLoop:
     deviation : (float, float)
         The controller sees what it controls deviate so many times as much from the second number
         (N or strain) as it does, from the start of the log on: the gain of its loop.
+    told_load : bool
+        Whether the controller is told of the load on the bundle (`load_model_of`).
 
     Examples
     --------
@@ -197,7 +199,7 @@ class ClosedLoop:
                  rig: RigConfig | None = None, period: float = 4e-3, pid_period: float = 2e-3,
                  gains: PidGains = PidGains(), pid: PidConfig | None = None,
                  noise_factor: float = 1.0, seed: int = 0, compiled: bool | None = None,
-                 deviation: tuple[float, float] = (1.0, 0.0)):
+                 deviation: tuple[float, float] = (1.0, 0.0), told_load: bool = True):
         self.plant, self.model = plant, model or plant
         if not isinstance(self.model, Bundle):
             raise InputError(f'{type(plant).__name__} is no model that a controller can invert; '
@@ -208,7 +210,7 @@ class ClosedLoop:
         self.pid_period = pid_period
         self.gains, self.noise_factor, self.seed = gains, noise_factor, seed
         self.pid_config = pid or pid_config(rig, pid_period, noise_factor)
-        self.compiled = compiled
+        self.compiled, self.told_load = compiled, told_load
         self.deviation = float(deviation[0]), float(deviation[1])
 
     def run(self, trajectory: Trajectory,
@@ -268,8 +270,8 @@ class Run:
             load = replace(load, strain=trajectory.imposed(0.0))
         rig = Rig(loop.plant, replace(loop.rig_config, load=load), loop.seed,
                   Faults(noise_factor=loop.noise_factor))
-        controller = RecruitmentController(
-            loop.model, replace(loop.controller_config, load=load_model_of(load, rig.length)))
+        told = load_model_of(load, rig.length) if loop.told_load else LoadModel()
+        controller = RecruitmentController(loop.model, replace(loop.controller_config, load=told))
         self._names = [loop.model.names[i].upper() for i in controller.order]
         self._units = rig.bundle.n
         loads, which_load = self._changes(load, trajectory.events, changed_load)

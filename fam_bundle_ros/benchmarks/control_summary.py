@@ -75,6 +75,14 @@ def _over_no_feedback(name):
     return value
 
 
+def untold_ratio(case: dict[str, Any]) -> float | None:
+    """Return the rms of a strain, ours without being told of the load, over equal pressure's."""
+    ours, untold = case['reversal_aware'], case.get('untold_load')
+    if untold is None or ours['kind'] != 'strain':
+        return None
+    return untold['tracking_rms'] / case['equal_pressure']['tracking_rms']
+
+
 def _given(name):
     return lambda case: case['reversal_aware'].get(name)
 
@@ -87,6 +95,7 @@ def _one(wanted, value):
 #: nothing is asked.
 FIGURES = (
     ('tracking rms over equal pressure', rms_ratio, 0.8, 1.0, 1.3),
+    ('strain, load not told: rms over equal pressure', untold_ratio, 0.8, 1.0, 1.3),
     ('air over equal pressure', air_ratio, None, None, 1.05),
     ('air over equal pressure, one unit is enough', _one(lambda r: r['one_unit'], air_ratio),
      None, None, 0.7),

@@ -55,11 +55,12 @@ _JUDGES = {'force': ('steps', 'sine_0.5'), 'strain': ('strain_steps', 'strain_si
 
 @dataclass(frozen=True)
 class Controller:
-    """A controller of the benchmark: policy and scheme, and whether it has feedback."""
+    """A controller of the benchmark: policy and scheme, feedback, whether it is told of loads."""
 
     policy: str = 'reversal_aware'
     scheme: str = 'orderly'
     feedback: bool = True
+    told_load: bool = True
 
     @property
     def baseline(self) -> bool:
@@ -72,7 +73,8 @@ CONTROLLERS = {
     'reversal_aware': Controller(), 'equal_pressure': Controller(scheme='equal_pressure'),
     'threshold': Controller(scheme='threshold'), 'hysteresis': Controller('hysteresis'),
     'neglect': Controller('neglect'), 'batch': Controller(scheme='batch'),
-    'all_on': Controller(scheme='all_on'), 'no_feedback': Controller(feedback=False),
+    'all_on': Controller(scheme='all_on'),
+    'untold_load': Controller(told_load=False), 'no_feedback': Controller(feedback=False),
 }
 
 
@@ -115,7 +117,8 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
     return ClosedLoop(plant_of(plant, units), model_of(units), config, kind.rig,
                       PERIOD, PID_PERIOD, pressure_gains(kind.delay),
                       told(kind.rig, kind.delay, kind.noise_factor),
-                      kind.noise_factor * noise, seed, deviation=deviation)
+                      kind.noise_factor * noise, seed, deviation=deviation,
+                      told_load=controller.told_load)
 
 
 def settles(plant: str, units: int, controller: Controller, baseline: BaselineConfig, kind: str,

@@ -27,7 +27,7 @@ REACH_PLAIN, REACH_PEERS = 10.0, 100.0
 TRAJECTORIES = ('sine_0.5', 'arm')
 #: Policy and scheme of every controller with a model.
 CONTROLLERS = tuple((each.policy, each.scheme) for name, each in NAMED.items()
-                    if not each.baseline and each.feedback)
+                    if not each.baseline and each.feedback and each.told_load)
 #: Tolerances that the peers may have, loose to tight.
 _TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 _FINE = 1e-8

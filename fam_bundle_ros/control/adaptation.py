@@ -8,13 +8,17 @@ recursive least squares on measured minus believed force: a Kalman filter whose 
 estimates leave, as it shows (Mehra 1970, IEEE Trans. Autom. Control 15, 175), and whose covariance
 returns to where it began within minutes. It learns only from errors that are more than noise
 (dead zone: Peterson and Narendra 1982, IEEE Trans. Autom. Control 27, 1161): a model that is right
-stays as it is, and without excitation neither estimate nor covariance drifts. Kernels.
+stays as it is, and without excitation neither estimate nor covariance drifts. Noise of pressure
+readings is in the model's forces too, where least squares would take it for a gain that is less:
+what it adds on average is taken away again (errors in variables, bias compensation: Soderstrom
+2007, Automatica 43, 939). Kernels.
 """
 
 from dataclasses import dataclass
 import math
 from typing import Any
 
+from fam_bundle_ros.control.observer import mean_change, noise_in
 from fam_bundle_ros.errors import InputError
 
 #: Error of a model that nobody has measured, as sd: of tension, push-back and zero (the last as a
@@ -39,6 +43,8 @@ _PULLING, _PUSHING = (0.08, 0.7), (0.16, 0.2)
 _LEAST = 0.05
 #: Estimates stay within so many sd of the model.
 _BOUND = 2.7
+#: N: a change of the model's force by this size may be noise, whatever was seen before.
+_USUAL_CHANGE = 0.1
 
 
 @dataclass(frozen=True)
@@ -98,10 +104,13 @@ class AdaptationState:
     error : list (n + 3,)
         Relative error of each unit's tension, of the push-back; bias in N; lag in s.
     covariance : list (n + 3, n + 3)
-    regressor, product : list (n + 3,)
-        Room to work in.
+    regressor, product, taken : list (n + 3,)
+        Room to work in; what noise of the readings takes from each product of force and error.
     force, slow : list (n,), N
         What the unadapted model gives for each unit at the measured pressures; filtered.
+    last, before, change : list (n,), N
+        That force in the tick before and in that before it; mean size of its second differences,
+        ``seen`` of them so far.
     measured : float, N
         Measured force, filtered alike.
     believed : float, N
@@ -116,13 +125,18 @@ class AdaptationState:
     covariance: list
     regressor: list
     product: list
+    taken: list
     force: list
     slow: list
+    last: list
+    before: list
+    change: list
     measured: float = 0.0
     believed: float = 0.0
     lead: float = 0.0
     rest: float = 0.0
     missed: float = 0.0
+    seen: int = 0
     started: bool = False
 
 
@@ -160,10 +174,10 @@ def _known_error(bundle, where):
 
 def adaptation_state(n: int) -> AdaptationState:
     """Return an empty state; `forget_adaptation` makes it begin."""
-    def zeros():
-        return [0.0] * (n + 3)
-    return AdaptationState(zeros(), [zeros() for _ in range(n + 3)], zeros(), zeros(),
-                           [0.0] * n, [0.0] * n)
+    def zeros(count=n + 3):
+        return [0.0] * count
+    return AdaptationState(zeros(), [zeros() for _ in range(n + 3)], zeros(), zeros(), zeros(),
+                           zeros(n), zeros(n), zeros(n), zeros(n), zeros(n))
 
 
 def bound_of(settings: Any, k: int) -> float:
@@ -173,7 +187,7 @@ def bound_of(settings: Any, k: int) -> float:
 
 def forget_adaptation(settings: Any, state: Any) -> None:
     """Go back to the model as it is in its file."""
-    state.lead, state.started = 0.0, False
+    state.lead, state.started, state.seen = 0.0, False, 0
     state.rest = (settings.first_share * settings.rest_error) ** 2
     state.missed = (_LEFT * settings.rest_error) ** 2
     for i in range(len(state.error)):
@@ -246,7 +260,11 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
     state.measured += share * (measured - state.measured)
     left = state.measured
     f[n], f[n + 1], f[n + 2] = 0.0, 1.0, 0.0
+    state.seen += 1
     for i in range(n):
+        bend = abs(state.force[i] - 2.0 * state.last[i] + state.before[i])
+        state.before[i], state.last[i] = state.last[i], state.force[i]
+        state.change[i] = mean_change(state.change[i], bend, _USUAL_CHANGE, state.seen, dt)
         change = state.force[i] - state.slow[i]
         state.slow[i] += share * change
         f[n + 2] -= (1.0 - share) * change / _FILTER_TIME
@@ -268,12 +286,42 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
             product[i] += covariance[i][j] * f[j]
     if not weight > 0.0:
         return
-    seen = 2.0 * state.rest * settings.memory / (weight * dt)
+    seen, known = 2.0 * state.rest * settings.memory / (weight * dt), 0.0
     for i in range(count):
-        seen += f[i] * product[i]
+        known += f[i] * product[i]
+    seen += known
+    take_noise(state, share, known / seen)
     for i in range(count):
+        step = product[i] * left
+        for j in range(count):
+            step += covariance[i][j] * state.taken[j]
         bound = bound_of(settings, i)
         low = -bound if i < n + 2 else 0.0
-        state.error[i] = min(max(state.error[i] + product[i] / seen * left, low), bound)
+        state.error[i] = min(max(state.error[i] + step / seen, low), bound)
+    for i in range(count):
         for j in range(count):
             covariance[i][j] -= product[i] * product[j] / seen
+
+
+def take_noise(state: Any, share: float, follows: float) -> None:
+    """
+    Write what noise takes on average from the product of each regressor and the error: ``taken``.
+
+    Noise of a unit's force is in its regressor, in that of the lag by -(1 - s)/T of its change,
+    and with the estimates as factors in the error. Behind the filter, which takes up a ``share`` s
+    of a step, its variance is s/(2 - s) of the readings', and the change's 2/s of that. What lasts
+    longer than a sample the estimates follow meanwhile, by ``follows`` of the error in each.
+    """
+    n = len(state.force)
+    lag, slope = state.error[n + 2], (1.0 - share) / _FILTER_TIME
+    both = share + (1.0 - share) * follows
+    state.taken[n] = state.taken[n + 1] = state.taken[n + 2] = 0.0
+    for i in range(n):
+        state.taken[i] = 0.0
+        noise = noise_in(state.change[i])
+        variance = noise * noise * share / (2.0 - share)
+        k = i if state.slow[i] > 0.0 else n
+        gain = 1.0 + state.error[k]
+        state.taken[k] += variance * (gain - slope * lag) * share / both
+        state.taken[n + 2] += variance * slope * (
+            2.0 / share * slope * lag - gain * (1.0 + follows / both))

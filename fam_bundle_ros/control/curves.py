@@ -247,6 +247,11 @@ def reach_below(table: Any, unit: int) -> float:
     return (table.top_force[unit] - table.bottom_force[unit]) * bottom / (top - bottom)
 
 
+def on_line(table: Any, unit: int, pressure: float) -> bool:
+    """Return whether a unit that is lowered follows that line at a pressure read (Pa)."""
+    return table.lowered[unit] > 0 and max(pressure, 0.0) < table.bottom_pressure[unit]
+
+
 def line_at(table: Any, unit: int, pressure: float) -> float:
     """Return the force of a unit at a pressure (Pa) below its bottom on that line, N."""
     short = 1.0 - pressure / table.bottom_pressure[unit]

@@ -36,8 +36,9 @@ class DeadBandState:
     open, seen : float, s
         Time that small openings to fill have lasted, less that of those to exhaust: so far, and
         as far as the reading before showed it.
-    missing, share : float, Pa/s and 1
-        Filtered: rate that is missing, and time with small openings to fill less to exhaust.
+    missing, came, share : float, Pa/s, Pa/s and 1
+        Filtered: rate that is missing, that of the reading, and time with small openings to fill
+        less to exhaust.
     wide : float
         Size of the opening, as far as the spool may still be on its way back from it.
     """
@@ -49,6 +50,7 @@ class DeadBandState:
     open: float = 0.0
     seen: float = 0.0
     missing: float = 0.0
+    came: float = 0.0
     share: float = 0.0
     wide: float = 0.0
 
@@ -59,9 +61,11 @@ def dead_band_doubt(dead_band: float) -> float:
 
 
 def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_then: float,
-                    slow: float, filling: float, venting: float, time: float, dt: float) -> None:
+                    slow: float, filling: float, venting: float, time: float, dt: float) -> float:
     """
-    Learn from one reading.
+    Learn from one reading; return what the integral need not add any more, Pa/s.
+
+    A band that is learnt gives from now on what is missing and what the integral has made up for.
 
     Parameters
     ----------
@@ -85,20 +89,29 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
     kept = math.exp(-dt / time)
     missing = (due - band.due - (pressure - band.reading)) / dt + slow
     band.missing = kept * band.missing + (1.0 - kept) * missing
+    band.came = kept * band.came + (1.0 - kept) * (pressure - band.reading) / dt
     band.share = kept * band.share + (1.0 - kept) * (open_then - band.seen) / dt
     band.reading, band.due, band.seen = pressure, due, open_then
     # A dead band that is wider by x takes the share x of the fully open valve's rate.
     step = dt / _LEARN_TIME * band.share * band.missing
+    # A pressure that stands still may have met a fault: only what has come was made up for.
+    made_up = min(slow / band.missing, band.came / band.missing) if band.missing != 0.0 else 0.0
+    made_up = min(max(made_up, 0.0), 1.0)
     if band.share > 0.0 and filling > 0.0:
-        band.fill = min(max(band.fill + step / filling, -most), most)
-    elif band.share < 0.0 and venting > 0.0:
-        band.vent = min(max(band.vent + step / venting, -most), most)
+        before = band.fill
+        band.fill = min(max(before + step / filling, -most), most)
+        return made_up * (band.fill - before) * filling
+    if band.share < 0.0 and venting > 0.0:
+        before = band.vent
+        band.vent = min(max(before + step / venting, -most), most)
+        return made_up * (before - band.vent) * venting
+    return 0.0
 
 
 def begin_readings(band: Any, pressure: float) -> None:
     """Begin at a reading (Pa), with what was learnt before."""
     band.reading, band.due, band.open, band.seen = pressure, 0.0, 0.0, 0.0
-    band.missing = band.share = 0.0
+    band.missing = band.came = band.share = 0.0
 
 
 def command_of(band: Any, dead_band: float, opening: float, most: float) -> float:

@@ -289,12 +289,18 @@ def learn_noise(state: Any, value: float, usual: float, dt: float) -> None:
     change = second_difference(state, value)
     state.before, state.last = state.last, value
     state.seen += 1
-    if state.seen == 3:
-        state.change = change
-    elif state.seen > 3:
-        gain = max(low_pass(dt, _LEARN_TIME), 1.0 / (state.seen - 2))
-        # One that is far out of the ordinary is a step, not noise.
-        state.change += gain * (min(change, 4.0 * state.change + usual) - state.change)
+    state.change = mean_change(state.change, change, usual, state.seen, dt)
+
+
+def mean_change(mean: float, change: float, usual: float, seen: int, dt: float) -> float:
+    """Return the mean size of second differences after the one that came as the ``seen``-th."""
+    if seen < 3:
+        return mean
+    if seen == 3:
+        return change
+    gain = max(low_pass(dt, _LEARN_TIME), 1.0 / (seen - 2))
+    # One that is far out of the ordinary is a step, not noise.
+    return mean + gain * (min(change, 4.0 * mean + usual) - mean)
 
 
 def quick_noise(state: Any, time: float, dt: float) -> float:

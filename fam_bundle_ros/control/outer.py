@@ -14,6 +14,8 @@ class LoadModel:
     """
     What is known of the load on the bundle, for strain references; zeros where nothing is.
 
+    A load of which nothing is known is learnt as it moves (`load_estimate`).
+
     Parameters
     ----------
     force : float, N

@@ -13,6 +13,12 @@ import math
 from typing import Any
 
 from fam_bundle_ros.control.friction import forget_friction, FrictionState, turn_round
+from fam_bundle_ros.control.load_estimate import (
+    forget_load,
+    learn_load,
+    load_law,
+    LoadEstimate,
+)
 from fam_bundle_ros.control.observer import (
     begin_at,
     behind_lag,
@@ -71,6 +77,8 @@ class OuterSettings:
     strain_gain: list
     strain_integral: list
     strain_damping: list
+    #: Whether none of them was given: they may go with an inertia that is learnt.
+    worked_out: bool
     #: Stiffness of each unit over its pressure p: slope p + bend p^2, (n,).
     stiffness_slope: list
     stiffness_bend: list
@@ -122,6 +130,8 @@ class OuterState:
         What the model leaves out.
     friction : FrictionState
         What of it depends on where a strain moves to.
+    load : LoadEstimate
+        Of a load of which nothing was told.
     late : float, N
         Force error, filtered.
     integral, kept : float, N
@@ -160,6 +170,7 @@ class OuterState:
     taking_over: bool = False
     observer: ObserverState = field(default_factory=ObserverState)
     friction: FrictionState = field(default_factory=FrictionState)
+    load: LoadEstimate = field(default_factory=LoadEstimate)
     target: Target = field(default_factory=Target)
     wanted: NoiseState = field(default_factory=NoiseState)
 
@@ -179,8 +190,10 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     gain = default_force_gain(config.gain_error) if gain is None else gain
     strains, forces = map(list, zip(*load.table)) if load.table else ([], [])
     spare = [0.0] * (-len(strains) % _TABLE if strains else _TABLE)
+    own = (config.strain_gain, config.strain_integral, config.strain_damping)
     return OuterSettings(**{
-        **vars(config), 'bias_time': bias_time, 'force_gain': gain,
+        **vars(config), 'worked_out': own == (None, None, None), 'bias_time': bias_time,
+        'force_gain': gain,
         'stiffnesses': stiffnesses, 'strain_gain': [each.gain for each in found],
         'strain_integral': [each.integral for each in found],
         'strain_damping': [each.damping for each in found],
@@ -204,6 +217,7 @@ def forget_outer(state: Any) -> None:
     """Forget what was learnt."""
     forget_observer(state.observer)
     forget_friction(state.friction)
+    forget_load(state.load)
     state.late = state.integral = state.kept = state.filtered = 0.0
     state.taken = state.fade = state.demand = 0.0
     state.noise = 0.0
@@ -263,6 +277,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
         state.friction.heading, state.friction.reckoned = 0, quick_of(state.observer)
+        forget_load(state.load)
     target = state.target
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
     if kind == FORCE:
@@ -343,6 +358,8 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         state.rate = rate
         known = (holding_force(settings, ahead) + settings.load_damping * rate
                  + settings.load_inertia * state.bend)
+        if settings.feedback and not settings.load_known:
+            known += unknown_load(settings, state, measurement, ahead, rate, dt)
         reach = settings.strain_reach
         target.strain = min(max(ahead, strain - reach), strain + reach)
         target.strain_rate = rate
@@ -350,14 +367,25 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         # The gains on the strain answer what is quick; the quick observer would do it twice.
         error = value - strain
         stiffness = present_stiffness(settings, measurement.pressure)
-        gain = at_stiffness(settings, settings.strain_gain, stiffness)
-        integral = at_stiffness(settings, settings.strain_integral, stiffness)
-        damping = at_stiffness(settings, settings.strain_damping, stiffness)
+        heavier = 1.0
+        if not settings.load_known and state.load.known:
+            stiffness += state.load.value[0]
+            if settings.worked_out:
+                heavier = state.load.inertia / _USUAL_INERTIA
+        # Gains are in proportion to the inertia where stiffness over inertia is the same.
+        alike = stiffness / heavier
+        gain = heavier * at_stiffness(settings, settings.strain_gain, alike)
+        integral = heavier * at_stiffness(settings, settings.strain_integral, alike)
+        damping = heavier * at_stiffness(settings, settings.strain_damping, alike)
         if integral > 0.0:
             # How late it is seen that friction has let go.
             lag = settings.delay + settings.lead_time + dt + RATE_LAG
             quick = max(stiffness / (_LAGS * lag), integral)
-            integral += held_back(error, rate, measurement.strain_rate) * (quick - integral)
+            due = rate
+            if not settings.load_known and not state.load.known:
+                # What holds the load has to be searched for: it may rest on a stop.
+                due += integral / max(stiffness, settings.stiffnesses[0]) * error
+            integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
         integrate_error(state, integral * error * dt, saturated)
         if integral > 0.0:
             # At a turn of the reference it takes what friction will take.
@@ -371,6 +399,24 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         state.kept = min(max(state.kept, wanted - still), wanted + still)
         correction = state.kept
     return known, correction
+
+
+def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate: float, dt: float,
+                 ) -> float:
+    """
+    Return the force that moves a load of which nothing was told as asked for, N.
+
+    0 until something is known; then the integral, which held the load alone, gives it over.
+    """
+    load, known = state.load, state.load.known
+    learn_load(load, measurement.strain, measurement.force,
+               settings.stiffnesses[len(settings.stiffnesses) - 1], _USUAL_INERTIA,
+               settings.filter_time, dt)
+    if not load.known:
+        return 0.0
+    if not known:
+        state.integral -= load.forces[2]
+    return load.offset + load_law(load, ahead, rate, state.bend)
 
 
 def held_back(error: float, rate: float, seen: float) -> float:

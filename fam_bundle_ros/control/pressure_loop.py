@@ -183,8 +183,10 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     open_then = past_value(state, state.past_open, state.clock - lag)
     error = error_beyond_noise(settings, state, pressure, dt)
     doubt = dead_band_doubt(settings.valve.dead_band)
-    learn_dead_band(state.band, doubt, pressure, state.sent - state.coming, open_then,
-                    state.integral, full, drift - slowest, _GONE * lag, dt)
+    given = learn_dead_band(state.band, doubt, pressure, state.sent - state.coming, open_then,
+                            state.integral, full, drift - slowest, _GONE * lag, dt)
+    if given * state.integral > 0.0:
+        state.integral -= math.copysign(min(abs(given), abs(state.integral)), given)
     if setpoint <= 0.0 and state.followed <= _EMPTY:
         # Open to exhaust for good: a reading that is wrong must not shut the air in.
         state.integral = state.carried = 0.0

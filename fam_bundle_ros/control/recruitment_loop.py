@@ -36,6 +36,7 @@ from fam_bundle_ros.control.curves import (
     CurveTable,
     find_branches,
     line_at,
+    on_line,
     slope_at,
     tabulate,
     top_at,
@@ -328,7 +329,7 @@ def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
         forces[unit] = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time,
                                    now.dt, now.start, model.shape, model.parameters,
                                    model.tables, model.memory, model.next)
-        if table.lowered[unit] > 0 and pressure[unit] < table.bottom_pressure[unit]:
+        if on_line(table, unit, pressure[unit]):
             total += line_at(table, unit, pressure[unit])
         else:
             table.lowered[unit] = 0

@@ -5,7 +5,7 @@
 from typing import Any
 
 from fam_bundle_ros.control.crossing import begin_crossing, crossing_pace, hand_over_time
-from fam_bundle_ros.control.curves import force_at, line_at
+from fam_bundle_ros.control.curves import force_at, line_at, on_line
 from fam_bundle_ros.control.observer import quick_noise, shift
 from fam_bundle_ros.control.reasons import BEYOND, UNREACHABLE
 from fam_bundle_ros.control.spread import TOLERANCE
@@ -48,7 +48,7 @@ def leave_line(state: Any, unit: int, pressure: Any) -> None:
     What the model says otherwise of its force (`curves.line_at`) is taken over into the bias.
     """
     table, outer = state.table, state.outer
-    if table.lowered[unit] == 0 or not pressure[unit] < table.bottom_pressure[unit]:
+    if not on_line(table, unit, pressure[unit]):
         return
     table.lowered[unit] = 0
     jump = force_at(table, unit, pressure[unit]) - line_at(table, unit, pressure[unit])

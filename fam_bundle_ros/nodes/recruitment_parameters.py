@@ -71,7 +71,8 @@ SPECS = (
     *(Spec(f'baseline.{name}', getattr(_BASELINE, name), 'of the schemes equal_pressure and '
            f'threshold, {unit}', 0.0, high, dynamic=True)
       for name, unit, high in _BASELINE_FIELDS),
-    *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}', 0.0, 1e6,
+    *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}; '
+           'all 0: the load is learnt as it moves', 0.0, 1e6,
            dynamic=True) for name, unit in _LOAD_FIELDS),
     Spec('reference_timeout', 0.0, 'vent and forget the reference when it is older, s; 0 for '
          'never', 0.0, 3600.0, dynamic=True, guards=True, zero_is_off=True),

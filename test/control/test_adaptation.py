@@ -128,6 +128,18 @@ def test_an_hour_of_noise_without_excitation_moves_nothing(paper_bundle):
     assert worst < 0.01
 
 
+@pytest.mark.parametrize('noise', [0.03, 0.1])
+def test_noise_of_the_pressures_at_rest_is_no_weaker_muscle(paper_bundle, noise):
+    """What was learnt on the move is kept over five minutes of rest, to 3 %."""
+    random = np.random.default_rng(5)
+    forces = np.concatenate([exercise(20.0), np.tile([50.0, 10.0], (75000, 1))])
+    measured = forces @ [0.95, 1.1] - 1.0 + 0.15 * random.standard_normal(len(forces))
+    forces += noise * random.standard_normal(forces.shape)
+    learner = Learner(paper_bundle)
+    learnt = learner.run(forces[:5000], measured[:5000])
+    assert learner.run(forces[5000:], measured[5000:])[:2] == pytest.approx(learnt[:2], abs=0.03)
+
+
 def test_the_covariance_neither_winds_up_nor_dies(paper_bundle):
     """After long rest a unit that was not used is as open to learning as at first."""
     learner = Learner(paper_bundle)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demands below what the model gives at the bottoms of the branches."""
 
+import math
+
 import pytest
 
 from fam_bundle_ros.control import Measurement, RecruitmentController, Reference
@@ -63,3 +65,17 @@ def test_a_bundle_that_pulls_more_than_its_model_at_the_bottom_comes_down_gently
         pressure = [p + 0.5 * (q - p) for p, q in zip(pressure, command.pressure)]
     assert truth(pressure) == pytest.approx(lowest, abs=0.3)
     assert min(states) >= 1
+
+
+def test_a_lowered_unit_whose_bottom_is_gone_may_read_less_than_nothing(paper_bundle):
+    """The strain falls to where the model has no push-back, and the empty unit reads -0.5 kPa."""
+    controller = RecruitmentController(paper_bundle)
+    for _ in range(50):
+        controller.update(DT, Measurement(20.0, 0.16, 0.0, [30e3, 0.0]),
+                          Reference('force', 5.0))
+    assert controller.memory.table.lowered[0] == 1
+    for _ in range(50):
+        command = controller.update(DT, Measurement(0.1, -0.005, 0.0, [-500.0, -500.0]),
+                                    Reference('force', 30.0))
+    assert command.pressure[0] > 0.0
+    assert math.isfinite(command.demand)

@@ -252,7 +252,7 @@ def test_a_strain_loop_without_a_load_takes_over_the_demand(paper_bundle):
 def test_a_strain_that_friction_holds_gets_the_force_for_its_error_within_two_lags(
         paper_bundle, rate, speed, quick):
     """Stiffness times error over two lags of the loop; one that follows, its usual integral."""
-    loop = Loop(paper_bundle, delay=5e-3, lead_time=5e-3)
+    loop = Loop(paper_bundle, LoadModel(damping=5.0), delay=5e-3, lead_time=5e-3)
     error, pressures = -0.01, [150e3, 0.0]
     stiffness = present_stiffness(loop.settings, pressures)
     usual = at_stiffness(loop.settings, loop.settings.strain_integral, stiffness)
@@ -263,6 +263,24 @@ def test_a_strain_that_friction_holds_gets_the_force_for_its_error_within_two_la
     held = loop.state.integral
     outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, speed, pressures), 10.0,
                10.0, 4.0, STRAIN, 0.1 + error, rate, FREE, 0.0, 0.0, 0.0, DT)
+    assert (loop.state.integral - held) / (error * DT) == pytest.approx(
+        usual + quick * (asked - usual))
+
+
+@pytest.mark.parametrize(('speed', 'quick'), [(0.0, 1.0), (-0.5, 0.5), (-1.0, 0.0)])
+def test_the_force_that_moves_a_load_not_told_is_searched_for_quickly(paper_bundle, speed, quick):
+    """At rest too, as far as the strain is slower than the usual integral makes it (``speed``)."""
+    loop = Loop(paper_bundle, delay=5e-3, lead_time=5e-3)
+    error, pressures = -0.01, [150e3, 0.0]
+    stiffness = present_stiffness(loop.settings, pressures)
+    usual = at_stiffness(loop.settings, loop.settings.strain_integral, stiffness)
+    asked = stiffness / (2.0 * (5e-3 + 5e-3 + DT + RATE_LAG))
+    pace = usual / stiffness * abs(error)
+    for wanted in (0.1, 0.1 + error):
+        held = loop.state.integral
+        outer_step(loop.settings, loop.state,
+                   MeasurementRecord(10.0, 0.1, speed * pace, pressures), 10.0, 10.0, 4.0, STRAIN,
+                   wanted, 0.0, FREE, 0.0, 0.0, 0.0, DT)
     assert (loop.state.integral - held) / (error * DT) == pytest.approx(
         usual + quick * (asked - usual))
 

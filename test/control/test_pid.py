@@ -71,6 +71,14 @@ def test_a_dead_band_that_is_wider_than_told_is_learnt_on_the_move(chamber):
     assert worst_error(loop, 4.0) < 0.5 * first
 
 
+def test_a_step_with_a_dead_band_wider_than_told_does_not_overshoot(chamber):
+    """What the integral made up for until the dead band was learnt is not given twice."""
+    loop = chamber(volume=15e-6, dead_band=0.07, delay=20e-3, period=2e-3,
+                   config=PidConfig(flow_lag=21.8e-3, volume=10e-6), gains=PidGains(22.0, 61.0))
+    loop.volume_told = 10e-6
+    assert max(p for _, p, _ in loop.run(340e3, 1.5)) < 1.03 * 340e3
+
+
 def test_of_a_dead_band_that_is_as_told_nothing_else_is_learnt(chamber):
     """Neither noise nor wide openings move it by a tenth of itself, nor steps of a setpoint."""
     loop = chamber(noise=100.0)

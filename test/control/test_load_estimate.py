@@ -1,0 +1,177 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A load of which the controller is told nothing."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control import (
+    ControllerConfig,
+    LoadModel,
+    Measurement,
+    OuterConfig,
+    RecruitmentController,
+    Reference,
+)
+from fam_bundle_ros.control.load_estimate import learn_load, load_law, LoadEstimate
+from fam_bundle_ros.control.outer_loop import outer_settings
+from fam_bundle_ros.nodes.profile import load_profile
+from fam_bundle_ros.plant import Arm, MassSpring
+from fam_bundle_ros.simulation import ClosedLoop, Trajectory
+
+DT, MOST, USUAL, TIME = 4e-3, 2e3, 0.3, 0.02
+
+
+def learnt(strain, force, state=None):
+    """Return what is known of a load after readings of strain and force."""
+    state = state or LoadEstimate()
+    for reading in zip(strain, force):
+        learn_load(state, *reading, MOST, USUAL, TIME, DT)
+    return state
+
+
+def moved(duration):
+    """Return a strain of three sines with its rate and acceleration, from rest at zero."""
+    t = np.arange(0.0, duration, DT)
+    turns = 2.0 * np.pi * np.array([0.3, 0.9, 2.1])
+    sizes = np.array([0.05, 0.02, 0.01])
+    phase = np.outer(t, turns)
+    return (((1.0 - np.cos(phase)) * sizes).sum(1), (np.sin(phase) * turns * sizes).sum(1),
+            (np.cos(phase) * turns ** 2 * sizes).sum(1))
+
+
+@pytest.mark.parametrize(('stiffness', 'damping', 'inertia'), [
+    (600.0, 5.0, 0.4), (0.0, 5.0, 0.7), (200.0, 15.0, 17.0)])
+def test_a_spring_a_weight_and_an_arm_are_told_apart(stiffness, damping, inertia):
+    """Stiffness, damping and inertia to what 0.2 N of noise leave."""
+    strain, rate, bend = moved(8.0)
+    force = 20.0 + stiffness * strain + damping * rate + inertia * bend
+    state = learnt(strain, force + 0.2 * np.random.default_rng(0).standard_normal(len(strain)))
+    assert state.known
+    assert state.value[0] == pytest.approx(stiffness, abs=40.0)
+    assert state.value[1] == pytest.approx(damping, abs=3.0 + 0.5 * inertia)
+    assert state.value[2] == pytest.approx(inertia, rel=0.1, abs=0.15)
+    assert state.offset + load_law(state, strain[-1], rate[-1], bend[-1]) == pytest.approx(
+        force[-1], abs=1.0)
+
+
+def test_an_inertia_that_nothing_shows_stays_the_usual_one():
+    """A slow motion tells the stiffness."""
+    slow = np.linspace(0.0, 0.1, 2500)
+    state = learnt(slow, 20.0 + 400.0 * slow)
+    assert state.value[0] == pytest.approx(400.0, rel=0.02)
+    assert state.inertia == pytest.approx(USUAL)
+
+
+def test_at_rest_nothing_is_learnt_and_nothing_forgotten():
+    """Ten minutes of noise later the load is as it was; a force that changes is the offset's."""
+    strain, rate, bend = moved(8.0)
+    state = learnt(strain, 20.0 + 600.0 * strain + 0.4 * bend)
+    learnt(np.full(100, strain[-1]), np.full(100, 20.0 + 600.0 * strain[-1]), state)
+    before = list(state.value)
+    rng = np.random.default_rng(1)
+    n = round(600.0 / DT)
+    learnt(strain[-1] + 1e-4 * rng.standard_normal(n), 50.0 + 0.2 * rng.standard_normal(n), state)
+    assert state.value == before
+    assert state.offset + before[0] * strain[-1] == pytest.approx(50.0, abs=0.2)
+
+
+def test_a_stop_that_is_left_is_no_stiff_load():
+    """A weight on the ground is given 40 N, half a second later it moves."""
+    strain, _, _ = moved(3.0)
+    force = np.concatenate([np.linspace(0.0, 40.0, 125), np.full(125, 40.0)])
+    state = learnt(np.zeros(250), force)
+    assert not state.known
+    for reading in strain:
+        learnt([reading], [40.0], state)
+        assert state.value[0] < 10.0
+    assert state.known
+
+
+def test_a_weight_that_is_put_on_does_not_turn_the_stiffness_round():
+    """30 N more from one reading to the next, on a spring of 600 N."""
+    strain, _, _ = moved(8.0)
+    force = 20.0 + 600.0 * strain
+    middle = len(strain) // 2
+    force[middle:] += 30.0
+    estimates = []
+    state = learnt(strain[:middle], force[:middle])
+    for k in range(middle, len(strain)):
+        learnt(strain[k:k + 1], force[k:k + 1], state)
+        estimates.append(state.value[0])
+    assert min(estimates) > 100.0
+    assert max(estimates) < 1100.0
+    assert estimates[-1] == pytest.approx(600.0, rel=0.1)
+
+
+def test_another_estimate_changes_no_force_here(paper_bundle):
+    """While the load is moved its force as believed never jumps by more than its reading does."""
+    strain, rate, bend = moved(8.0)
+    force = 20.0 + 600.0 * strain + 1500.0 * strain ** 2
+    state, believed = LoadEstimate(), []
+    for k in range(len(strain)):
+        learnt(strain[k:k + 1], force[k:k + 1], state)
+        if state.known:
+            believed.append(state.offset + load_law(state, strain[k], rate[k], bend[k]))
+    assert np.abs(np.diff(believed)).max() < 2.0
+
+
+def test_what_was_missed_in_a_gap_teaches_nothing():
+    """Readings stop for a minute, and begin elsewhere."""
+    strain, _, _ = moved(4.0)
+    state = learnt(strain, 20.0 + 600.0 * strain)
+    before = list(state.value)
+    learn_load(state, 0.2, 300.0, MOST, USUAL, TIME, 60.0)
+    learnt(np.full(100, 0.2), np.full(100, 300.0), state)
+    assert state.value == before
+    assert state.offset + before[0] * 0.2 == pytest.approx(300.0, rel=0.3)
+
+
+def tracked(bundle, told_load, **config):
+    """Return the log of a mass on a spring that follows steps of its strain."""
+    path = load_profile('strain_steps')
+    loop = ClosedLoop(bundle, controller=ControllerConfig(outer=OuterConfig(**config)),
+                      told_load=told_load)
+    load = MassSpring(mass=1.5, stiffness_against=2500.0)
+    return loop.run(Trajectory('spring', 'strain', path.duration, path.value, path.rate, load,
+                               prepare=2.0))
+
+
+def test_a_spring_that_nobody_told_of_is_followed_nearly_as_well(paper_bundle):
+    """The way to the start shows enough of it; an integral alone is thirty times worse."""
+    told, untold = (tracked(paper_bundle, known) for known in (True, False))
+    size = [np.sqrt(np.mean(log.error ** 2)) for log in (told, untold)]
+    assert size[1] < 1.3 * size[0]
+
+
+def test_a_robots_arm_that_nobody_told_of_does_not_swing(paper_bundle):
+    """After a second and a half the gains go with its inertia, sixty times the usual one."""
+    times, strains = [0.0, 1.2, 1.6, 2.8, 3.2, 4.4], [0.01, 0.10, 0.10, 0.145, 0.145, 0.05]
+    arm = Arm(mass=1.5, moment_of_inertia=0.06, damping=0.05)
+    ways = (lambda t: float(np.interp(t, times, strains)),
+            lambda t: float(np.interp(t + 5e-3, times, strains)
+                            - np.interp(t - 5e-3, times, strains)) / 0.01)
+    size = []
+    for told in (True, False):
+        log = ClosedLoop(paper_bundle, told_load=told).run(
+            Trajectory('arm', 'strain', 5.0, *ways, arm, prepare=1.5))
+        size.append(np.sqrt(np.mean(log.error[log.time > 1.5] ** 2)))
+    assert size[1] < 3.0 * size[0]
+
+
+def test_a_force_reference_ends_what_is_known_of_the_load(paper_bundle):
+    """Something else may hold the bundle then."""
+    controller = RecruitmentController(paper_bundle)
+    for k in range(300):
+        strain = 3e-4 * k
+        controller.update(DT, Measurement(20.0 + 500.0 * strain, strain, 0.075, [1e5, 0.0]),
+                          Reference('strain', strain, 0.075))
+    assert controller.outer.load.known
+    controller.update(DT, Measurement(60.0, 0.09, 0.0, [1e5, 0.0]), Reference('force', 60.0))
+    assert not controller.outer.load.known
+
+
+def test_gains_that_were_given_do_not_go_with_the_inertia(paper_bundle):
+    """Only those worked out do."""
+    assert outer_settings(OuterConfig(), LoadModel(), paper_bundle).worked_out
+    assert not outer_settings(OuterConfig(strain_gain=100.0), LoadModel(), paper_bundle).worked_out
