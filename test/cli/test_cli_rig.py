@@ -52,7 +52,7 @@ def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundl
     assert running_bundle.returncode == 0, stderr
     # A strain was asked for: the rig has a load that moves.
     strain = [float(row.split(',')[2]) for row in rows[1:]]
-    assert max(strain) - min(strain) > 0.005, stderr
+    assert max(strain) - min(strain) > 0.005, recorded.stderr + stderr
 
 
 def test_run_tells_the_controller_of_the_mass_it_hangs_up(running_bundle, ros_context):
