@@ -30,6 +30,8 @@ _SILENCE = 0.25
 _SLICE = 0.01
 #: s for the last messages to reach the driver.
 _FAREWELL = 0.3
+#: A simulated rig on a busy machine is at most so many times slower than the clock.
+_SLOWEST = 10.0
 
 
 @dataclass
@@ -210,13 +212,22 @@ class Session:
         """
         Go on for some time; return whether ``until`` came true.
 
+        It is the rig's time, of the stamps of its pressures: a simulated rig falls behind the
+        clock on a busy machine, and what it does in a time is told by its own. Before there are
+        stamps, and for a rig that is slower than any (or whose stamps stand still), the clock's.
+
         Raises
         ------
         Vented
             When the hand had to vent: it says why.
         """
-        end = time.monotonic() + seconds
-        while not (done := until()) and time.monotonic() < end:
+        begin, stamp = time.monotonic(), self._stamp()
+
+        def over() -> bool:
+            passed = time.monotonic() - begin
+            return passed >= seconds and (
+                not self._stamp() - stamp < seconds or passed >= _SLOWEST * seconds)
+        while not (done := until()) and not over():
             self._spinner.spin(_SLICE)
             if self._stop():
                 self.hand.vent('interrupted')
@@ -229,6 +240,11 @@ class Session:
                 self.let_go()
                 raise Vented(self.hand.trouble)
         return done
+
+    def _stamp(self) -> float:
+        """Return the newest stamp of the pressures, s; NaN before the first."""
+        return max((channel.rows[-1][1] for channel in self.hand.pressure if channel.rows),
+                   default=math.nan)
 
     def let_go(self) -> None:
         """Vent, and give the messages time to arrive."""
