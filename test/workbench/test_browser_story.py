@@ -22,9 +22,16 @@ MUSCLE = {'radius': '6.35', 'length': '127 mm', 'braid_angle': '33 deg',
           'wall_thickness': '1,59 mm', 'max_pressure': '413.7 kPa'}
 
 
-def rungs(page):
-    """Return what the ladder says: labels and values."""
-    return [tuple(row.split('\n')) for row in page.locator('.rung').all_inner_texts()]
+def shows(page, selector, text):
+    """Wait until an element holds a text: the parts of an answer come one by one."""
+    from playwright.sync_api import expect
+    expect(page.locator(selector)).to_contain_text(text, use_inner_text=True, timeout=60_000)
+
+
+def climbs(page, *rungs):
+    """Wait until the ladder has these rungs, each a label and an error, and no others."""
+    from playwright.sync_api import expect
+    expect(page.locator('.rung')).to_have_text(rungs, use_inner_text=True, timeout=60_000)
 
 
 def settled(page, folder, name):
@@ -46,19 +53,18 @@ def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp
     settled(page, tmp_path, 'start')
     tab.click('open-first')
     tab.drawn()
-    assert rungs(page) == [('model as it came', '6.6 N')]
-    assert '11 times the noise' in page.inner_text('h1')
+    climbs(page, 'model as it came 6.6 N')
+    shows(page, 'h1', '11 times the noise')
     settled(page, pictures, '1_see')
 
     tab.click('diagnose')
     page.wait_for_selector('[data-mark=next-add]', timeout=180_000)
-    assert page.inner_text('h1') == 'Found: Coulomb friction.'
+    shows(page, 'h1', 'Found: Coulomb friction.')
     settled(page, pictures, '2_found')
 
     tab.click('next-add')
-    page.wait_for_selector('.rung >> nth=1')
-    assert rungs(page) == [('model as it came', '6.6 N'), ('+ Coulomb friction', '0.88 N')]
-    assert '1.5 times the noise' in page.inner_text('h1')
+    climbs(page, 'model as it came 6.6 N', '+ Coulomb friction 0.88 N')
+    shows(page, 'h1', '1.5 times the noise')
     settled(page, pictures, '3_added')
 
     taken = {}
@@ -78,7 +84,7 @@ def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp
     page.wait_for_selector('text=Tracking error', timeout=120_000)
     page.wait_for_selector('.sheet .trace')
     settled(page, pictures, '4_controller')
-    assert '% less' in page.inner_text('.sheet')
+    shows(page, '.sheet', '% less')
     tab.click('trial-close')
 
 
@@ -108,20 +114,18 @@ def test_a_log_of_ones_own_from_a_workbook_to_the_controller(watched, tmp_path):
     assert page.locator('.tick').count() == 5
     tab.click('intake:use')
     tab.drawn()
-    assert rungs(page) == [('model as it came', '6.6 N')]
-    assert 'my_muscle: mu1 of 1 muscle, radius 6.35 mm' in page.inner_text('.answer')
+    climbs(page, 'model as it came 6.6 N')
+    shows(page, '.answer', 'my_muscle: mu1 of 1 muscle, radius 6.35 mm')
 
     tab.click('diagnose')
     page.wait_for_selector('[data-mark=next-add]', timeout=180_000)
-    assert page.inner_text('[data-mark=next-add]') == 'Add Coulomb friction'
-    assert page.inner_text('.command').startswith(
-        'fam_bundle add coulomb_friction --data lab.xlsx --columns')
+    shows(page, '[data-mark=next-add]', 'Add Coulomb friction')
+    shows(page, '.command', 'fam_bundle add coulomb_friction --data lab.xlsx --columns')
     tab.click('next-add')
-    page.wait_for_selector('.rung >> nth=1')
-    assert rungs(page)[1] == ('+ Coulomb friction', '0.88 N')
+    climbs(page, 'model as it came 6.6 N', '+ Coulomb friction 0.88 N')
     tab.click('try')
     page.wait_for_selector('text=Tracking error', timeout=120_000)
-    assert 'my_muscle' in page.inner_text('.sheet')
+    shows(page, '.sheet', 'my_muscle')
     tab.click('trial-close')
     tab.click('undo')
     page.wait_for_selector('.rung >> nth=1', state='detached')
@@ -142,8 +146,8 @@ def test_a_bad_file_is_told_and_the_page_goes_on(watched, tmp_path):
     tab.click('intake:other')
     page.set_input_files('input[type=file]', CSV)
     tab.drawn()
-    assert 'hidden_friction.csv' in page.inner_text('.answer')
-    assert 'hidden_friction_start' in page.inner_text('.answer')
+    shows(page, '.answer', 'hidden_friction.csv')
+    shows(page, '.answer', 'hidden_friction_start')
 
 
 def test_every_figure_is_drawn_and_a_region_zooms_it(watched):
@@ -156,7 +160,7 @@ def test_every_figure_is_drawn_and_a_region_zooms_it(watched):
     page.wait_for_selector('.plot .hm')
     tab.click('region:0')
     page.wait_for_selector('.plot .shapelayer path >> nth=0')
-    assert page.get_attribute('[data-mark="region:0"]', 'aria-pressed') == 'true'
+    page.wait_for_selector('[data-mark="region:0"][aria-pressed=true]')
     tab.click('figure:curves')
     tab.drawn()
     zoomed = page.locator('.plot .point').count()
@@ -221,7 +225,7 @@ def test_two_browsers_keep_separate_sessions(watched):
     second.wait_for_selector('[data-mark=open-first]')
     first.reload()
     one.drawn()
-    assert first.locator('.rung').count() == 1
+    climbs(first, 'model as it came 6.6 N')
 
 
 def test_every_click_and_hover_is_answered_and_long_work_says_so(watched):
