@@ -27,10 +27,11 @@ from fam_bundle_ros.closed_loop import (
 )
 from fam_bundle_ros.control.controller import ControllerConfig, RecruitmentController
 from fam_bundle_ros.control.outer import LoadModel
-from fam_bundle_ros.control.outer_loop import KINDS, SATURATION
+from fam_bundle_ros.control.outer_loop import KINDS
 from fam_bundle_ros.control.pid import pid_settings, PidConfig, PidGains
 from fam_bundle_ros.control.pressure_loop import PidState
 from fam_bundle_ros.control.reasons import from_row, ROW, sentence
+from fam_bundle_ros.control.saturation import SATURATION
 from fam_bundle_ros.control.signals import command_record, MeasurementRecord
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle

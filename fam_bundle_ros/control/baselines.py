@@ -16,8 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.control.outer_loop import FREE, HIGH, LOW, low_pass, STRAIN
+from fam_bundle_ros.control.observer import low_pass
+from fam_bundle_ros.control.outer_loop import STRAIN
 from fam_bundle_ros.control.reasons import EMPTY, FULL
+from fam_bundle_ros.control.saturation import FREE, HIGH, LOW
 from fam_bundle_ros.errors import InputError
 
 #: Pa: a unit this close to its limit is full, this close to ambient empty.

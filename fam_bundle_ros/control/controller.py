@@ -22,7 +22,7 @@ from fam_bundle_ros.control.allocation import Allocator
 from fam_bundle_ros.control.baselines import baseline_settings, BaselineConfig
 from fam_bundle_ros.control.belief import Belief, belief_of
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
-from fam_bundle_ros.control.outer_loop import KINDS, outer_settings, OuterState, SATURATION
+from fam_bundle_ros.control.outer_loop import KINDS, outer_settings, OuterState
 from fam_bundle_ros.control.reasons import sentence
 from fam_bundle_ros.control.recruitment import switching_settings, SwitchingConfig
 from fam_bundle_ros.control.recruitment_loop import (
@@ -33,6 +33,7 @@ from fam_bundle_ros.control.recruitment_loop import (
     start_recruitment,
 )
 from fam_bundle_ros.control.safety import HOLD_TIME
+from fam_bundle_ros.control.saturation import SATURATION
 from fam_bundle_ros.control.signals import (
     Command,
     command_record,

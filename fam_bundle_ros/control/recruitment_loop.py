@@ -55,10 +55,6 @@ from fam_bundle_ros.control.observer import hand_over, quick_noise, quick_of
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
-    FREE,
-    GAP,
-    HIGH,
-    LOW,
     outer_step,
     OuterSettings,
     OuterState,
@@ -67,6 +63,7 @@ from fam_bundle_ros.control.outer_loop import (
 )
 from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
+from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.switching import (
     Demand,

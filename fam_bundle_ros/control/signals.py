@@ -81,7 +81,7 @@ class CommandRecord:
     """
     What the pressure loops are to do, and why; see `Command`.
 
-    ``active`` has 1 for units that are on, ``saturated`` a code of `outer_loop.SATURATION`.
+    ``active`` has 1 for units that are on, ``saturated`` a code of `saturation.SATURATION`.
     """
 
     pressure: list

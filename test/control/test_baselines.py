@@ -9,7 +9,7 @@ import pytest
 
 from fam_bundle_ros.control import ControllerConfig, Measurement, RecruitmentController, Reference
 from fam_bundle_ros.control.baselines import BaselineConfig
-from fam_bundle_ros.control.outer_loop import SATURATION
+from fam_bundle_ros.control.saturation import SATURATION
 from fam_bundle_ros.control.signals import command_record
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle

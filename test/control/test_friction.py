@@ -19,12 +19,12 @@ from fam_bundle_ros.control.observer import low_pass
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
-    FREE,
     outer_settings,
     outer_step,
     OuterState,
     STRAIN,
 )
+from fam_bundle_ros.control.saturation import FREE
 from fam_bundle_ros.control.signals import MeasurementRecord
 
 LAG, DT = 0.02, 4e-3

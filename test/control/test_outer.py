@@ -10,22 +10,17 @@ import pytest
 
 from fam_bundle_ros.control import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import (
-    at_stiffness,
     FORCE,
-    FREE,
-    GAP,
-    HIGH,
-    holding_force,
-    LOW,
     outer_settings,
     outer_step,
     OuterState,
-    present_stiffness,
     STRAIN,
     uncertainty,
 )
+from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
 from fam_bundle_ros.control.signals import MeasurementRecord
 from fam_bundle_ros.control.strain_gains import RATE_LAG
+from fam_bundle_ros.control.strain_loop import at_stiffness, holding_force, present_stiffness
 
 DT = 2e-3
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.control import ControllerConfig, LoadModel, OuterConfig, tune
-from fam_bundle_ros.control.outer_loop import at_stiffness, outer_settings, present_stiffness
+from fam_bundle_ros.control.outer_loop import outer_settings
+from fam_bundle_ros.control.strain_loop import at_stiffness, present_stiffness
 from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.plant import MassSpring, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory

@@ -43,8 +43,8 @@ class FaultyRig:
         self.late, self.stamped, self.ambient = 0.0, True, AMBIENT
         self.commands, self.leave = [(-1.0, 0), (-1.0, 0)], (False, 0)
         self.highest, self.leaves, self.queue = 0.0, [], deque()
-        #: When the rig was last moved, ns.
-        self.moved = graph.probe.now_ns()
+        #: When the rig was last moved, ns; s for which this process waited for its turn at most.
+        self.moved, self.held_up = graph.probe.now_ns(), 0.0
         probe, make = graph.probe, graph.probe.create_publisher
         self.outputs = [(make(WrenchStamped, 'force', 10), interface.force_message),
                         (make(JointState, 'strain', 10), lambda stamp, strain:
@@ -72,6 +72,7 @@ class FaultyRig:
     def tick(self):
         # a rig goes on while this process waits for its turn
         now, before = self.graph.probe.now_ns(), self.moved
+        self.held_up = max(self.held_up, (now - before) * 1e-9 - PERIOD)
         given = self.leave[0] and before - self.leave[1] < 500_000_000
         self.rig.open_supply(given)
         while self.moved < now:
@@ -155,7 +156,8 @@ def test_gauge_kilopascals_let_no_air_in(graph, rig, supply):
     graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
     assert enabled(graph)[0]
     vented(graph, rig)
-    assert rig.highest < 200e3
+    # besides what a full valve lets in while a busy machine holds this process up
+    assert rig.highest < 200e3 + TWO_PERIODS * rig.held_up / (2.0 * PERIOD)
     # Where samples are late the air of the trial may be told by its force first.
     assert rig.node._state in ({'SUPPLY'} if supply else {'NO_RESPONSE', 'FORCE'})
 

@@ -1,0 +1,15 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What keeps an integral from going on: the last command met a limit. Kernels."""
+
+from typing import Any
+
+#: What keeps integrals from going on; the names of the others are for people.
+SATURATION = ('', 'high', 'low', 'gap')
+FREE, HIGH, LOW, GAP = 0, 1, 2, 3
+
+
+def integrate_error(state: Any, step: float, saturated: int) -> None:
+    """Integrate unless that would push further into a limit (conditional integration)."""
+    if not ((saturated == HIGH and step > 0.0) or (saturated == LOW and step < 0.0)):
+        state.integral += step

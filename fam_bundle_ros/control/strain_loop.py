@@ -1,0 +1,171 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The strain loop: a reference and the readings -> the force that moves the load as asked for.
+
+Part of the outer loops (`outer_loop`), with their settings and memory. Kernels.
+"""
+
+from typing import Any
+
+from fam_bundle_ros.control.friction import turn_round
+from fam_bundle_ros.control.load_estimate import learn_load, load_law
+from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_of, quick_of
+from fam_bundle_ros.control.outer import LoadModel, OuterConfig
+from fam_bundle_ros.control.saturation import integrate_error
+from fam_bundle_ros.control.strain_gains import RATE_LAG, strain_gains, StrainGains
+
+#: s: sample time that the strain loop is laid out for.
+_PERIOD = 4e-3
+#: Inertia reckoned with where none is known, N s^2: about 2.5 kg on a muscle of 127 mm.
+_USUAL_INERTIA = 0.3
+#: s: filter of the acceleration of a reference.
+_BEND_TIME = 0.01
+#: Corrections of a strain change only by more than so many standard deviations of their noise.
+_QUIET = 2.0
+#: Within so many lags a strain that friction holds is given the force that would mend its error:
+#: what is too much when it lets go is worth half of the error.
+_LAGS = 2.0
+
+
+def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float) -> StrainGains:
+    """Return the gains of the strain loop at a stiffness: those given, the others worked out."""
+    lag = config.delay + config.lead_time + _PERIOD
+    found = strain_gains(stiffness, load.inertia or _USUAL_INERTIA, load.damping, lag)
+    given = (config.strain_gain, config.strain_integral, config.strain_damping)
+    return StrainGains(*(worked if value is None else value for value, worked in zip(
+        given, (found.gain, found.integral, found.damping))))
+
+
+def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate: float,
+                saturated: int, dt: float) -> tuple[float, float]:
+    """
+    Return feed-forward and correction of the strain loop, N; say where to invert the model.
+
+    The load's inverse dynamics plus PID on the strain (computed torque: Siciliano et al. 2009,
+    Robotics, ch. 8); the correction changes only by more than its noise.
+    """
+    known, correction = 0.0, 0.0
+    strain, target = measurement.strain, state.target
+    if settings.feed_forward:
+        ahead = value + settings.lead_time * rate
+        state.bend += low_pass(dt, _BEND_TIME) * ((rate - state.rate) / dt - state.bend)
+        state.rate = rate
+        known = (holding_force(settings, ahead) + settings.load_damping * rate
+                 + settings.load_inertia * state.bend)
+        if settings.feedback and not settings.load_known:
+            known += unknown_load(settings, state, measurement, ahead, rate, dt)
+        reach = settings.strain_reach
+        target.strain = min(max(ahead, strain - reach), strain + reach)
+        target.strain_rate = rate
+    if settings.feedback:
+        # The gains on the strain answer what is quick; the quick observer would do it twice.
+        error = value - strain
+        stiffness = present_stiffness(settings, measurement.pressure)
+        heavier = 1.0
+        if not settings.load_known and state.load.known:
+            stiffness += state.load.value[0]
+            if settings.worked_out:
+                heavier = state.load.inertia / _USUAL_INERTIA
+        # Gains are in proportion to the inertia where stiffness over inertia is the same.
+        alike = stiffness / heavier
+        gain = heavier * at_stiffness(settings, settings.strain_gain, alike)
+        integral = heavier * at_stiffness(settings, settings.strain_integral, alike)
+        damping = heavier * at_stiffness(settings, settings.strain_damping, alike)
+        if integral > 0.0:
+            # How late it is seen that friction has let go.
+            lag = settings.delay + settings.lead_time + dt + RATE_LAG
+            quick = max(stiffness / (_LAGS * lag), integral)
+            due = rate
+            if not settings.load_known and not state.load.known:
+                # What holds the load has to be searched for: it may rest on a stop.
+                due += integral / max(stiffness, settings.stiffnesses[0]) * error
+            integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
+        integrate_error(state, integral * error * dt, saturated)
+        if integral > 0.0:
+            # At a turn of the reference it takes what friction will take.
+            state.integral -= turn_round(state.friction, rate, quick_of(state.observer), state.lag,
+                                         dt)
+        # The observer's slow part would be a second integral, which hunts against friction.
+        wanted = state.integral + gain * error + damping * (rate - measurement.strain_rate)
+        learn_noise(state.wanted, wanted, settings.still, dt)
+        state.noise = noise_of(state.wanted)
+        still = max(settings.still, _QUIET * state.noise)
+        state.kept = min(max(state.kept, wanted - still), wanted + still)
+        correction = state.kept
+    return known, correction
+
+
+def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate: float, dt: float,
+                 ) -> float:
+    """
+    Return the force that moves a load of which nothing was told as asked for, N.
+
+    0 until something is known; then the integral, which held the load alone, gives it over.
+    """
+    load, known = state.load, state.load.known
+    learn_load(load, measurement.strain, measurement.force,
+               settings.stiffnesses[len(settings.stiffnesses) - 1], _USUAL_INERTIA,
+               settings.filter_time, dt)
+    if not load.known:
+        return 0.0
+    if not known:
+        state.integral -= load.forces[2]
+    return load.offset + load_law(load, ahead, rate, state.bend)
+
+
+def held_back(error: float, rate: float, seen: float) -> float:
+    """
+    Return the share of a reference's motion that a strain behind it does not make.
+
+    Where friction holds a strain the loop has no dynamics of its own: its integral may be as quick
+    as the release is seen.
+
+    Parameters
+    ----------
+    error : float
+        Reference less strain.
+    rate, seen : float, 1/s
+        Of the reference, and of the strain as measured.
+
+    Examples
+    --------
+    >>> held_back(0.01, 0.1, 0.0), held_back(0.01, 0.1, 0.1), held_back(-0.01, 0.1, 0.0)
+    (1.0, 0.0, 0.0)
+    """
+    return 1.0 - min(max(seen / rate, 0.0), 1.0) if error * rate > 0.0 else 0.0
+
+
+def present_stiffness(settings: Any, pressure: Any) -> float:
+    """Return -dF/de of muscles and load at pressures (n,) in Pa, by the model, N."""
+    total = settings.load_stiffness
+    for i in range(len(pressure)):
+        p = max(pressure[i], 0.0)
+        total += (settings.stiffness_slope[i] + settings.stiffness_bend[i] * p) * p
+    return total
+
+
+def at_stiffness(settings: Any, values: Any, stiffness: float) -> float:
+    """Return a gain at a stiffness (N), linear between those of the table."""
+    table, last = settings.stiffnesses, len(values) - 1
+    if stiffness <= table[0]:
+        return values[0]
+    for k in range(1, last + 1):
+        if stiffness < table[k]:
+            share = (stiffness - table[k - 1]) / (table[k] - table[k - 1])
+            return values[k - 1] + share * (values[k] - values[k - 1])
+    return values[last]
+
+
+def holding_force(settings: Any, strain: float) -> float:
+    """Return the force that holds the load at a strain, N; linear between points of its table."""
+    strains, forces, last = settings.load_strains, settings.load_forces, settings.load_points - 1
+    if last < 0:
+        return settings.load_force + settings.load_stiffness * strain
+    if strain <= strains[0]:
+        return forces[0]
+    for k in range(1, last + 1):
+        if strain < strains[k]:
+            slope = (forces[k] - forces[k - 1]) / (strains[k] - strains[k - 1])
+            return slope * (strain - strains[k - 1]) + forces[k - 1]
+    return forces[last]
