@@ -18,6 +18,7 @@ import time
 from typing import Any
 
 import numpy as np
+from scipy.special import softmax
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
@@ -36,6 +37,7 @@ from fam_bundle_ros.discovery.held_out import (
     held_out,
     held_out_physics,
     HeldOut,
+    splits,
     squares_of_folds,
 )
 from fam_bundle_ros.discovery.leftover import Leftover
@@ -61,7 +63,9 @@ from fam_bundle_ros.model import Bundle, catalogue
 from fam_bundle_ros.processes import on_one_core
 
 #: Ties that are put to the test on held-out folds.
-_TRIED = 8
+_TRIED = 24
+#: Strains, and pressures, at which they are compared.
+_POINTS = 24
 #: Candidates of a ranking whose error is worked out without a discrepancy.
 _TOLD = 6
 
@@ -131,6 +135,12 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     before, leftover = (Leftover.of(fitter, fit, beside.hyper)
                         for fit, beside in ((base, search.null), (final, joint)))
     recommended = recommend(best, final, joint, held, fitter)
+    foretelling = _foretelling(search, chosen, physics, choices) if finding.named else physics
+    if foretelling is not physics:
+        likely_set = search.fits[foretelling.names]
+        recommended = recommend(
+            _written(model, foretelling, estimates(foretelling, posterior)), foretelling,
+            likely_set, held_out(fitter, foretelling, likely_set).of_rows(beyond), fitter)
     residual = data.force - predict(best, data)
     shapes = describe(cells, final)
     alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))
@@ -191,7 +201,10 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
     """
     Return the chosen set, or one as probable that foretells unseen rows better.
 
-    The most probable one within a standard error of the best on the folds (Breiman et al. 1984).
+    Those within a standard error of the best on the folds (Breiman et al. 1984) are alike there;
+    between strains that were measured they may be far apart. Of them the most probable one that is
+    as near to what all of them foretell as any, within the noise of a row: a single set foretells
+    best where it is nearest to the average over sets (Barbieri and Berger 2004).
     Only where structure is left: down to the noise folds can tell nothing that evidence does not.
     """
     fitter = search.fitter
@@ -200,18 +213,56 @@ def _best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[
     physics = fitter.without_discrepancy(chosen)
     if what_is_left(fitter.covariance, chosen, physics).total <= small(fitter.cells):
         return chosen, found
-    near = [fit for fit in Posterior.of(search).fits
-            if fit.posterior > chosen.posterior - np.log(choices.odds)][:_TRIED]
+    near = _near(search, chosen.posterior, choices)
     # what is no part of an answer by itself is none beside a tie either
     earned = {fit.names: fit for fit in (named(search, fit)[0] for fit in near)}
     earned.pop(chosen.names, None)
     tried = [chosen, *sorted(earned.values(), key=lambda fit: -fit.posterior)]
-    squares = [squares_of_folds(fitter, physics if fit is chosen else
-                                fitter.without_discrepancy(fit)) for fit in tried]
+    alone = [physics, *(fitter.without_discrepancy(fit) for fit in tried[1:])]
+    squares = [squares_of_folds(fitter, fit) for fit in alone]
     least = min(squares, key=np.sum)
-    best = next(fit for fit, each in zip(tried, squares) if _as_good(each, least))
+    alike = [k for k, each in enumerate(squares) if _as_good(each, least)]
+    away = _away_from_all(fitter.cells, [alone[k].model for k in alike],
+                          softmax([tried[k].posterior for k in alike]))
+    best = next(tried[k] for k, square in zip(alike, away)
+                if square <= away.min() + fitter.cells.noise ** 2)
     order = changes(search.options, best.names)
     return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
+
+
+def _near(search: Search, posterior: float, choices: Choices) -> list[Fit]:
+    """Return sets that are at most so many times less probable than one, most probable first."""
+    return [fit for fit in Posterior.of(search).fits
+            if fit.posterior > posterior - np.log(choices.odds)][:_TRIED]
+
+
+def _away_from_all(cells: Cells, models: list[Bundle], weights: np.ndarray) -> np.ndarray:
+    """
+    Return how far each model is from all of them, (k,), N^2: mean squares, weighted.
+
+    At rest, at pressures of the cells and strains evenly over their range, measured or not.
+    """
+    pressure = cells.pressure[np.linspace(0, len(cells) - 1, _POINTS).astype(int)]
+    strain = np.linspace(cells.strain.min(), cells.strain.max(), _POINTS)
+    force = np.array([model.force(strain[:, None], pressure) for model in models])
+    return np.array([np.mean((force - each) ** 2, axis=(1, 2)) @ weights for each in force])
+
+
+def _foretelling(search: Search, chosen: Fit, physics: Fit, choices: Choices) -> Fit:
+    """
+    Return the set to foretell with: of those as probable as the best, of least error on folds.
+
+    It may hold effects that earn no name, and other shapes of those that do. Only where structure
+    is left, as in `_best_of_ties`, and where there are folds.
+    """
+    fitter = search.fitter
+    if not splits(fitter.cells) or what_is_left(
+            fitter.covariance, chosen, physics).total <= small(fitter.cells):
+        return physics
+    near = _near(search, search.best.posterior, choices)
+    tried = [physics, *(fitter.without_discrepancy(fit) for fit in near
+                        if fit.names != chosen.names)]
+    return min(tried, key=lambda fit: held_out_physics(fitter, fit))
 
 
 def _believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
