@@ -27,7 +27,7 @@ from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_interva
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
-from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of
+from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
 from fam_bundle_ros.discovery.predict import matched, predict
 from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.settings import Choices
@@ -157,7 +157,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     replacing = dict(replacing or {})
     for gone in (*replacing, *removing):
         model.effect(gone)
-    incoming = [_effect(item) for item in (*listed, *replacing.values())]
+    incoming = [_effect(item, model) for item in (*listed, *replacing.values())]
     had = {e.name for e in model.effects}
     for made in incoming:
         if made.name in had or [e.name for e in incoming].count(made.name) > 1:
@@ -168,7 +168,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     effects = {e.name: e for e in (*model.effects, *incoming)}
     for item in listed:
         if isinstance(item, str):
-            effects.update((e.name, e) for e in shapes_of(item) if e.name not in effects)
+            effects.update((e.name, e) for e in shapes_of(item, model) if e.name not in effects)
     options = Options(model, cells, choices, effects)
     kept = had - set(replacing) - set(removing)
     asked = tuple(e.name for e in incoming[:len(listed)])
@@ -236,14 +236,14 @@ def _fitted(fitter: Fitter, options: Options, names: set[str]) -> Fit:
                       log_prior=options.log_prior(chosen))
 
 
-def _effect(item: str | Effect) -> Effect:
+def _effect(item: str | Effect, model: Bundle) -> Effect:
     if isinstance(item, Effect):
         return item
     law = catalogue.get(item)
     if law.load is not None:
         raise InputError(f"effect '{item}' needs more than numbers; expected it in the model "
                          'file')
-    return law()
+    return usual(law, model)
 
 
 @dataclass(frozen=True, repr=False)
@@ -363,7 +363,7 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
     choices = Choices()
     cells = reduce(model, data)
     fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    incoming = {name: _effect(name) for name in effects}
+    incoming = {name: _effect(name, model) for name in effects}
     options = Options(model, cells, choices, {**{e.name: e for e in model.effects}, **incoming})
     errors: dict[Names, float] = {}
 

@@ -19,7 +19,7 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.discovery.settings import Choices
-from fam_bundle_ros.model import Bundle, catalogue, Effect, Place
+from fam_bundle_ros.model import Bundle, catalogue, Effect, Law, Place
 
 Names = tuple[str, ...]
 
@@ -47,13 +47,28 @@ def makers(kind: str) -> tuple[str, ...]:
                          if kind in law.leaves}))
 
 
-def shapes_of(name: str) -> list[Effect]:
+def usual(law: Law, model: Bundle) -> Effect:
+    """
+    Return an effect with the values that are usual for the size of a model's muscles.
+
+    The catalogue's defaults are those of one muscle: in newtons they go with the section, pi r0^2,
+    within the bounds of the law.
+    """
+    made = law()
+    radius = model.motor_units[0].geometry.radius
+    share = (radius / settings.USUAL_RADIUS) ** 2
+    return made.replace(**{
+        p.name: float(np.clip(share * made.values[p.name], *made.limits(p.name)))
+        for p in law.parameters if p.unit == 'N' and made.values[p.name]})
+
+
+def shapes_of(name: str, model: Bundle) -> list[Effect]:
     """
     Return the other shapes that a head stands for; none for the name of a single shape.
 
     Only those that a muscle of one length can tell.
     """
-    return [kind() for other, kind in catalogue.available().items()
+    return [usual(kind, model) for other, kind in catalogue.available().items()
             if other != name and head(other) == name and not kind.needs_lengths]
 
 
@@ -91,7 +106,7 @@ class Options:
                 continue
             if kind.needs_lengths and lengths < 2:
                 continue
-            effect = kind()
+            effect = usual(kind, model)
             if not _without_numbers(effect) and not _is_silent(model, effect, cells):
                 effects[name] = effect
         return cls(model, cells, choices, effects)

@@ -86,6 +86,9 @@ class Recommended(Told):
     """
     The model that foretells rows it has not seen best.
 
+    Its effects are those of the answer, or of another set that is nearly as probable and does
+    better there: some may be in no answer, for want of evidence.
+
     Attributes
     ----------
     model : Bundle
@@ -110,7 +113,8 @@ class Recommended(Told):
 
     def __str__(self) -> str:
         rivals = self.rivals_N
-        return (f"recommended: {'physics with the discrepancy' if self.leftover else 'physics'}; "
+        return (f"recommended: physics ({', '.join(self.effects)})"
+                f"{' with the discrepancy' if self.leftover else ''}; "
                 f'on rows not seen {self.held_out_physics_N:.3g} N without and '
                 f'{self.held_out_discrepancy_N:.3g} N with a discrepancy; mean force '
                 f"{rivals['mean']:.3g} N, plane {rivals['plane']:.3g} N, six-parameter empirical "

@@ -46,9 +46,12 @@ class Choices:
 
 #: Constants of the model's own effects (a data sheet's or a former fit's), log-normal.
 OWN_WIDTH = 0.5
-#: Positive constants of an effect that is added, log-normal about the catalogue's default: a
-#: factor of three for other sizes of muscle.
+#: Positive constants of an effect that is added, log-normal about what is usual: a factor of
+#: three.
 ADDED_WIDTH = 1.2
+#: m: radius of the muscle that the catalogue's defaults are for (Kim et al. 2021). Materials of
+#: other muscles are alike, so their forces go with the section.
+USUAL_RADIUS = 6.35e-3
 #: Signed constants, normal: this share of the range of their bounds ...
 SIGNED_WIDTH = 0.125
 #: ... but no more than what changes the force by this share of its standard deviation.

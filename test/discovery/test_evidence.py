@@ -440,6 +440,6 @@ def test_an_end_effect_that_goes_with_length_needs_two_lengths(problem, paper_mu
     cells, _, _ = problem
     law = 'end_effect_of_length'
     assert law not in Options.of(paper_muscle, cells, Choices()).effects
-    assert law not in {shape.name for shape in shapes_of('end_caps')}
+    assert law not in {shape.name for shape in shapes_of('end_caps', paper_muscle)}
     several = Options.of(paper_muscle, cells, Choices(), lengths=2)
     assert tuple(sorted((law, 'bladder_elasticity', 'mesh'))) in several.further(several.own)

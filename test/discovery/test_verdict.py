@@ -3,13 +3,13 @@
 """What is left, what is doubted and what earns a name, on fits that are made up."""
 
 from dataclasses import replace
-import importlib
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery import choice
 from fam_bundle_ros.discovery import verdict as verdicts
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
@@ -31,8 +31,6 @@ from fam_bundle_ros.discovery.verdict import (
     what_is_left,
 )
 
-#: `discovery` shows the function of this name, not the module.
-steps = importlib.import_module('fam_bundle_ros.discovery.diagnose')
 GOOD = HeldOut(1.0, 1.0, {'mean': 9.0, 'plane': 5.0, 'empirical': 2.0}, {})
 
 
@@ -98,11 +96,11 @@ def test_folds_choose_among_ties_but_add_nothing_to_them(search, monkeypatch):
     made = search(nothing=0.0, end_caps=300.0, end_caps__force_sensor_gain=298.5,
                   force_sensor_gain=1.0)
     chosen, found, worth = named(made, made.best)
-    monkeypatch.setattr(steps, 'small', lambda cells: 0.0)
-    monkeypatch.setattr(steps, 'squares_of_folds', lambda fitter, fit: np.array(
+    monkeypatch.setattr(choice, 'small', lambda cells: 0.0)
+    monkeypatch.setattr(choice, 'squares_of_folds', lambda fitter, fit: np.array(
         [9.0, 9.1] if len(fit.names) < 4 else [1.0, 1.1]))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
-    best, _ = steps._best_of_ties(made, chosen, found, worth, Choices())
+    best, _ = choice.best_of_ties(made, chosen, found, worth, Choices())
     assert best.names == chosen.names
 
 
@@ -186,9 +184,9 @@ def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, mo
     """A smooth discrepancy that is nearly as probable is a reason for doubt, not for silence."""
     made = search(nothing=0.0, coulomb_friction=1.5, coulomb_friction__end_caps=0.5,
                   end_caps=-2.0)
-    monkeypatch.setattr(steps, 'need_of_structure', lambda fitter, fit: 0.0)
-    monkeypatch.setattr(steps, 'is_structured', lambda *given: structured)
-    assert [str(change) for change in steps._believed(made, Choices())[1]] == names
+    monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
+    assert [str(change) for change in choice.believed(made, Choices())[1]] == names
 
 
 @pytest.mark.parametrize(('structured', 'kept'), [(True, []), (False, ['coulomb_friction'])])
@@ -198,22 +196,22 @@ def test_where_structure_is_left_an_effect_must_foretell_better(search, monkeypa
     made = search(nothing=0.0, coulomb_friction=30.0)
     better = made.best
     off = {made.null.names: [9.0, 4.0], better.names: [8.0, 4.1]}
-    monkeypatch.setattr(steps, 'need_of_structure', lambda fitter, fit: 0.0)
-    monkeypatch.setattr(steps, 'is_structured', lambda *given: structured)
-    monkeypatch.setattr(steps, 'squares_of_folds',
+    monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
+    monkeypatch.setattr(choice, 'squares_of_folds',
                         lambda fitter, fit: np.array(off[fit.names]))
-    monkeypatch.setattr(steps, 'held_out', lambda fitter, physics, joint: replace(
+    monkeypatch.setattr(choice, 'held_out', lambda fitter, physics, joint: replace(
         GOOD, physics=sum(off[physics.names])))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
     found = [Change('', 'coulomb_friction')]
-    assert [str(change) for change in steps._that_foretell(
+    assert [str(change) for change in choice.that_foretell(
         made, better, found, better, 0.1)[1]] == kept
     off[made.null.names] = [12.0, 8.0]
-    assert steps._that_foretell(made, better, found, better, 0.1)[1] == found
+    assert choice.that_foretell(made, better, found, better, 0.1)[1] == found
     off[made.null.names] = [8.0, 4.0]  # as well without it: no name, the last one neither
-    assert steps._that_foretell(made, better, found, better, 0.1)[1] == []
+    assert choice.that_foretell(made, better, found, better, 0.1)[1] == []
     sure = replace(better, white_evidence=made.null.white_posterior + 9.0)
-    assert [str(change) for change in steps._that_foretell(
+    assert [str(change) for change in choice.that_foretell(
         made, sure, found, sure, 0.1)[1]] == kept
 
 

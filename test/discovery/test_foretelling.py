@@ -1,0 +1,115 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A thick muscle at two strains only: what is said of the strains between them."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery import add_effect, Choices, compare, diagnose
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.choice import (
+    as_good,
+    away_from_all,
+    best_of_ties,
+    foretelling,
+)
+from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.held_out import held_out_physics, squares_of_folds
+from fam_bundle_ros.discovery.options import Options, usual
+from fam_bundle_ros.discovery.posterior import changes
+from fam_bundle_ros.discovery.search import Search
+from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
+
+
+@pytest.fixture(scope='module')
+def thick():
+    """Return an ideal muscle of 20 mm."""
+    geometry = Geometry(10e-3, 0.225, np.radians(28.5), 1.8e-3)
+    return Bundle('thick', [MotorUnit('mu1', 1, geometry, 700e3)], [catalogue.get('mesh')()])
+
+
+@pytest.fixture(scope='module')
+def measured(thick):
+    """Return a function that measures a sheathed one at some strains, 8 % off in a wave."""
+    truth = thick.with_effect('saturating_sheath', size=200.0, width=0.03).with_effect(
+        'threshold_pressure', pressure=60e3)
+
+    def at(*strains):
+        rng = np.random.default_rng(0)
+        pressure = np.tile(np.linspace(20e3, 600e3, 60), len(strains))
+        strain = np.repeat(strains, 60)
+        force = truth.force(strain, pressure[:, None]) * (1.0 + 0.08 * np.sin(pressure / 120e3))
+        noise = 1.5 * rng.standard_normal(len(force))
+        return build('isobars', strain, pressure, np.maximum(force - 5.0 + noise, 0.0))
+    return at
+
+
+@pytest.fixture(scope='module')
+def search(thick, measured):
+    """Return the search for what the muscle lacks at two strains."""
+    cells, choices = reduce(thick, measured(0.0, 0.07)), Choices()
+    return Search(Options.of(thick, cells, choices),
+                  Fitter(cells, Covariance(cells, choices.unexplained))).run()
+
+
+def test_between_two_strains_a_thick_muscle_is_as_a_usual_one(thick, measured):
+    """Two strains fit any shape: a polynomial is off three times as far between them as ours."""
+    between, train = measured(0.03), measured(0.0, 0.07)
+    result = diagnose(thick, train)
+    assert result.verdict in ('missing_effect', 'partial')
+    strange = add_effect(thick, ['threshold_pressure', 'bladder_polynomial'], train).model
+    for model in (result.best, result.recommended.model):
+        assert 3.0 * compare(model, between).error_N < compare(strange, between).error_N
+
+
+def test_usual_forces_go_with_the_section(thick, paper_muscle):
+    """Materials are alike: newtons go with the radius squared, pressures and lengths do not."""
+    for name in ('saturating_sheath', 'coulomb_friction', 'end_caps', 'bladder_elasticity'):
+        law = catalogue.get(name)
+        plain, same, other = law(), usual(law, paper_muscle), usual(law, thick)
+        for parameter in law.parameters:
+            value = plain.values[parameter.name]
+            assert same.values[parameter.name] == pytest.approx(value)
+            grown = (10.0 / 6.35) ** 2 if parameter.unit == 'N' else 1.0
+            assert other.values[parameter.name] == pytest.approx(grown * value)
+    huge = thick.with_parameters({'geometry.radius': 0.2})
+    assert usual(catalogue.get('saturating_sheath'), huge).size == 2000.0
+
+
+def test_of_models_that_disagree_the_middle_one_is_nearest_to_all(search, thick):
+    """Alike at the strains of the cells: by weight the mean square to all is least in between."""
+    soft, middle, hard = (thick.with_effect('saturating_sheath', size=size, width=0.03)
+                          for size in (50.0, 100.0, 150.0))
+    away = away_from_all(search.fitter.cells, [soft, middle, hard], np.full(3, 1 / 3))
+    assert away[1] < away[0] == pytest.approx(away[2])
+    assert away[0] == pytest.approx(2.5 * away[1])
+    sure = away_from_all(search.fitter.cells, [soft, middle, hard], np.array([0, 0, 1.0]))
+    assert sure[2] == 0.0
+    assert sure[0] == pytest.approx(4.0 * sure[1])
+
+
+def test_a_shape_that_is_far_from_all_others_between_the_strains_is_not_chosen(search):
+    """On isobars a polynomial is as good as any; the others agree, and it is not with them."""
+    fit = search.fit(('bladder_polynomial', 'mesh', 'tendon_slack', 'threshold_pressure'))
+    found = changes(search.options, fit.names)
+    chosen, kept = best_of_ties(search, fit, found, {}, Choices())
+    assert 'bladder_polynomial' not in chosen.names
+    assert {change.name for change in kept} <= set(chosen.names)
+    squares = [squares_of_folds(search.fitter, search.fitter.without_discrepancy(each))
+               for each in (fit, chosen)]
+    assert as_good(squares[0], squares[1])
+
+
+def test_the_set_to_foretell_with_is_the_best_on_folds_of_those_as_probable(search):
+    """Whatever was chosen: of sets within the odds of the best none does better on isobars."""
+    fitter, choices = search.fitter, Choices()
+    null = fitter.without_discrepancy(search.null)
+    found = foretelling(search, search.null, null, choices)
+    near = [fit for fit in search.fits.values()
+            if fit.posterior > search.best.posterior - np.log(choices.odds)]
+    assert found.names in {fit.names for fit in near}
+    errors = [held_out_physics(fitter, fitter.without_discrepancy(fit)) for fit in near]
+    assert len(errors) > 3
+    assert held_out_physics(fitter, found) == pytest.approx(min(errors))
