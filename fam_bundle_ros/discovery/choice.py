@@ -24,6 +24,8 @@ from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
+    bent,
+    far,
     is_structured,
     need_of_structure,
     small,
@@ -38,7 +40,7 @@ _POINTS = 24
 
 
 def best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[str, float],
-                  choices: Choices) -> tuple[Fit, list[Change]]:
+                 choices: Choices) -> tuple[Fit, list[Change]]:
     """
     Return the chosen set, or one as probable that foretells unseen rows better.
 
@@ -64,7 +66,7 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[s
     least = min(squares, key=np.sum)
     alike = [k for k, each in enumerate(squares) if as_good(each, least)]
     away = away_from_all(fitter.cells, [alone[k].model for k in alike],
-                          softmax([tried[k].posterior for k in alike]))
+                         softmax([tried[k].posterior for k in alike]))
     best = next(tried[k] for k, square in zip(alike, away)
                 if square <= away.min() + fitter.cells.noise ** 2)
     order = changes(search.options, best.names)
@@ -127,9 +129,9 @@ def believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
 
 
 def that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit,
-                   inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
+                  inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
     """
-    Return the chosen set without effects that foretell nothing on rows not seen.
+    Return the chosen set without effects that foretell nothing on rows not seen, or are bent.
 
     Those are effects without which physics does as well there. Where structure is left, evidence
     measures it in units of the noise, so that an effect which imitates a hundredth of the misfit
@@ -137,6 +139,10 @@ def that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit
     standard error over the folds. Where none is left, an effect goes only if nothing is worse
     without it, with a discrepancy too; the last one only if the evidence for it needs a
     discrepancy besides.
+
+    Beside structure a law that is `bent` goes too, not the last one: others may be named without
+    it. Where dimensions are off as well, it is no muscle as it was described, and all stay for
+    `verdict.judge` to refuse.
     """
     fitter = search.fitter
     held = held_out(fitter, physics, chosen)
@@ -149,7 +155,8 @@ def that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit
             without = fitter.without_discrepancy(fewer)
             error, each = held_out(fitter, without, fewer), squares_of_folds(fitter, without)
             if structured:
-                goes = as_good(each, squares)
+                goes = as_good(each, squares) or (
+                    len(found) > 1 and _is_bent(physics, change) and not far(physics))
             else:
                 goes = error.is_no_worse(held) and (
                     len(found) > 1 or fewer.white_posterior >= chosen.white_posterior)
@@ -160,6 +167,10 @@ def that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit
         else:
             break
     return chosen, found, physics, held
+
+
+def _is_bent(physics: Fit, change: Change) -> bool:
+    return any(key.startswith(f'{change.new}.') for key in bent(physics))
 
 
 def as_good(squares: np.ndarray, best: np.ndarray) -> bool:

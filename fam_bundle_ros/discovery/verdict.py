@@ -83,28 +83,28 @@ def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
     smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
                                                         fit.residual)
     beside = square = float(np.mean(smooth ** 2))
-    if not (_far(physics) or _impossible(physics)):
+    if not (far(physics) or _impossible(physics)):
         square = min(square, max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0))
     return Left(float(np.sqrt(square)), rough, float(np.hypot(np.sqrt(beside), rough)))
 
 
-def _far(physics: Fit) -> list[str]:
+def far(physics: Fit) -> list[str]:
     """Return in words which dimensions are further off than can be."""
     return [f'{prior.key} has moved {u:+.1f} tolerances'
             for prior, u in zip(physics.priors, physics.u)
             if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES]
 
 
-def _bent(physics: Fit) -> tuple[str, ...]:
+def bent(physics: Fit) -> dict[str, str]:
     """
-    Return in words which effects have values that their priors all but exclude.
+    Return constants of laws with values that their priors all but exclude, each in words.
 
     Where structure is left all the same, a law was bent to what it is not.
     """
-    return tuple(f'{prior.key} would be {u:+.1f} widths of its prior off, and structure stays'
-                 for prior, u in zip(physics.priors, physics.u)
-                 if not prior.key.startswith('geometry.') and abs(u) > _TOLERANCES
-                 and not _is_off(prior, u))
+    return {prior.key: f'{prior.key} would be {u:+.1f} widths of its prior off, and structure '
+            'stays' for prior, u in zip(physics.priors, physics.u)
+            if not prior.key.startswith('geometry.') and abs(u) > _TOLERANCES
+            and not _is_off(prior, u)}
 
 
 def _impossible(physics: Fit) -> list[str]:
@@ -202,7 +202,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held, _worth_of_pressure(fitter, null)) if found else ()
     if found and structured:
-        refusals = (*refusals, *_bent(physics))
+        refusals = (*refusals, *bent(physics).values())
     warnings = (*_warnings(physics, held), *_alike_at_one_rate(cells, found)) if found else ()
     lost = chosen.posterior - null.posterior
     if found and lost < settings.LEAST_LOSS:
@@ -298,7 +298,7 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
     found = [f'{prior.key} is at its bound'
              for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound)
              if bound and not prior.own and not _is_off(prior, u)]
-    found += _far(physics)
+    found += far(physics)
     if held.physics > held.rivals['empirical']:
         found.append(f'on rows not seen the effects are off by {held.physics:.3g} N, a '
                      f'six-parameter empirical form by {held.rivals["empirical"]:.3g} N')

@@ -204,7 +204,8 @@ def not_named(posterior: Posterior, chosen: Fit, told: Iterable[str]) -> tuple[s
     known = {*_labels(posterior, chosen), *told}
     return tuple(
         f'{label} is likelier than not ({posterior.of_label(label):.2f}) but not named: the '
-        'evidence for it is weak, or it foretells nothing on rows not seen'
+        'evidence for it is weak, it foretells nothing on rows not seen, or its constants are '
+        'hard to believe'
         for label in posterior.labels()
         if label not in known and posterior.of_label(label) > 0.5)
 

@@ -21,12 +21,12 @@ from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
     _alike_at_one_rate,
-    _bent,
     _explained,
     _refusals,
     _warnings,
     _worth_of_pressure,
     Artefact,
+    bent,
     judge,
     what_is_left,
 )
@@ -215,6 +215,28 @@ def test_where_structure_is_left_an_effect_must_foretell_better(search, monkeypa
         made, sure, found, sure, 0.1)[1]] == kept
 
 
+@pytest.mark.parametrize(('structured', 'angle', 'alone', 'kept'), [
+    (True, 0.0, False, ['coulomb_friction']), (False, 0.0, False, None), (True, 4.0, False, None),
+    (True, 0.0, True, None)], ids=['beside structure', 'no structure', 'no muscle', 'the last'])
+def test_beside_a_bent_law_others_are_named(search, monkeypatch, structured, angle, alone, kept):
+    """The law goes and the rest stays; where dimensions are off too the verdict refuses all."""
+    both = 'end_caps' if alone else 'coulomb_friction__end_caps'
+    made = search(nothing=0.0, coulomb_friction=10.0, **{'end_caps': 0.0, both: 30.0})
+    fit = replace(made.best, u=np.array([4.0, angle]), priors=(
+        Prior('end_caps.dead_length', 1e-3, 1e3, 1.0, 1.2, 'log'),
+        Prior('geometry.braid_angle', 0.1, 1.0, 0.5, 0.02, 'normal')))
+    monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
+    monkeypatch.setattr(choice, 'held_out', lambda *given: GOOD if given[-1] is fit else replace(
+        GOOD, physics=9.0))
+    monkeypatch.setattr(choice, 'squares_of_folds', lambda fitter, other: np.full(
+        2, 1.0 if other is fit else 9.0 if other is not made.null else 30.0))
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda other: other)
+    found = changes(made.options, made.best.names)[::-1]  # the bent one is worth more
+    named_ = choice.that_foretell(made, fit, found, fit, 0.1)[1]
+    assert [str(change) for change in named_] == (kept or [str(change) for change in found])
+
+
 @pytest.mark.parametrize(('key', 'u', 'said'), [
     ('bladder_polynomial.k2', -3.5, True), ('bladder_polynomial.k2', 1.7, False),
     ('geometry.radius', 3.5, False)])
@@ -222,9 +244,9 @@ def test_a_law_bent_beyond_its_prior_to_what_it_is_not_is_refused(search, key, u
     """A value that the prior all but excludes; dimensions are tolerances, which are told."""
     fit = replace(search(nothing=0.0).null, priors=(Prior(key, -1e3, 1e3, 0.0, 1.0, 'normal'),),
                   u=np.array([u]))
-    assert bool(_bent(fit)) == said
+    assert bool(bent(fit)) == said
     off = Prior('end_caps.dead_length', 0.0, 1.0, 0.1, 0.2, 'log')
-    assert not _bent(replace(fit, priors=(off,), u=np.array([off.limits[0]])))
+    assert not bent(replace(fit, priors=(off,), u=np.array([off.limits[0]])))
 
 
 @pytest.mark.parametrize(('likely', 'open_'), [(True, True), (False, False)])
