@@ -77,7 +77,9 @@ class Covariance:
     def __init__(self, cells: Cells, unexplained: float, force_sd: float | None = None):
         self.cells = cells
         self.unexplained = unexplained
-        self._variance = (settings.AMPLITUDES * (force_sd or cells.force_sd)) ** 2
+        #: Plain numbers: they are asked for one at a time, some ten thousand times.
+        self._share = settings.AMPLITUDES.tolist()
+        self._variance = [(share * (force_sd or cells.force_sd)) ** 2 for share in self._share]
         self._noise = cells.noise ** 2 / cells.count
         both = np.outer(cells.direction, cells.direction)
         #: By axis: what the Matern part is multiplied by, or the gap in time within a trial, s.
@@ -104,12 +106,13 @@ class Covariance:
 
     def log_prior(self, h: Hyper) -> float:
         """Return the log prior of the amplitudes, up to a constant."""
-        total = sum(settings.AMPLITUDES[k] for k in (h.even, h.odd, h.white, h.slow, h.speed))
-        return -float(total) / self.unexplained
+        share = self._share
+        return -(share[h.even] + share[h.odd] + share[h.white] + share[h.slow] + share[h.speed]
+                 ) / self.unexplained
 
     def variance(self, place: int) -> float:
         """Return the square of an amplitude by its place on the grid, N^2."""
-        return float(self._variance[place])
+        return self._variance[place]
 
     def white_sd(self, h: Hyper) -> float:
         """Return the size of the white misfit, N."""
@@ -132,7 +135,7 @@ class Covariance:
     def matrix(self, h: Hyper) -> np.ndarray:
         """Return K, (n, n), N^2."""
         k = self.structured(h)
-        k[np.diag_indices(len(k))] += self._noise + self._variance[h.white]
+        k.flat[::len(k) + 1] += self._noise + self._variance[h.white]
         return k
 
     def structured(self, h: Hyper) -> np.ndarray:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf
@@ -42,6 +43,38 @@ _LEAP = 4
 
 #: Coordinates u (p,), residual (n,) and slopes (n, p) there.
 Point = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class Linear(NamedTuple):
+    """
+    A model linearised at u: what its evidence needs under any hyperparameters.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (n, k + 1), N
+        Slopes in the k coordinates that are at no limit, then the residual at zero of them.
+    own : ndarray, shape (k,)
+        Those coordinates.
+    constant : float
+        Part of the log evidence that goes with the priors and the number of cells.
+    """
+
+    columns: np.ndarray
+    own: np.ndarray
+    constant: float
+
+    @classmethod
+    def of(cls, priors: Sequence[Prior], u: np.ndarray, residual: np.ndarray,
+           slopes: np.ndarray) -> Linear:
+        """Return it for residual (n,) and slopes (n, p) at u (p,)."""
+        held = pinned(priors, u)
+        own = u[~held]
+        columns = np.empty((len(residual), len(own) + 1), order='F')
+        columns[:, :-1] = slopes[:, ~held]
+        columns[:, -1] = residual + columns[:, :-1] @ own
+        halves = sum(p.kind == 'half' for p, at_limit in zip(priors, held) if not at_limit)
+        return cls(columns, own, float(np.log(2.0) * halves - 0.5 * np.sum(u[held] ** 2)
+                                       - 0.5 * len(residual) * np.log(2.0 * np.pi)))
 
 
 @dataclass(frozen=True)
@@ -99,6 +132,11 @@ class Fit:
     def start(self) -> dict[str, float]:
         """Return u by key."""
         return {prior.key: float(u) for prior, u in zip(self.priors, self.u)}
+
+    @cached_property
+    def linear(self) -> Linear:
+        """The model linearised there."""
+        return Linear.of(self.priors, self.u, self.residual, self.slopes)
 
     @property
     def at_bound(self) -> np.ndarray:
@@ -163,10 +201,9 @@ class Fitter:
         mean = self.cells.mean(force)
         return self.cells.force - np.where(np.isfinite(mean), mean, 1e6)
 
-    def log_evidence(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
-                     priors: Sequence[Prior], reached: bool = False) -> float:
+    def log_evidence(self, h: Hyper, at: Linear, reached: bool = False) -> float:
         """
-        Return the log evidence of the model linearised at u.
+        Return the log evidence of a linearised model.
 
         Parameters
         ----------
@@ -174,28 +211,20 @@ class Fitter:
             With the misfit at u, not the least one that the linear model promises: at a kink (of
             a slack tendon, a threshold) a step towards that leads nowhere.
         """
-        free = ~pinned(priors, u)
-        columns, own = slopes[:, free], u[free]
+        n, k = len(at.columns), len(at.own)
         # by QR: with slopes that are large and nearly parallel I + B'B is not positive definite
-        n, k = columns.shape
-        both = np.empty((n, k + 1), order='F')
-        both[:, :k], both[:, k] = columns, residual + columns @ own
-        white = self.covariance.whiten(h, both)
         stacked = np.zeros((n + k, k + 1), order='F')
-        stacked[:n] = white
+        white = stacked[:n] = self.covariance.whiten(h, at.columns)
         stacked[n + np.arange(k), np.arange(k)] = 1.0
         diagonal = np.diag(dgeqrf(stacked, overwrite_a=1)[0])
-        misfit = float(np.sum((white[:, k] - white[:, :k] @ own) ** 2) + own @ own) if reached \
-            else diagonal[k] ** 2
-        value = (-0.5 * misfit - np.log(np.abs(diagonal[:k])).sum()
-                 - self.covariance.log_determinant(h) - 0.5 * n * np.log(2.0 * np.pi))
-        value += np.log(2.0) * sum(p.kind == 'half' for p, f in zip(priors, free) if f)
-        return float(value + self.covariance.log_prior(h) - 0.5 * np.sum(u[~free] ** 2))
+        misfit = float(np.sum((white[:, k] - white[:, :k] @ at.own) ** 2) + at.own @ at.own
+                       ) if reached else diagonal[k] ** 2
+        return float(at.constant - 0.5 * misfit - np.log(np.abs(diagonal[:k])).sum()
+                     - self.covariance.log_determinant(h) + self.covariance.log_prior(h))
 
     def evidence_of(self, fit: Fit) -> float:
         """Return the log evidence of a fit to other cells, linearised there, with its prior."""
-        return fit.log_prior - fit.promise + self.log_evidence(
-            fit.hyper, fit.residual, fit.slopes, fit.u, fit.priors)
+        return fit.log_prior - fit.promise + self.log_evidence(fit.hyper, fit.linear)
 
     def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                       whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
@@ -249,8 +278,7 @@ class Fitter:
         """Return the function that whitens under these hyperparameters."""
         return lambda values: self.covariance.whiten(h, values)
 
-    def best_hyper(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
-                   priors: Sequence[Prior], reach: int = 99, fixed: Sequence[str] = (),
+    def best_hyper(self, h: Hyper, at: Linear, reach: int = 99, fixed: Sequence[str] = (),
                    reached: bool = False) -> tuple[Hyper, float]:
         """
         Return the hyperparameters of the highest evidence near h, and it (see `log_evidence`).
@@ -262,7 +290,7 @@ class Fitter:
 
         def value(q: Hyper) -> float:
             if q not in known:
-                known[q] = self.log_evidence(q, residual, slopes, u, priors, reached)
+                known[q] = self.log_evidence(q, at, reached)
             return known[q]
 
         first = h
@@ -290,8 +318,7 @@ class Fitter:
                 break
         return h, known[h]
 
-    def along_ridge(self, h: Hyper, residual: np.ndarray, slopes: np.ndarray, u: np.ndarray,
-                    priors: Sequence[Prior], reach: int = 99, reached: bool = False,
+    def along_ridge(self, h: Hyper, at: Linear, reach: int = 99, reached: bool = False,
                     ) -> tuple[Hyper, float]:
         """
         Return the place of the highest evidence with another length, and it (see `log_evidence`).
@@ -308,8 +335,7 @@ class Fitter:
                   for axis in ('strain', 'pressure') for step in (-1, 1)
                   for more in range(1, min(_RIDGE, reach) + 1) for some in moved if some]
         places = [q for q in places if all(0 <= place < size for place, size in zip(q, GRID))]
-        values = [self.log_evidence(q, residual, slopes, u, priors, reached)
-                  for q in (h, *places)]
+        values = [self.log_evidence(q, at, reached) for q in (h, *places)]
         # of places that are alike the first: rounding must not choose
         best = next(k for k, value in enumerate(values) if value >= max(values) - _ALIKE)
         return (h, *places)[best], values[best]
@@ -361,7 +387,7 @@ class Fitter:
             h = Hyper(white=place)
             point = self.most_probable(model, priors, point[0], self.whitener(h), iterations,
                                        tolerance, point)
-            value = self._reached(h, point, priors)
+            value = self.log_evidence(h, Linear.of(priors, *point), reached=True)
             if best is not None and value <= best[0]:
                 break
             best = (value, point, h)
@@ -373,13 +399,10 @@ class Fitter:
               white: float, log_prior: float) -> Fit:
         bent = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + bent.T @ bent)
-        promise = self.log_evidence(h, residual, slopes, u, priors) - evidence
+        at = Linear.of(priors, u, residual, slopes)
+        promise = self.log_evidence(h, at) - evidence
         return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
                    slopes, evidence, white, log_prior, promise, spread)
-
-    def _reached(self, h: Hyper, point: Point, priors: Sequence[Prior]) -> float:
-        u, residual, slopes = point
-        return self.log_evidence(h, residual, slopes, u, priors, reached=True)
 
     def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
                ) -> tuple[float, Point, Hyper]:
@@ -388,13 +411,13 @@ class Fitter:
         for k in range(8):
             point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
                                        _ROUGH, point)
-            u, residual, slopes = point
-            now = self._reached(h, point, priors)
-            held = self.log_evidence(h, residual, slopes, u, priors) > now + _ROUGH
-            better, high = self.best_hyper(h, residual, slopes, u, priors, reach, reached=held)
+            at = Linear.of(priors, *point)
+            now = self.log_evidence(h, at, reached=True)
+            held = self.log_evidence(h, at) > now + _ROUGH
+            better, high = self.best_hyper(h, at, reach, reached=held)
             if high - now < _SETTLED:
-                better, high = self.along_ridge(better, residual, slopes, u, priors, reach, held)
-            found = [(now, point, h), (self._reached(better, point, priors), point, better)]
+                better, high = self.along_ridge(better, at, reach, held)
+            found = [(now, point, h), (self.log_evidence(better, at, reached=True), point, better)]
             best = max([best, *found] if best else found, key=lambda each: each[0])
             if high - now < _SETTLED:
                 break

@@ -68,7 +68,7 @@ TIME_LENGTHS = np.array([0.3, 3.0, 30.0])
 #: Its length over the natural logarithm of the speed: a factor of e.
 SPEED_LENGTH = 1.0
 #: Most cells that the data are averaged to: the work grows with the cube.
-CELLS = 300
+CELLS = 200
 #: Most places of the table of what is left: it is fitted once, not for each set of effects.
 PLACES = 600
 #: Most sets of effects that are weighed again without each fold.

@@ -17,7 +17,7 @@ from scipy.linalg import cholesky, solve_triangular
 from fam_bundle_ros.data.grouping import varying_unit
 from fam_bundle_ros.discovery.cells import averages, Cells, places
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.evidence import Fitter, Linear
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.laws.discrepancy import DEAD, ROUNDING
 from fam_bundle_ros.model.vocabulary import bound, dahl
@@ -83,8 +83,8 @@ class Surface:
         local = Fitter(there, covariance)
         none = tuple(axis for axis in ('even', 'odd') if not getattr(needed, axis))
         small = local.first_hyper()._replace(**dict.fromkeys(none, 0))
-        found = [local.best_hyper(h, there.force, np.zeros((len(there), 0)), np.zeros(0), (),
-                                  fixed=none)
+        at = Linear.of((), np.zeros(0), there.force, np.zeros((len(there), 0)))
+        found = [local.best_hyper(h, at, fixed=none)
                  for h in (needed._replace(slow=0, speed=0), small)]
         return cls.of(fitter, model, max(found, key=lambda each: each[1])[0])
 

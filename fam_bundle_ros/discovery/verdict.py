@@ -130,12 +130,11 @@ def need_of_structure(fitter: Fitter, fit: Fit) -> float:
             places = range(len(settings.AMPLITUDES) if axis != 'tau'
                            else len(settings.TIME_LENGTHS))
             tries = [h._replace(**{axis: place}) for place in places]
-            values = [fitter.log_evidence(q, fit.residual, fit.slopes, fit.u, fit.priors)
-                      for q in tries]
+            values = [fitter.log_evidence(q, fit.linear) for q in tries]
             h, best = tries[int(np.argmax(values))], max(best, max(values))
         if h == before:
             break
-    return fitter.log_evidence(fit.hyper, fit.residual, fit.slopes, fit.u, fit.priors) - best
+    return fitter.log_evidence(fit.hyper, fit.linear) - best
 
 
 @dataclass(frozen=True)
@@ -262,10 +261,10 @@ def _moved(fitter: Fitter, null: Fit, inclusion: float) -> bool:
     """
     nothing = np.zeros(0)
     residual = fitter.residual(null.model, null.priors, np.zeros(len(null.u)))
-    slopes = np.zeros((len(residual), 0))
-    hyper, evidence = fitter.best_hyper(null.hyper, residual, slopes, nothing, ())
-    as_given = replace(null, priors=(), u=nothing, hyper=hyper, residual=residual, slopes=slopes,
-                       evidence=evidence)
+    as_given = replace(null, priors=(), u=nothing, residual=residual,
+                       slopes=np.zeros((len(residual), 0)))
+    hyper, evidence = fitter.best_hyper(null.hyper, as_given.linear)
+    as_given = replace(as_given, hyper=hyper, evidence=evidence)
     left = what_is_left(fitter.covariance, as_given, as_given)
     return (null.evidence - evidence > settings.LEAST_LOSS
             or is_structured(fitter.cells, need_of_structure(fitter, as_given), left, inclusion))

@@ -13,7 +13,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery.cells import reduce, unknown_direction
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.evidence import Fitter, Linear
 from fam_bundle_ros.discovery.options import head, Options, shapes_of
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.discovery.search import _ranked, Screened
@@ -101,7 +101,8 @@ def test_cells_of_no_bounded_noise_tell_no_more_than_cells_that_are_not_there(pr
     one, other = rng.standard_normal((2, len(cells)))
     slopes, u = rng.standard_normal((len(cells), 2)), np.array([0.3, -0.5])
     priors = [Prior(f'a.{k}', -1e3, 1e3, 0.0, 1.0, 'normal') for k in 'xy']
-    told = [fitter.log_evidence(hyper, each, slopes, u, priors) for each in (one, other)]
+    told = [fitter.log_evidence(hyper, Linear.of(priors, u, each, slopes))
+            for each in (one, other)]
     covered = covariance.matrix(hyper)[np.ix_(~gone, ~gone)] + slopes[~gone] @ slopes[~gone].T
     true = [multivariate_normal(cov=covered).logpdf((each + slopes @ u)[~gone])
             for each in (one, other)]
@@ -264,7 +265,7 @@ def test_evidence_of_a_linear_model_is_its_marginal_likelihood(problem):
     priors = [Prior(f'a.{k}', -1e3, 1e3, 0.0, 1.0, 'normal') for k in 'xyz']
     y = rng.standard_normal(len(cells))
     expected = multivariate_normal(cov=covariance.matrix(FULL) + slopes @ slopes.T).logpdf(y)
-    found = fitter.log_evidence(FULL, y - slopes @ u, slopes, u, priors)
+    found = fitter.log_evidence(FULL, Linear.of(priors, u, y - slopes @ u, slopes))
     assert found == pytest.approx(expected + covariance.log_prior(FULL), abs=1e-6)
 
 
@@ -278,7 +279,7 @@ def test_what_is_reached_lacks_half_of_the_misfit_that_another_place_would_save(
     stacked = np.vstack([white, np.eye(2, 3)])
 
     def lacks(u):
-        given = FULL, y - slopes @ u, slopes, u, priors
+        given = FULL, Linear.of(priors, u, y - slopes @ u, slopes)
         return fitter.log_evidence(*given) - fitter.log_evidence(*given, reached=True)
 
     best, (least,), *_ = np.linalg.lstsq(stacked[:, :2], stacked[:, 2])
@@ -292,14 +293,14 @@ def test_a_length_is_found_though_its_amplitude_has_to_follow(problem):
     """Data tell amplitude over length^(5/2) of a Matern 5/2; alone neither can be moved."""
     cells, _, fitter = problem
     wave = 10.0 * np.sin(6.0 * cells.strain / np.ptp(cells.strain) + cells.pressure[:, 0] / 1.4e5)
-    given = wave, np.zeros((len(cells), 0)), np.zeros(0), ()
-    h, value = fitter.best_hyper(fitter.first_hyper(), *given)
-    better, high = fitter.along_ridge(h, *given)
+    given = Linear.of((), np.zeros(0), wave, np.zeros((len(cells), 0)))
+    h, value = fitter.best_hyper(fitter.first_hyper(), given)
+    better, high = fitter.along_ridge(h, given)
     assert high > value + 3.0
-    assert high == fitter.log_evidence(better, *given)
+    assert high == fitter.log_evidence(better, given)
     shorter = better.strain - h.strain + better.pressure - h.pressure
     assert shorter * (better.even - h.even) < 0  # a place further on is a shorter length
-    assert fitter.along_ridge(h, *given, reach=0) == (h, value)
+    assert fitter.along_ridge(h, given, reach=0) == (h, value)
 
 
 def test_a_fit_ends_where_no_other_length_is_better(sweeps, paper_muscle):
@@ -308,7 +309,7 @@ def test_a_fit_ends_where_no_other_length_is_better(sweeps, paper_muscle):
     cells = reduce(paper_muscle, data, most=120)
     fitter = Fitter(cells, Covariance(cells, 0.01))
     fit = fitter.fit(('mesh', 'bladder_elasticity'), paper_muscle, own_priors(paper_muscle))
-    _, high = fitter.along_ridge(fit.hyper, fit.residual, fit.slopes, fit.u, fit.priors)
+    _, high = fitter.along_ridge(fit.hyper, fit.linear)
     assert high < fit.evidence + fit.promise + 0.3
 
 
@@ -341,8 +342,9 @@ def test_a_parameter_at_its_bound_counts_as_fixed(problem):
     priors = [Prior('a.x', -1e3, 1e3, 0.0, 1.0, 'normal'),
               Prior('a.y', -1e3, 2.0, 0.0, 1.0, 'normal')]
     u, r = np.array([0.3, 2.0]), rng.standard_normal(len(cells))
-    free = fitter.log_evidence(FULL, r, slopes[:, :1], u[:1], priors[:1])
-    assert fitter.log_evidence(FULL, r, slopes, u, priors) == pytest.approx(free - 2.0)
+    free, both = (fitter.log_evidence(FULL, Linear.of(priors[:k], u[:k], r, slopes[:, :k]))
+                  for k in (1, 2))
+    assert both == pytest.approx(free - 2.0)
 
 
 def test_amplitudes_pay_by_what_is_normal(problem):
