@@ -26,7 +26,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, String, UInt8
-from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from fam_bundle_ros.errors import InputError
@@ -68,10 +67,6 @@ FAULT_CLEAR = 'fault/clear'
 DIAGNOSE = 'diagnose'
 APPLY_MODEL = 'apply_model'
 RESTORE_MODEL = 'restore_model'
-SERVICES = {ENABLE: SetBool, E_STOP_TRIGGER: Trigger, E_STOP_RESET: Trigger, RESET: Trigger,
-            TARE: Trigger, ADAPTATION_RESET: Trigger, ADAPTATION_SAVE: Trigger,
-            FAULT_CLEAR: Trigger, DIAGNOSE: Trigger, APPLY_MODEL: Trigger,
-            RESTORE_MODEL: Trigger}
 
 LOAD_CELL_FRAME = 'load_cell'
 

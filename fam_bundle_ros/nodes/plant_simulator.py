@@ -15,7 +15,6 @@ import time
 from typing import Any, Protocol
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
@@ -80,7 +79,6 @@ class PlantSimulator(BundleNode):
 
     Parameters
     ----------
-    context : Context, optional
     rig : Rig, optional
         In place of the one that the parameters describe.
     script : Script, optional
@@ -95,9 +93,8 @@ class PlantSimulator(BundleNode):
         Time stands still: the script has ended.
     """
 
-    def __init__(self, *, context: Context | None = None, rig: Rig | None = None,
-                 script: Script | None = None, **keywords: Any):
-        super().__init__('plant_simulator', SPECS, context=context, **keywords)
+    def __init__(self, *, rig: Rig | None = None, script: Script | None = None, **keywords: Any):
+        super().__init__('plant_simulator', SPECS, **keywords)
         p = self.p
         self.rig = rig or Rig(bundle_from(p['plant_model'] or p['model']), rig_config(p),
                               seed=p['seed'])
@@ -178,11 +175,6 @@ class PlantSimulator(BundleNode):
     @faults.setter
     def faults(self, faults: Faults) -> None:
         self._injection.set(faults)
-
-    def resume(self) -> None:
-        """Go on after the script had halted time."""
-        self.halted = False
-        self._publish()
 
     # --- lock-step -----------------------------------------------------------------------------
 

@@ -16,7 +16,6 @@ import math
 import time
 from typing import Any
 
-from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
@@ -49,8 +48,6 @@ from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 
 #: A gap between readings longer than this, to either side, is no sample period, s.
 _GAP = 0.5
-#: Setpoints below it ask for no pressure, Pa.
-_AMBIENT = 1e3
 #: Pa: noise and drift of a reading stay below; errors above are worth a word.
 _NOTABLE = 10e3
 #: An error lasts when it is there for longer than any step takes to settle, s.
@@ -65,16 +62,15 @@ class PressurePidNode(BundleNode):
     ----------
     unit : int, optional
         In place of the parameter ``motor_unit``; it makes the node's name.
-    context : Context, optional
     **keywords
         Of `BundleNode`.
     """
 
-    def __init__(self, unit: int | None = None, *, context: Context | None = None,
-                 overrides: dict[str, Any] | None = None, **keywords: Any):
+    def __init__(self, unit: int | None = None, *, overrides: dict[str, Any] | None = None,
+                 **keywords: Any):
         given = {} if unit is None else {'motor_unit': unit}
         super().__init__('pressure_pid' if unit is None else f'pressure_pid_mu{unit}', SPECS,
-                         context=context, overrides={**(overrides or {}), **given}, **keywords)
+                         overrides={**(overrides or {}), **given}, **keywords)
         p = self.p
         self.unit: int = p['motor_unit']
         bundle = bundle_from(p['model'])
@@ -120,10 +116,6 @@ class PressurePidNode(BundleNode):
                     lambda: self._guard.now.state in (State.ACTIVE, State.HOLD))
         self._diagnostics = Diagnostics(self, self._report)
         self.every(0.02, self._check_time)
-
-    @property
-    def _state(self) -> str:
-        return self._guard.word
 
     def _settings(self) -> tuple[PidGains, PidConfig]:
         """Return gains and settings, with a valve that stays safe when this loop is held up."""
@@ -399,7 +391,7 @@ class PressurePidNode(BundleNode):
         self._pressure_meter.report(report, 'pressure')
         self._setpoint_meter.report(report, 'setpoint')
         state = self.pid.diagnostics
-        report.value('state', self._state)
+        report.value('state', self._guard.word)
         report.value('command', self._command)
         report.value('error, Pa', state.error)
         report.value('integral, Pa/s', state.integral)
@@ -409,7 +401,7 @@ class PressurePidNode(BundleNode):
         now = self._guard.now
         if now.state is not State.ACTIVE:
             urgent = now.state is State.LATCHED or now.cause in ('SENSOR', 'NO_SETPOINT')
-            report.add(ERROR if urgent else WARN, f'{self._state} {now.reason}'.strip())
+            report.add(ERROR if urgent else WARN, f'{self._guard.word} {now.reason}'.strip())
             return
         supply = self._air.report(report)
         if self._setpoint and self._setpoint[1] > supply:
