@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import yaml
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.geometry import Geometry, geometry_problem
@@ -162,10 +162,8 @@ def fitted_bundle(name: str, values: Mapping[str, str], effects: Sequence,
     numbers = {}
     for entry in ENTRIES:
         if entry.unit:
-            try:
+            with about(named(entry)):
                 numbers[entry.key] = parse(spaced(values[entry.key]), entry.unit)
-            except InputError as error:
-                raise InputError(f'{named(entry)}: {error}') from error
     pressure = numbers.pop('max_pressure')
     problem = geometry_problem(**numbers)
     if problem:
