@@ -158,8 +158,8 @@ class PlantSimulator(BundleNode):
             self.subscribe(interface.valve_topic(i + 1), JointState,
                            partial(self._take_command, i))
         if self.p['obey_supply_enable']:
-            self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_supply_enable,
-                           interface.RELIABLE)
+            self.subscribe(interface.SUPPLY_ENABLE, Bool, lambda message: self._permission.take(
+                message.data), interface.RELIABLE)
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
@@ -197,9 +197,6 @@ class PlantSimulator(BundleNode):
         # A stamp in the future counts from when the command came.
         self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
-
-    def _take_supply_enable(self, message: Bool) -> None:
-        self._permission.take(message.data)
 
     def _retry(self) -> None:
         """Send an unanswered sample again; a unit that never answers counts as lost."""

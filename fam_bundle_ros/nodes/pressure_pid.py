@@ -266,10 +266,13 @@ class PressurePidNode(BundleNode):
             self._command = forced
         elif new:
             assert self._setpoint is not None
-            self._command = self._regulate(self._setpoint[1], pressure, dt)
+            setpoint = min(max(self._setpoint[1], 0.0), self._max_pressure)
+            self._command = float(self.pid.update(setpoint, pressure, dt, *self._air.now()))
             if self._air.inflow.gentle:
                 self._command = max(self._command, -GENTLE)
-            self._observe(self._now(stamp), pressure)
+            self._pressure = pressure
+            self._off.see(self._now(stamp), self.pid.state.shown.followed_setpoint - pressure,
+                          _NOTABLE)
         if new:
             self._air.inflow.commanded(self._command)
         # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
@@ -278,21 +281,6 @@ class PressurePidNode(BundleNode):
                           and self._permission.given)
         if not self._withheld:
             self._publish(stamp, self._command)
-
-    def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
-        return float(self.pid.update(
-            min(max(setpoint, 0.0), self._max_pressure), pressure, dt, *self._air.now()))
-
-    def _observe(self, now: float, pressure: float) -> None:
-        """Note how long the pressure has been off."""
-        self._pressure = pressure
-        self._off.see(now, self.pid.state.shown.followed_setpoint - pressure, _NOTABLE)
-
-    @property
-    def _seen(self) -> str:
-        setpoint = self._pressure + self.pid.state.shown.error
-        return (f'mu{self.unit} pressure {kilopascals(self._pressure)}, setpoint '
-                f'{kilopascals(setpoint)}, valve at {self._command:.2f}')
 
     def _judge(self, now: float, pressure: float | None, new: bool = True,
                latency: float = 0.0) -> float | None:
@@ -334,11 +322,8 @@ class PressurePidNode(BundleNode):
         if not agrees:
             return -1.0 if guard.latched else self._hold(
                 now, f'mu{self.unit} waits for the supply')
-        if self._air.inflow.holding:
-            guard.enter(now, State.ACTIVE)
-            return 0.0
         guard.enter(now, State.ACTIVE)
-        return None
+        return 0.0 if self._air.inflow.holding else None
 
     def _look_for_latches(self, now: float, pressure: float | None) -> None:
         """Latch where a reading or its watch says so."""
@@ -408,7 +393,9 @@ class PressurePidNode(BundleNode):
             report.add(WARN, f'supply at {kilopascals(supply)}, below the setpoint of '
                        f'{kilopascals(self._setpoint[1])}')
         elif self._off.lasted > _SETTLING:
-            report.add(WARN, f'{self._seen} for {self._off.lasted:.1f} s: supply, valve, tube or '
+            report.add(WARN, f'mu{self.unit} pressure {kilopascals(self._pressure)}, setpoint '
+                       f'{kilopascals(self._pressure + state.error)}, valve at '
+                       f'{self._command:.2f} for {self._off.lasted:.1f} s: supply, valve, tube or '
                        'sensor?')
 
 

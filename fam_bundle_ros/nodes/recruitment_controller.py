@@ -20,12 +20,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import UInt8
 from std_srvs.srv import SetBool
 
-from fam_bundle_ros.control import (
-    Command,
-    Measurement,
-    RecruitmentController,
-    Reference,
-)
+from fam_bundle_ros.control import Command, Measurement, RecruitmentController, Reference
 from fam_bundle_ros.control.direct import DirectPressures
 from fam_bundle_ros.control.safety import Guard, Health, State
 from fam_bundle_ros.errors import InputError
@@ -39,10 +34,7 @@ from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import Oversight
 from fam_bundle_ros.nodes.process import executable
-from fam_bundle_ros.nodes.recruitment_parameters import (
-    controller_config,
-    SPECS,
-)
+from fam_bundle_ros.nodes.recruitment_parameters import controller_config, SPECS
 from fam_bundle_ros.nodes.reference_intake import ReferenceIntake
 from fam_bundle_ros.nodes.references import MovingReference
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
