@@ -22,7 +22,8 @@ def page():
         Section('One', 'Text', [
             Picture('figure-1', 'A figure', drawing, 'A caption'),
             Table(('effect', 'value (N)', 'note'),
-                  [(('effect', 'mesh'), 1234.5678, None), (('effect', 'slack'), float('nan'), True)])])],
+                  [(('effect', 'mesh'), 1234.5678, None),
+                   (('effect', 'slack'), float('nan'), True)])])],
         [('seed', '1')])
 
 
