@@ -142,12 +142,6 @@ def new_bundle(name: str, values: Mapping[str, str], effects: Sequence[str] = ST
     return fitted_bundle(name, values, [_effect(effect) for effect in effects], named=named)
 
 
-def with_dimensions(bundle: Bundle, values: Mapping[str, str],
-                    named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
-    """Return a bundle with other dimensions and the same effects; InputError as `new_bundle`."""
-    return fitted_bundle(bundle.name, values, bundle.effects, bundle.notes, named)
-
-
 def fitted_bundle(name: str, values: Mapping[str, str], effects: Sequence,
                   notes: Mapping | None = None,
                   named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
@@ -193,7 +187,7 @@ def dimensions_of(bundle: Bundle) -> dict[str, str]:
     """
     Return the dimensions of a bundle as people type them, by key of `ENTRIES`.
 
-    Those of the first motor unit: `with_dimensions` gives every unit the same.
+    Those of the first motor unit: `fitted_bundle` gives every unit the same.
     """
     first = bundle.motor_units[0]
     units = {entry.key: entry.unit for entry in ENTRIES}

@@ -313,7 +313,7 @@ class PlantSimulator(BundleNode):
         self._meter.tick()
         stamp, readings = self._stamp, self.rig.readings
         if self._time_publisher:
-            self._time_publisher.publish(interface.clock_message(stamp))
+            self._time_publisher.publish(Clock(clock=interface.to_stamp(stamp)))
         values = ((readings.strain, readings.strain_rate),
                   *((value,) for value in readings.pressure.tolist()),
                   (readings.force,), (readings.supply,))
