@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one error that says "your input is wrong", shared by every layer."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class InputError(ValueError):
     """
@@ -10,3 +13,17 @@ class InputError(ValueError):
     The message is one sentence that names the file, row or parameter and what was expected.
     The command line prints it and exits with status 2.
     """
+
+
+@contextmanager
+def about(what: str) -> Iterator[None]:
+    """Put in front of an `InputError` of the block what it is about."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f'{what}: {error}') from error
+
+
+def first_line(error: Exception) -> str:
+    """Return the first line of an error of a library, or its kind where it says nothing."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many cores this process takes; and processes that work for it: environment, output, end."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 import os
 import sys
 from typing import IO
@@ -28,6 +30,20 @@ def environment() -> dict[str, str]:
     """Return the environment of a Python that finds the packages of this one, on one core."""
     return {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1',
             'PYTHONPATH': os.pathsep.join(part for part in sys.path if part)}
+
+
+@contextmanager
+def variables(**values: str) -> Iterator[None]:
+    """Set variables of the environment for a while."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
 
 
 def own_stdout(mode: str = 'w') -> IO:

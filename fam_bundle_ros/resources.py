@@ -8,6 +8,7 @@ installed with ``pip install -e`` or ``colcon build --symlink-install``, has it 
 package. No ROS share directory is asked for, so nodes start from wherever Python finds them.
 """
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from fam_bundle_ros.errors import InputError
@@ -80,40 +81,35 @@ def shipped_or_own(name: str, folder: str) -> Path:
 
 def model_path(name: str | Path) -> Path:
     """Return the path of a model file, or of a shipped model by its name."""
-    path = Path(name)
-    if path.exists():
-        return path
-    shipped = {Path(file).name.removesuffix('.yaml').removesuffix('.model'): f'{folder}/{file}'
-               for folder in ('data', 'models') for file in config_names(folder)
-               if file.endswith('.model.yaml') or (folder == 'models' and file.endswith('.yaml'))}
-    if str(name) in shipped:
-        return config_path(shipped[str(name)])
-    raise InputError(f'{name}: no such model file; models that ship: '
-                     f'{", ".join(sorted(shipped))}')
+    return _own_or(name, {**_shipped('data', '.model.yaml'), **_shipped('models', '.yaml')},
+                   'model file', 'models', Path.exists)
 
 
 def data_path(name: str | Path) -> Path:
     """Return the path of a measurement, or of one that ships by its name."""
-    path = Path(name)
-    if path.exists():
-        return path
-    shipped = [file for file in config_names('data') if file.endswith('.csv')]
-    if f'{name}.csv' in shipped:
-        return config_path(f'data/{name}.csv')
-    known = ', '.join(file.removesuffix('.csv') for file in shipped)
-    raise InputError(f'{name}: no such file or bag; measurements that ship: {known or "none"}')
+    return _own_or(name, _shipped('data', '.csv'), 'file or bag', 'measurements', Path.exists)
 
 
 def protocol_path(name: str | Path) -> Path:
     """Return the path of a protocol, or of one that ships by its name."""
-    path = Path(name)
-    if path.is_file():
-        return path
-    shipped = [file.removesuffix('.yaml') for file in config_names('protocols')]
+    return _own_or(name, _shipped('protocols', '.yaml'), 'protocol', 'protocols', Path.is_file)
+
+
+def _shipped(folder: str, suffix: str) -> dict[str, str]:
+    """Return what ships in a folder with this ending: name -> path below ``config/``."""
+    return {file.removesuffix(suffix): f'{folder}/{file}' for file in config_names(folder)
+            if file.endswith(suffix)}
+
+
+def _own_or(name: str | Path, shipped: Mapping[str, str], what: str, plural: str,
+            there: Callable[[Path], bool]) -> Path:
+    """Return a user's path where it is there, else that of what ships by this name."""
+    if there(Path(name)):
+        return Path(name)
     if str(name) in shipped:
-        return config_path(f'protocols/{name}.yaml')
-    raise InputError(f'{name}: no such protocol; protocols that ship: '
-                     f'{", ".join(shipped) or "none"}')
+        return config_path(shipped[str(name)])
+    raise InputError(f'{name}: no such {what}; {plural} that ship: '
+                     f'{", ".join(sorted(shipped)) or "none"}')
 
 
 def _root() -> Path:

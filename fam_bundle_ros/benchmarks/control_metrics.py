@@ -8,6 +8,7 @@ import numpy as np
 
 from fam_bundle_ros.benchmarks.control_trajectories import top_force
 from fam_bundle_ros.benchmarks.least_air import least_air
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.pneumatics import GAS_CONSTANT, POLYTROPIC, REFERENCE_TEMPERATURE
 from fam_bundle_ros.plant import air_energy, liquid_energy, RigConfig
@@ -134,18 +135,10 @@ def chatters(log: Log) -> bool:
     for k in range(len(switches) - 1):
         between = log.reference[switches[k]:switches[k + 1] + 1]
         if direction[k] != direction[k + 1] and np.ptp(between) < CHATTER[log.kind]:
-            return not _disturbed(log, switches[k], switches[k + 1])
+            # it is no chatter where what the bundle works against moved in between
+            moved = np.ptp(log.strain[switches[k]:switches[k + 1] + 1])
+            return log.kind != 'strain' and bool(moved <= CHATTER['strain'])
     return False
-
-
-def _disturbed(log, first, last):
-    """Return whether what the bundle works against moved in between: strain, or load."""
-    return log.kind == 'strain' or float(np.ptp(log.strain[first:last + 1])) > CHATTER['strain']
-
-
-def rms(error: np.ndarray) -> float:
-    """Return the root of the mean of squares."""
-    return float(np.sqrt(np.mean(error ** 2)))
 
 
 def near(time: np.ndarray, switches: np.ndarray) -> np.ndarray:

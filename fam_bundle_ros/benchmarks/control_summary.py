@@ -83,10 +83,6 @@ def untold_ratio(case: dict[str, Any]) -> float | None:
     return untold['tracking_rms'] / case['equal_pressure']['tracking_rms']
 
 
-def _given(name):
-    return lambda case: case['reversal_aware'].get(name)
-
-
 def _one(wanted, value):
     return lambda case: value(case) if wanted(case['reversal_aware']) else None
 
@@ -109,8 +105,8 @@ FIGURES = (
      None, None, 1.08),
     ('nominal: air over that without feedback',
      _one(lambda r: r['plant'] == 'nominal', _over_no_feedback('air_mass')), None, None, 1.08),
-    ('nominal: air over the least that any allocation needs', _given('air_over_least'),
-     None, None, 1.10),
+    ('nominal: air over the least that any allocation needs',
+     lambda case: case['reversal_aware'].get('air_over_least'), None, None, 1.10),
 )
 
 

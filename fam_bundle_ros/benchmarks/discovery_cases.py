@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.signal import lfilter
 
 from fam_bundle_ros.benchmarks.discovery_truth import (
     ANGLE,
@@ -106,13 +107,10 @@ def _steps(rng: np.random.Generator, t: np.ndarray, levels: np.ndarray, hold: fl
 
 
 def _lag(values: np.ndarray, samples: float) -> np.ndarray:
-    result, gain = values.copy(), 1.0 / (1.0 + samples)
+    gain = 1.0 / (1.0 + samples)
     for _ in range(2):
-        state = result[0]
-        for i, value in enumerate(result):
-            state += gain * (value - state)
-            result[i] = state
-    return result
+        values, _ = lfilter([gain], [1.0, gain - 1.0], values, zi=[(1.0 - gain) * values[0]])
+    return values
 
 
 # --- noise and the case ------------------------------------------------------------------------
@@ -121,11 +119,7 @@ def noise_of(kind: str, sd: float, record: Record, rng: np.random.Generator) -> 
     """Return noise: 'white', 'ar' (0.8 from one to the next) or 'outliers' (3 %, 5 to 15 sd)."""
     white = sd * rng.standard_normal(len(record.time))
     if kind == 'ar':
-        result, state = np.empty(len(white)), 0.0
-        for i, value in enumerate(white):
-            state = 0.8 * state + 0.6 * value
-            result[i] = state
-        return result
+        return lfilter([0.6], [1.0, -0.8], white)
     if kind == 'outliers':
         bad = rng.uniform(size=len(white)) < 0.03
         return white + bad * sd * rng.uniform(5, 15, len(white)) * rng.choice([-1, 1], len(white))

@@ -268,13 +268,7 @@ def make_hidden(name: str, form: str, rng: np.random.Generator, size: float = 1.
 
         def soften(rubber, record):
             moved = np.abs(np.diff(record.strain, prepend=record.strain[0]))
-            moved[record.starts] = 0.0
-            travel = np.zeros(len(moved))
-            total = 0.0
-            begins = set(record.starts.tolist())
-            for i, step in enumerate(moved):
-                total = 0.0 if i in begins else total + step
-                travel[i] = total
+            travel = per_trial(record, lambda z, i, dt: 0.0 if z is None else z + moved[i])
             lost = travel / (travel + 0.7 * reach) if other else 1 - np.exp(-travel / reach)
             return -depth * lost * rubber
         return Hidden(name, form, {'depth': depth}, rubber=soften)

@@ -6,6 +6,7 @@ Rows over ROS: the bundle's nodes beside empty nodes in the same graph.
 Each graph runs in processes of its own, by name: only `fam_bundle_ros.nodes` speaks ROS.
 """
 
+from functools import partial
 import importlib.util
 from pathlib import Path
 import pstats
@@ -77,13 +78,8 @@ def where(scale: float, **case: Any) -> str:
     return text.replace('nodes/latency.py', 'the executor')
 
 
-def where_lock_step(scale: float) -> str:
-    """Return the same in lock-step."""
-    return where(scale, lock_step=True)
-
-
 ROWS = (
     Row('latency', 'sensor to valve over ROS', latencies, where),
     Row('kilohertz', 'pressure loops at 1 kHz over ROS', kilohertz),
-    Row('lock-step', 'lock-step over ROS', lock_step, where_lock_step),
+    Row('lock-step', 'lock-step over ROS', lock_step, partial(where, lock_step=True)),
 )

@@ -34,6 +34,7 @@ import warnings
 from fam_bundle_ros.campaign.version import code_version
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
+from fam_bundle_ros.processes import variables
 
 Progress = Callable[[int, int], None] | None
 #: What stands for the result of a task whose process died (default: `WorkerDied` is raised).
@@ -108,7 +109,7 @@ def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | 
     if count == 1:
         yield from enumerate(map(function, todo))
         return
-    with _one_core_each():
+    with variables(**dict.fromkeys(_ONE_CORE, '1')):
         suspects = yield from _in_processes(function, dict(enumerate(todo)), count)
         while suspects:
             # one at a time, so that it is known which of them kills its process
@@ -201,20 +202,6 @@ def _begin_worker() -> None:
     if parent is not None:
         threading.Thread(target=lambda: (connection.wait([parent.sentinel]), os._exit(1)),
                          daemon=True).start()
-
-
-@contextmanager
-def _one_core_each() -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in _ONE_CORE}
-    os.environ.update(dict.fromkeys(_ONE_CORE, '1'))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: str, lost: Lost,

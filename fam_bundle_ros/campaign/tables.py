@@ -74,17 +74,16 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
         'rows_dropped': sum(data.get('dropped', {}).values()) if data else None,
         'model_error_N': error.get('model'), 'recalibrated_error_N': error.get('recalibrated'),
         'best_error_N': error.get('best'), 'held_out_N': recommended.get('held_out_N'),
-        'noise_floor_N': said.get('noise_floor_N'),
-        'relative_error': compared.get('relative_error'), 'bias_N': compared.get('bias_N'),
-        'largest_N': compared.get('largest_N'), 'lack_of_fit': compared.get('lack_of_fit'),
+        **{key: compared.get(key) for key in ('relative_error', 'bias_N', 'largest_N',
+                                              'lack_of_fit')},
         'worst_region': next((each['where'] for each in compared.get('located', [])), ''),
-        'verdict': said.get('verdict', ''), 'summary': said.get('summary', ''),
+        **{key: said.get(key, '') for key in ('verdict', 'summary', 'next_experiment')},
         'effects': ', '.join(said.get('effects', [])),
         'replaced': ', '.join(f'{old}={new}' for old, new in said.get('replaced', {}).items()),
         'removed': ', '.join(said.get('removed', [])),
         'tied': '; '.join(', '.join(group) for group in said.get('tied', [])),
         'notes': '; '.join(said.get('notes', [])),
-        'next_experiment': said.get('next_experiment', ''), 'seconds': said.get('seconds'),
+        'noise_floor_N': said.get('noise_floor_N'), 'seconds': said.get('seconds'),
         'data_sha256': recording.sha256, 'address': address})
     return {**{name: value for name, value in facts_of(recording.specimen).items()
                if name not in row}, **row}
@@ -103,10 +102,9 @@ def effect_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
             continue
         rows[name] = {
             'file': recording.file, 'muscle': recording.muscle, 'effect': name,
-            'shape': entry['shape'], 'family': entry['family'], 'named': name in named,
-            'tied': name in tied, 'probability': entry['probability'],
-            'replaces': entry['replaces'], 'error_N': entry['error_N'],
-            'reason': entry['reason']}
+            'named': name in named, 'tied': name in tied,
+            **{key: entry[key] for key in ('shape', 'family', 'probability', 'replaces',
+                                           'error_N', 'reason')}}
     return list(rows.values())
 
 

@@ -20,7 +20,7 @@ from rich.text import Text
 import typer
 
 from fam_bundle_ros import palette
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.report.numbers import shown
 from fam_bundle_ros.resources import data_path, model_path
 
@@ -231,10 +231,8 @@ def muscle_of(bundle: Any) -> dict[str, Any]:
 def quantity(text: str, like: str, option: str) -> float:
     """Return an option's value with its unit in SI; the error names the option."""
     from fam_bundle_ros.units import parse, spaced
-    try:
+    with about(option):
         return parse(spaced(text), like)
-    except InputError as error:
-        raise InputError(f'{option}: {error}') from error
 
 
 def yaml_to_write(path: Path, what: str = 'model') -> None:

@@ -38,8 +38,6 @@ LOST = 'LOST'
 PID_LOST = 'PID_LOST'
 #: The process itself stood still.
 STOPPED = 'STOPPED'
-CAUSES = frozenset({OVER_PRESSURE, NO_RESPONSE, UNEXPLAINED_PRESSURE, SUPPLY, FORCE, LATE, FROZEN,
-                    LOST, PID_LOST, STOPPED})
 
 #: Default of ``over_pressure_factor``.
 OVER_PRESSURE_FACTOR = 1.15

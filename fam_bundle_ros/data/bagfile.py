@@ -18,7 +18,7 @@ import numpy as np
 
 from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.data.measurement import build, MAX_ROWS, Measurement
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import first_line, InputError
 from fam_bundle_ros.extras import library
 
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
@@ -62,9 +62,8 @@ def read_bag(path: Path, *, rest_length: float | None = None,
     except InputError:
         raise
     except Exception as error:  # rosbags raises its own and sqlite's, zstd's, ...
-        first = str(error).strip().splitlines()
-        raise InputError(f'{label}: cannot be read as a ROS 2 bag '
-                         f'({first[0] if first else type(error).__name__})') from error
+        raise InputError(f'{label}: cannot be read as a ROS 2 bag ({first_line(error)})'
+                         ) from error
     limits = {'max_pressure': max_pressure, 'max_strain': max_strain}
     return _resample(label, series, rest_length, ambient_pressure, gauge, limits)
 

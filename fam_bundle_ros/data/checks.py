@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.rates import begins
 from fam_bundle_ros.errors import InputError
 
 #: Highest gauge pressure of a pneumatic muscle, Pa, and highest strain, unless told otherwise.
@@ -238,8 +239,7 @@ def spread_stamps(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
         return time
     begin = np.flatnonzero(fresh)
     count = np.diff(np.append(begin, len(time)))
-    first = np.ones(len(begin), bool)
-    first[1:] = np.diff(trial[begin]) != 0
+    first = begins(trial[begin])
     last = np.append(first[1:], True)
     width = np.append(np.diff(time[begin]), 0.0)
     usual_width = np.median(width[~last]) if (~last).any() else 0.0

@@ -153,9 +153,7 @@ class Measurement(Told):
     @property
     def start(self) -> np.ndarray:
         """Return a (T,) bool array, True at the first sample of each trial."""
-        first = np.ones(len(self), bool)
-        first[1:] = np.diff(self.trial) != 0
-        return first
+        return rates.begins(self.trial)
 
     @property
     def clock(self) -> np.ndarray:

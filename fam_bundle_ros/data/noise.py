@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import betainc, erf
 
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import ROBUST, spread
+from fam_bundle_ros.data.rates import begins, ROBUST, spread
 from fam_bundle_ros.data.trials import trial_offsets
 
 #: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
@@ -278,10 +278,7 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
     parts.append(measurement.direction)
     _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
     cell = cell.ravel()
-    change = np.ones(len(cell), bool)
-    change[1:] = (np.diff(cell) != 0) | (np.diff(measurement.trial) != 0)
-    visit = np.cumsum(change) - 1
-    return cell, visit
+    return cell, np.cumsum(begins(cell, measurement.trial)) - 1
 
 
 def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray], quantum: float,

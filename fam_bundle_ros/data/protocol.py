@@ -31,7 +31,7 @@ from fam_bundle_ros.data.segments import (
     STEPS,
     Sweep,
 )
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, first_line, InputError
 from fam_bundle_ros.resources import protocol_path
 from fam_bundle_ros.units import express, parse
 
@@ -58,12 +58,9 @@ def read_protocol(name: str | Path) -> Protocol:
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path.name}: cannot be read as YAML ({str(error).splitlines()[0]})'
-                         ) from None
-    try:
+        raise InputError(f'{path.name}: cannot be read as YAML ({first_line(error)})') from None
+    with about(path.name):
         return _protocol(content)
-    except InputError as error:
-        raise InputError(f'{path.name}: {error}') from None
 
 
 def save_protocol(protocol: Protocol, path: str | Path) -> None:
@@ -240,10 +237,8 @@ def _only(given: Mapping[Any, Any], known: set[str], where: str) -> None:
 
 
 def _quantity(value: Any, like: str, where: str) -> float:
-    try:
+    with about(where):
         return parse(value, like)
-    except InputError as error:
-        raise InputError(f'{where}: {error}') from None
 
 
 def _count(value: Any, where: str) -> int:

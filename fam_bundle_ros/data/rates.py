@@ -81,6 +81,13 @@ def _blocks(time: np.ndarray, value: np.ndarray, half: int, block: int = 2000,
     return fitted, slope
 
 
+def begins(*labels: np.ndarray) -> np.ndarray:
+    """Return which rows begin a run in which no label changes, (T,) bool."""
+    first = np.ones(len(labels[0]), bool)
+    first[1:] = np.any([label[1:] != label[:-1] for label in labels], axis=0)
+    return first
+
+
 def _usual_step(time: np.ndarray, trial: np.ndarray) -> float:
     steps = np.diff(time)[np.diff(trial) == 0]
     return float(np.median(steps)) if len(steps) else 1.0
@@ -262,9 +269,7 @@ def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.n
     fast = np.percentile(np.abs(rate), 90) if len(rate) else 0.0
     threshold = max(3.0 * rate_noise, CRAWL * fast)
     way = np.where(rate > threshold, 1, np.where(rate < -threshold, -1, 0))
-    change = np.ones(len(way), bool)
-    change[1:] = (np.diff(way) != 0) | (np.diff(trial) != 0)
-    run = np.cumsum(change) - 1
+    run = np.cumsum(begins(way, trial)) - 1
     duration = np.diff(time, append=time[-1:])
     duration[np.append(np.diff(trial) != 0, True)] = 0.0
     travel = np.bincount(run, np.abs(rate) * duration)
@@ -285,9 +290,7 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     window : int
         Rows over which the slope was smoothed.
     """
-    change = np.ones(len(moving), bool)
-    change[1:] = (np.diff(moving) != 0) | (np.diff(trial) != 0)
-    begin = np.flatnonzero(change)
+    begin = np.flatnonzero(begins(moving, trial))
     length = np.diff(begin, append=len(moving))
     way, of = moving[begin], trial[begin]
     turns = np.zeros(len(begin), bool)

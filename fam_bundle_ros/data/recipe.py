@@ -12,7 +12,7 @@ from typing import Any
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.vocabulary import QUANTITIES, recognise
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.units import express, parse
 
 FORMAT = 'fam-bundle-recipe/1'
@@ -120,10 +120,8 @@ def load_recipe(path: str | Path) -> Recipe:
                                 'max_strain': 'a number'}[key])
     content['columns'] = {str(key): str(value) for key, value in content.get('columns',
                                                                              {}).items()}
-    try:
+    with about(path.name):
         return Recipe(**content)
-    except InputError as error:
-        raise InputError(f'{path.name}: {error}') from error
 
 
 def save_recipe(recipe: Recipe, path: str | Path) -> None:
@@ -156,7 +154,5 @@ def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
 
 
 def _quantity(value: Any, like: str, what: str) -> float:
-    try:
+    with about(what):
         return parse(value, like)
-    except InputError as error:
-        raise InputError(f'{what}: {error}') from error

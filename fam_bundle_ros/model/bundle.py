@@ -389,7 +389,7 @@ class Bundle:
         if dimensions:
             units = tuple(replace(unit, geometry=self._resized(unit.geometry, dimensions))
                           for unit in units)
-        return Bundle(self.name, units, effects, self.error, self.notes)
+        return self._with(motor_units=units, effects=effects)
 
     def _resized(self, geometry, dimensions):
         first = self.motor_units[0].geometry
@@ -400,9 +400,7 @@ class Bundle:
             own, reference = getattr(geometry, name), getattr(first, name)
             new[name] = own - reference + value if name == 'braid_angle' \
                 else own * value / reference
-        values = {name: new.get(name, getattr(geometry, name))
-                  for name in ('radius', 'length', 'braid_angle', 'wall_thickness')}
-        return Geometry(**values)
+        return replace(geometry, **new)
 
     def _with(self, **changes) -> 'Bundle':
         parts = {'name': self.name, 'motor_units': self.motor_units, 'effects': self.effects,

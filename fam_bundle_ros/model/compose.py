@@ -323,10 +323,8 @@ class Composition:
         return pointers(made.unit_force, made.unit_volume, made.unit_volume_slope)
 
 
-@lru_cache(maxsize=512)
-def composition(laws: tuple[Law, ...]) -> Composition:
-    """Return the composition of some laws, made once for each set."""
-    return Composition(laws)
+#: The composition of some laws, made once for each set.
+composition = lru_cache(maxsize=512)(Composition)
 
 
 def _total(parts):

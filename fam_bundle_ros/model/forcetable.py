@@ -9,7 +9,7 @@ import warnings
 
 import numpy as np
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model.vocabulary import cell
 from fam_bundle_ros.units import si_factor
 
@@ -116,10 +116,8 @@ def read_columns(path: Path, needed: Mapping[str, str], optional: Mapping[str, s
         name, _, unit = (part.strip(' ]') for part in title.partition('['))
         if name in wanted:
             like = wanted[name]
-            try:
+            with about(f'{path}, header "{title}"'):
                 factor = si_factor(unit or ('' if units_told else like), like)
-            except InputError as error:
-                raise InputError(f'{path}, header "{title}": {error}') from error
             found[name] = factor * _numbers(path, rows, index, name)
     missing = set(needed) - set(found)
     if missing:

@@ -74,11 +74,6 @@ class Geometry:
         return cls(*(np.array([getattr(g, name) for g in geometries], float) for name in names))
 
 
-def ideal_free_strain(geometry):
-    """Return the free strain of the ideal muscle, 1 - 1/(sqrt(3) cos a0) [CH96]."""
-    return 1.0 - 1.0 / np.sqrt(3.0 * geometry.cos2)
-
-
 def geometry_problem(radius: float, length: float, braid_angle: float, wall_thickness: float,
                      ) -> tuple[str, str] | None:
     """

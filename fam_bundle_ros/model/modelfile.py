@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from fam_bundle_ros.atomic import write_whole
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.effect import Effect
@@ -140,10 +140,8 @@ class _Reader:
             raise self.error(tree.lines['notes'], 'notes must be a mapping')
         if 'description' in tree:
             notes = {'description': str(tree['description']), **notes}
-        try:
+        with about(self.where):
             return Bundle(str(tree.get('name') or 'model'), units, effects, error, notes)
-        except InputError as error:
-            raise InputError(f'{self.where}: {error}') from error
 
     def python_effects(self, tree, folder, allow_python):
         files = tree.get('effect_files') or []

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import yaml
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.geometry import Geometry, geometry_problem
@@ -142,12 +142,6 @@ def new_bundle(name: str, values: Mapping[str, str], effects: Sequence[str] = ST
     return fitted_bundle(name, values, [_effect(effect) for effect in effects], named=named)
 
 
-def with_dimensions(bundle: Bundle, values: Mapping[str, str],
-                    named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
-    """Return a bundle with other dimensions and the same effects; InputError as `new_bundle`."""
-    return fitted_bundle(bundle.name, values, bundle.effects, bundle.notes, named)
-
-
 def fitted_bundle(name: str, values: Mapping[str, str], effects: Sequence,
                   notes: Mapping | None = None,
                   named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
@@ -162,10 +156,8 @@ def fitted_bundle(name: str, values: Mapping[str, str], effects: Sequence,
     numbers = {}
     for entry in ENTRIES:
         if entry.unit:
-            try:
+            with about(named(entry)):
                 numbers[entry.key] = parse(spaced(values[entry.key]), entry.unit)
-            except InputError as error:
-                raise InputError(f'{named(entry)}: {error}') from error
     pressure = numbers.pop('max_pressure')
     problem = geometry_problem(**numbers)
     if problem:
@@ -195,7 +187,7 @@ def dimensions_of(bundle: Bundle) -> dict[str, str]:
     """
     Return the dimensions of a bundle as people type them, by key of `ENTRIES`.
 
-    Those of the first motor unit: `with_dimensions` gives every unit the same.
+    Those of the first motor unit: `fitted_bundle` gives every unit the same.
     """
     first = bundle.motor_units[0]
     units = {entry.key: entry.unit for entry in ENTRIES}

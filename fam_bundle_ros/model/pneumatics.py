@@ -160,9 +160,3 @@ def flow_for(pressure: float, volume: float, volume_rate: float, wanted_rate: fl
     """Return the mass flow that gives a wanted dp/dt: the inverse of `pressure_rate`, kg/s."""
     return (wanted_rate * volume / exponent + pressure * volume_rate) / (
         GAS_CONSTANT * temperature)
-
-
-def air_mass(pressure: float, volume: float,
-             temperature: float = REFERENCE_TEMPERATURE) -> float:
-    """Return the air in a chamber at rest, p V/(R T), in kg; pressure absolute."""
-    return pressure * volume / (GAS_CONSTANT * temperature)

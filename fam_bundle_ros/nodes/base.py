@@ -121,7 +121,7 @@ class BundleNode(Node):
         publish = self.publisher(topic, kind).publish
         return lambda *values: publish(write(*values))
 
-    def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], None],
+    def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], Any],
                   qos: QoSProfile | None = None) -> Subscription:
         """
         Return a subscription; a message that cannot be read is logged and dropped.

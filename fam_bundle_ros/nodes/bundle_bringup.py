@@ -38,8 +38,8 @@ SPECS = (
 class BundleBringup(BundleNode):
     """Says which nodes to start; does nothing else."""
 
-    def __init__(self, *, context: Context | None = None, **keywords: Any):
-        super().__init__('bundle_bringup', SPECS, context=context, **keywords)
+    def __init__(self, **keywords: Any):
+        super().__init__('bundle_bringup', SPECS, **keywords)
         self.units = bundle_from(self.p['model']).n
 
 

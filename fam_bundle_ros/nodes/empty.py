@@ -165,7 +165,7 @@ def empty_node(role: str, units: int, lock_step: bool, context: Context,
         outputs: dict[str, Any] = {
             interface.setpoint_topic(k): interface.pressure_message(0, SETPOINT, _AMBIENT)
             for k in _count(units)}
-        outputs[interface.RECRUITMENT] = interface.recruitment_message(
+        outputs[interface.RECRUITMENT] = interface.recruitment_writer(units)(
             0, [True] * units, [1.0 / units] * units)
     elif role == 'model_monitor':
         awaited, heard = samples, {}

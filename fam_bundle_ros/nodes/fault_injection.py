@@ -20,7 +20,7 @@ from typing import Any
 
 from rclpy.parameter import Parameter
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.parameters import Spec
@@ -95,10 +95,8 @@ def faults_from(values: dict[str, Any], units: int) -> Faults:
         pairs = _pairs(full, values[full], tuple(unit_names), example, name == 'stuck_valve')
         found_units = {unit_names[unit]: unit_names.get(value, value) for unit, value in pairs}
         setattr(faults, name, found_units if example else set(found_units))
-    try:
+    with about('faults.*'):
         check_faults(faults, units)
-    except InputError as error:
-        raise InputError(f'faults.*: {error}') from None
     return faults
 
 

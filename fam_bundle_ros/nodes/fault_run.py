@@ -30,14 +30,6 @@ _SIMULATED = {'monitor': False, 'lock_step_timeout': 0.4, 'patience': 0.0}
 _AS_SHIPPED = {'sensor_timeout': 0.1, 'setpoint_timeout': 0.2, 'command_timeout': 0.1}
 
 
-def state_of(node: BundleNode) -> str:
-    """Return the state of a controller node as its diagnostics show it."""
-    guard = getattr(node, '_guard', None)
-    if guard is None:
-        return str(getattr(node, '_state', ''))
-    return f'{guard.now.state.value} {guard.now.cause}'.strip()
-
-
 class Observer:
     """
     Notes, after each step of the rig, what is true there and what state the nodes are in.
@@ -71,8 +63,9 @@ class Observer:
         if self._enable_at is not None and time >= self._enable_at:
             self._enable_at = None
             self._client.call_async(SetBool.Request(data=True)).add_done_callback(self._answered)
-        states = tuple(state_of(node) for node in nodes
-                       if isinstance(node, RecruitmentNode | PressurePidNode))
+        guards = [node._guard.now for node in nodes
+                  if isinstance(node, RecruitmentNode | PressurePidNode)]
+        states = tuple(f'{now.state.value} {now.cause}'.strip() for now in guards)
         # The rig's own clock: that of the trajectory stands still where its generator is held up.
         self._rows.append((self._begin + rig.state.time, truth.pressure, truth.force,
                            truth.strain, tuple(commands), rig.state.air.dumping, states))

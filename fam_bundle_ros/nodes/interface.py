@@ -23,10 +23,8 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, String, UInt8
-from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from fam_bundle_ros.errors import InputError
@@ -68,10 +66,6 @@ FAULT_CLEAR = 'fault/clear'
 DIAGNOSE = 'diagnose'
 APPLY_MODEL = 'apply_model'
 RESTORE_MODEL = 'restore_model'
-SERVICES = {ENABLE: SetBool, E_STOP_TRIGGER: Trigger, E_STOP_RESET: Trigger, RESET: Trigger,
-            TARE: Trigger, ADAPTATION_RESET: Trigger, ADAPTATION_SAVE: Trigger,
-            FAULT_CLEAR: Trigger, DIAGNOSE: Trigger, APPLY_MODEL: Trigger,
-            RESTORE_MODEL: Trigger}
 
 LOAD_CELL_FRAME = 'load_cell'
 
@@ -170,11 +164,6 @@ def to_stamp(nanoseconds: int) -> Time:
 def write_stamp(stamp: Time, nanoseconds: int) -> None:
     """Set a stamp to nanoseconds."""
     stamp.sec, stamp.nanosec = divmod(int(nanoseconds), 1_000_000_000)
-
-
-def clock_message(nanoseconds: int) -> Clock:
-    """Return the message that sets everyone's simulated clock."""
-    return Clock(clock=to_stamp(nanoseconds))
 
 
 # --- rig --------------------------------------------------------------------------------------
@@ -396,11 +385,6 @@ def recruitment_writer(units: int) -> Callable[..., JointState]:
     def write(stamp: int, active: Iterable[bool], share: Iterable[float]) -> JointState:
         return joints(stamp, map(bool, active), share)
     return write
-
-
-def recruitment_message(stamp: int, active: Sequence[bool], share: Sequence[float]) -> JointState:
-    """Return a message of `recruitment_writer`."""
-    return recruitment_writer(len(active))(stamp, active, share)
 
 
 def bool_message(value: bool) -> Bool:

@@ -34,8 +34,6 @@ from fam_bundle_ros.nodes.process import node_command
 from fam_bundle_ros.nodes.session import DESKTOP
 from fam_bundle_ros.resources import config_path
 
-#: What is run: the bundle's nodes, empty nodes, or the bundle's pressure loops among empty nodes.
-GRAPHS = ('bundle', 'empty', 'pids')
 #: Answers before the measurement begins: processes find each other, caches fill.
 _WARM_UP = 100
 #: s until the first answer.
@@ -136,7 +134,7 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
     Parameters
     ----------
     graph : str
-        One of `GRAPHS`.
+        ``bundle`` (its nodes), ``empty`` (empty nodes), ``pids`` (its pressure loops among them).
     rate : float, Hz
         Of the samples.
     units : int

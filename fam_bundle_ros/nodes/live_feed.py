@@ -71,14 +71,12 @@ class LiveFeed(BundleNode):
     ----------
     tell : callable
         Gets each record.
-    context : Context, optional
     **keywords
         Of `BundleNode`.
     """
 
-    def __init__(self, tell: Callable[[dict[str, Any]], None], *, context: Context | None = None,
-                 **keywords: Any):
-        super().__init__('live_feed', (), context=context, **keywords)
+    def __init__(self, tell: Callable[[dict[str, Any]], None], **keywords: Any):
+        super().__init__('live_feed', (), **keywords)
         self._tell = tell
         self._newest: dict[str, Any] = {}
         self._pressure: dict[int, float] = {}

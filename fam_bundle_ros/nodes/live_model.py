@@ -17,6 +17,7 @@ import numpy as np
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.memory import Memory
+from fam_bundle_ros.data.rates import spread
 from fam_bundle_ros.discovery.holding import Holding, tolerance_of
 from fam_bundle_ros.discovery.locate import locate
 from fam_bundle_ros.discovery.predict import predict
@@ -209,5 +210,4 @@ def noise_floor(residual: np.ndarray) -> float:
 
     Slow errors of the model cancel in them; the median keeps switching moments out.
     """
-    second = residual[2:] - 2.0 * residual[1:-1] + residual[:-2]
-    return float(1.4826 * np.median(np.abs(second - np.median(second))) / math.sqrt(6.0))
+    return spread(np.diff(residual, 2)) / math.sqrt(6.0)

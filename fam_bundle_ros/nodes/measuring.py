@@ -70,6 +70,8 @@ class Measuring(BundleNode):
 
     Attributes
     ----------
+    reason : str
+        Why the recruitment controller is off, as it says itself; empty where it is not.
     stopped : str
         Why the experiment cannot go on; empty while it can.
     heard : float
@@ -84,8 +86,7 @@ class Measuring(BundleNode):
         self._setpoint = [math.nan] * bundle.n
         self._open = False
         self._asked: Asked | None = None
-        self._reason = ''
-        self.stopped = ''
+        self.reason = self.stopped = ''
         self.heard = 0.0
         #: Which other reference was heard last, and at what steady time, s.
         self.other = '', -math.inf
@@ -113,16 +114,6 @@ class Measuring(BundleNode):
             GetParameters, 'recruitment_controller/get_parameters')
         self._sensing = Sensing(self, bundle.n, bundle.length, self._on_sample)
         self.every(max(1.0 / self.p['rate'], 2e-3), self._check_time)
-
-    @property
-    def reason(self) -> str:
-        """Why the recruitment controller is off, as it says itself; empty where it is not."""
-        return self._reason
-
-    @property
-    def cut_off(self) -> bool:
-        """Whether the controller has withdrawn its permission to open the supply."""
-        return self.stopped == _CUT
 
     def _on_sample(self, sample: Sample) -> None:
         if sample.silent:
@@ -157,7 +148,7 @@ class Measuring(BundleNode):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name == f'{self.get_namespace()}/recruitment_controller'.lstrip('/'):
-                self._reason = status.message if status.level[0] == ERROR else ''
+                self.reason = status.message if status.level[0] == ERROR else ''
 
     def _check_time(self) -> None:
         self._sensing.check_time()
@@ -310,7 +301,7 @@ def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[
                 left = run.left if rig or share <= 0.0 else took * (1.0 - share) / share
                 progress(share, f'{run.words}; {minutes(left)} left')
         if node.stopped:
-            if node.cut_off:
+            if node.stopped == _CUT:
                 until(lambda: bool(node.reason), _REASON)
             raise Stopped(': '.join(part for part in (node.stopped, node.reason) if part))
     finally:

@@ -17,7 +17,6 @@ import math
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.context import Context
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
@@ -56,13 +55,12 @@ class ModelMonitor(BundleNode):
 
     Parameters
     ----------
-    context : Context, optional
     **keywords
         Of `BundleNode`.
     """
 
-    def __init__(self, *, context: Context | None = None, **keywords: Any):
-        super().__init__('model_monitor', SPECS, context=context, **keywords)
+    def __init__(self, **keywords: Any):
+        super().__init__('model_monitor', SPECS, **keywords)
         p = self.p
         self._live = LiveModel(bundle_from(p['model']))
         bundle = self._live.bundle

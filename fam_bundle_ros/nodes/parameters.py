@@ -22,7 +22,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 
 Value = bool | int | float | str
 
@@ -133,10 +133,8 @@ class Parameters(dict[str, Any]):
                 given = node._parameter_overrides[spec.name].value
                 raise InputError(f'{node.get_name()}: parameter {spec.name} is {given!r}; '
                                  f'expected {spec.expected}') from None
-            try:
+            with about(node.get_name()):
                 spec.check(value)
-            except InputError as error:
-                raise InputError(f'{node.get_name()}: {error}') from None
             self[spec.name] = value
 
     def on_change(self, node: Node, check: Callable[[dict[str, Any]], Any],

@@ -15,7 +15,6 @@ import time
 from typing import Any, Protocol
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
@@ -80,7 +79,6 @@ class PlantSimulator(BundleNode):
 
     Parameters
     ----------
-    context : Context, optional
     rig : Rig, optional
         In place of the one that the parameters describe.
     script : Script, optional
@@ -95,9 +93,8 @@ class PlantSimulator(BundleNode):
         Time stands still: the script has ended.
     """
 
-    def __init__(self, *, context: Context | None = None, rig: Rig | None = None,
-                 script: Script | None = None, **keywords: Any):
-        super().__init__('plant_simulator', SPECS, context=context, **keywords)
+    def __init__(self, *, rig: Rig | None = None, script: Script | None = None, **keywords: Any):
+        super().__init__('plant_simulator', SPECS, **keywords)
         p = self.p
         self.rig = rig or Rig(bundle_from(p['plant_model'] or p['model']), rig_config(p),
                               seed=p['seed'])
@@ -161,8 +158,8 @@ class PlantSimulator(BundleNode):
             self.subscribe(interface.valve_topic(i + 1), JointState,
                            partial(self._take_command, i))
         if self.p['obey_supply_enable']:
-            self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_supply_enable,
-                           interface.RELIABLE)
+            self.subscribe(interface.SUPPLY_ENABLE, Bool, lambda message: self._permission.take(
+                message.data), interface.RELIABLE)
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):
@@ -178,11 +175,6 @@ class PlantSimulator(BundleNode):
     @faults.setter
     def faults(self, faults: Faults) -> None:
         self._injection.set(faults)
-
-    def resume(self) -> None:
-        """Go on after the script had halted time."""
-        self.halted = False
-        self._publish()
 
     # --- lock-step -----------------------------------------------------------------------------
 
@@ -205,9 +197,6 @@ class PlantSimulator(BundleNode):
         # A stamp in the future counts from when the command came.
         self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
-
-    def _take_supply_enable(self, message: Bool) -> None:
-        self._permission.take(message.data)
 
     def _retry(self) -> None:
         """Send an unanswered sample again; a unit that never answers counts as lost."""
@@ -324,7 +313,7 @@ class PlantSimulator(BundleNode):
         self._meter.tick()
         stamp, readings = self._stamp, self.rig.readings
         if self._time_publisher:
-            self._time_publisher.publish(interface.clock_message(stamp))
+            self._time_publisher.publish(Clock(clock=interface.to_stamp(stamp)))
         values = ((readings.strain, readings.strain_rate),
                   *((value,) for value in readings.pressure.tolist()),
                   (readings.force,), (readings.supply,))

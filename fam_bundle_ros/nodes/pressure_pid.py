@@ -16,7 +16,6 @@ import math
 import time
 from typing import Any
 
-from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
@@ -49,8 +48,6 @@ from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 
 #: A gap between readings longer than this, to either side, is no sample period, s.
 _GAP = 0.5
-#: Setpoints below it ask for no pressure, Pa.
-_AMBIENT = 1e3
 #: Pa: noise and drift of a reading stay below; errors above are worth a word.
 _NOTABLE = 10e3
 #: An error lasts when it is there for longer than any step takes to settle, s.
@@ -65,16 +62,15 @@ class PressurePidNode(BundleNode):
     ----------
     unit : int, optional
         In place of the parameter ``motor_unit``; it makes the node's name.
-    context : Context, optional
     **keywords
         Of `BundleNode`.
     """
 
-    def __init__(self, unit: int | None = None, *, context: Context | None = None,
-                 overrides: dict[str, Any] | None = None, **keywords: Any):
+    def __init__(self, unit: int | None = None, *, overrides: dict[str, Any] | None = None,
+                 **keywords: Any):
         given = {} if unit is None else {'motor_unit': unit}
         super().__init__('pressure_pid' if unit is None else f'pressure_pid_mu{unit}', SPECS,
-                         context=context, overrides={**(overrides or {}), **given}, **keywords)
+                         overrides={**(overrides or {}), **given}, **keywords)
         p = self.p
         self.unit: int = p['motor_unit']
         bundle = bundle_from(p['model'])
@@ -120,10 +116,6 @@ class PressurePidNode(BundleNode):
                     lambda: self._guard.now.state in (State.ACTIVE, State.HOLD))
         self._diagnostics = Diagnostics(self, self._report)
         self.every(0.02, self._check_time)
-
-    @property
-    def _state(self) -> str:
-        return self._guard.word
 
     def _settings(self) -> tuple[PidGains, PidConfig]:
         """Return gains and settings, with a valve that stays safe when this loop is held up."""
@@ -274,10 +266,13 @@ class PressurePidNode(BundleNode):
             self._command = forced
         elif new:
             assert self._setpoint is not None
-            self._command = self._regulate(self._setpoint[1], pressure, dt)
+            setpoint = min(max(self._setpoint[1], 0.0), self._max_pressure)
+            self._command = float(self.pid.update(setpoint, pressure, dt, *self._air.now()))
             if self._air.inflow.gentle:
                 self._command = max(self._command, -GENTLE)
-            self._observe(self._now(stamp), pressure)
+            self._pressure = pressure
+            self._off.see(self._now(stamp), self.pid.state.shown.followed_setpoint - pressure,
+                          _NOTABLE)
         if new:
             self._air.inflow.commanded(self._command)
         # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
@@ -286,21 +281,6 @@ class PressurePidNode(BundleNode):
                           and self._permission.given)
         if not self._withheld:
             self._publish(stamp, self._command)
-
-    def _regulate(self, setpoint: float, pressure: float, dt: float) -> float:
-        return float(self.pid.update(
-            min(max(setpoint, 0.0), self._max_pressure), pressure, dt, *self._air.now()))
-
-    def _observe(self, now: float, pressure: float) -> None:
-        """Note how long the pressure has been off."""
-        self._pressure = pressure
-        self._off.see(now, self.pid.state.shown.followed_setpoint - pressure, _NOTABLE)
-
-    @property
-    def _seen(self) -> str:
-        setpoint = self._pressure + self.pid.state.shown.error
-        return (f'mu{self.unit} pressure {kilopascals(self._pressure)}, setpoint '
-                f'{kilopascals(setpoint)}, valve at {self._command:.2f}')
 
     def _judge(self, now: float, pressure: float | None, new: bool = True,
                latency: float = 0.0) -> float | None:
@@ -342,11 +322,8 @@ class PressurePidNode(BundleNode):
         if not agrees:
             return -1.0 if guard.latched else self._hold(
                 now, f'mu{self.unit} waits for the supply')
-        if self._air.inflow.holding:
-            guard.enter(now, State.ACTIVE)
-            return 0.0
         guard.enter(now, State.ACTIVE)
-        return None
+        return 0.0 if self._air.inflow.holding else None
 
     def _look_for_latches(self, now: float, pressure: float | None) -> None:
         """Latch where a reading or its watch says so."""
@@ -399,7 +376,7 @@ class PressurePidNode(BundleNode):
         self._pressure_meter.report(report, 'pressure')
         self._setpoint_meter.report(report, 'setpoint')
         state = self.pid.diagnostics
-        report.value('state', self._state)
+        report.value('state', self._guard.word)
         report.value('command', self._command)
         report.value('error, Pa', state.error)
         report.value('integral, Pa/s', state.integral)
@@ -409,14 +386,16 @@ class PressurePidNode(BundleNode):
         now = self._guard.now
         if now.state is not State.ACTIVE:
             urgent = now.state is State.LATCHED or now.cause in ('SENSOR', 'NO_SETPOINT')
-            report.add(ERROR if urgent else WARN, f'{self._state} {now.reason}'.strip())
+            report.add(ERROR if urgent else WARN, f'{self._guard.word} {now.reason}'.strip())
             return
         supply = self._air.report(report)
         if self._setpoint and self._setpoint[1] > supply:
             report.add(WARN, f'supply at {kilopascals(supply)}, below the setpoint of '
                        f'{kilopascals(self._setpoint[1])}')
         elif self._off.lasted > _SETTLING:
-            report.add(WARN, f'{self._seen} for {self._off.lasted:.1f} s: supply, valve, tube or '
+            report.add(WARN, f'mu{self.unit} pressure {kilopascals(self._pressure)}, setpoint '
+                       f'{kilopascals(self._pressure + state.error)}, valve at '
+                       f'{self._command:.2f} for {self._off.lasted:.1f} s: supply, valve, tube or '
                        'sensor?')
 
 

@@ -28,6 +28,7 @@ from rclpy.utilities import remove_ros_args
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.parameters import Spec, table
+from fam_bundle_ros.processes import variables
 
 #: s. Bounds how late a signal is noticed: with an infinite wait EventsExecutor ignores signals.
 SLICE = 0.1
@@ -46,16 +47,9 @@ def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Con
     Nodes that are ``alone`` hear only each other: a simulated run must not move a real rig of the
     same names.
     """
-    context, name = Context(), 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-    before = os.environ.get(name)
-    try:
-        if alone:
-            os.environ[name] = 'OFF'
+    context = Context()
+    with variables(**{'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'} if alone else {}):
         context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
-    finally:
-        os.environ.pop(name, None)
-        if before is not None:
-            os.environ[name] = before
     return context
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, first_line, InputError
 from fam_bundle_ros.resources import shipped_or_own
 from fam_bundle_ros.units import parse
 
@@ -130,7 +130,7 @@ def load_profile(name: str) -> Points:
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path.name}: is no YAML ({str(error).splitlines()[0]})') from None
+        raise InputError(f'{path.name}: is no YAML ({first_line(error)})') from None
     return profile_from(content, path.name)
 
 
@@ -156,11 +156,9 @@ def profile_from(content: Any, label: str) -> Points:
         if not (isinstance(point, list) and len(point) == 2):
             raise InputError(f'{label}: point {k + 1} is {point!r}; '
                              f'expected [time, value], as [2 s, 40 {_LIKE[kind]}]')
-        try:
+        with about(f'{label}: point {k + 1}'):
             times.append(parse(point[0], 's'))
             values.append(parse(point[1], _LIKE[kind]))
-        except InputError as error:
-            raise InputError(f'{label}: point {k + 1}: {error}') from None
     rates = tuple(0.0 for _ in times) if smooth == 'smooth' else None
     # Under the file's name first: mistakes have to name the file.
     profile = Points(label, kind, tuple(times), tuple(values), rates)

@@ -45,13 +45,12 @@ class Recorder(BundleNode):
     Parameters
     ----------
     writer : BagWriter
-    context : Context, optional
     **keywords
         Of `BundleNode`.
     """
 
-    def __init__(self, writer: BagWriter, *, context: Context | None = None, **keywords: Any):
-        super().__init__('recorder', (), context=context, **keywords)
+    def __init__(self, writer: BagWriter, **keywords: Any):
+        super().__init__('recorder', (), **keywords)
         self._writer = writer
         self._newest = 0
         # What was recorded is on the disk soon, whatever becomes of this process.

@@ -16,17 +16,11 @@ from collections.abc import Mapping
 import time
 from typing import Any
 
-from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import UInt8
 from std_srvs.srv import SetBool
 
-from fam_bundle_ros.control import (
-    Command,
-    Measurement,
-    RecruitmentController,
-    Reference,
-)
+from fam_bundle_ros.control import Command, Measurement, RecruitmentController, Reference
 from fam_bundle_ros.control.direct import DirectPressures
 from fam_bundle_ros.control.safety import Guard, Health, State
 from fam_bundle_ros.errors import InputError
@@ -40,10 +34,7 @@ from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import Oversight
 from fam_bundle_ros.nodes.process import executable
-from fam_bundle_ros.nodes.recruitment_parameters import (
-    controller_config,
-    SPECS,
-)
+from fam_bundle_ros.nodes.recruitment_parameters import controller_config, SPECS
 from fam_bundle_ros.nodes.reference_intake import ReferenceIntake
 from fam_bundle_ros.nodes.references import MovingReference
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
@@ -65,13 +56,12 @@ class RecruitmentNode(BundleNode):
 
     Parameters
     ----------
-    context : Context, optional
     **keywords
         Of `BundleNode`.
     """
 
-    def __init__(self, *, context: Context | None = None, **keywords: Any):
-        super().__init__('recruitment_controller', SPECS, context=context, **keywords)
+    def __init__(self, **keywords: Any):
+        super().__init__('recruitment_controller', SPECS, **keywords)
         p = self.p
         self.bundle = bundle_from(p['model'])
         self._loaded = p['model']
@@ -94,8 +84,9 @@ class RecruitmentNode(BundleNode):
             'strain': _REACHED_STRAIN})
         self._answered = -1
         self._decided = time.monotonic()
-        self._setpoints = [0.0] * n
-        self._command: Command | None = None
+        #: Last setpoints, Pa (gauge), and last command, None while the controller is off.
+        self.setpoints = [0.0] * n
+        self.command: Command | None = None
         self._published_state = -1
         self._set_up_interface()
 
@@ -128,20 +119,6 @@ class RecruitmentNode(BundleNode):
     @property
     def _guard(self) -> Guard:
         return self._oversight.guard
-
-    @property
-    def _state(self) -> str:
-        return self._guard.word
-
-    @property
-    def command(self) -> Command | None:
-        """Return the controller's last command; None while it is off."""
-        return self._command
-
-    @property
-    def setpoints(self) -> list[float]:
-        """Return the last setpoints, Pa (gauge)."""
-        return self._setpoints
 
     def _take_reference(self, stamp: int, reference: Reference) -> None:
         if self.lock_step and self.p['wait_for_reference']:
@@ -177,7 +154,7 @@ class RecruitmentNode(BundleNode):
         self._control(sample, measurement, dt)
         # While pressures ramp down after switching off, the valves still need the supply.
         self._supply.set(not (oversight.e_stop.on or oversight.guard.latched)
-                         and (self._enabled or any(self._setpoints)))
+                         and (self._enabled or any(self.setpoints)))
 
     def _control(self, sample: Sample, measurement: Measurement, dt: float) -> None:
         off = self._reason_to_be_off()
@@ -186,7 +163,7 @@ class RecruitmentNode(BundleNode):
             self._guard.enter(self._now(), state, cause)
             if state is not State.WAITING:
                 self._take_over = True
-            self._command = None
+            self.command = None
             self._off_target.reset()
             self._ramp_down(dt, at_once=self._guard.latched or self._oversight.e_stop.on)
             return
@@ -214,9 +191,9 @@ class RecruitmentNode(BundleNode):
             self._ramp_down(dt, at_once=True)
             return
         command = at_work.update(min(dt, _LONGEST), measurement, reference)
-        self._command = command
+        self.command = command
         asked = command.pressure.tolist()
-        self._setpoints = asked if direct else self._swap.faded(asked, dt)
+        self.setpoints = asked if direct else self._swap.faded(asked, dt)
         if command.explanation:
             self.get_logger().info(command.explanation)
         self._off_target.update(self._now(), reference,
@@ -225,12 +202,12 @@ class RecruitmentNode(BundleNode):
             self._guard.enter(self._now(), State.ACTIVE)
             return
         # Once the air is out, switching on anew must start from the pressures as they are.
-        self._take_over = not any(self._setpoints)
+        self._take_over = not any(self.setpoints)
         self._guard.enter(self._now(), *((State.VENT, 'SENSOR') if self._take_over else
                                          (State.HOLD, 'HOLD')), self._oversight.unreadable)
         for watch in self._oversight.watches:
             if watch.health != Health.GOOD:
-                self.say(f'{watch.name} {self._state}', f'{watch.reason}: '
+                self.say(f'{watch.name} {self._guard.word}', f'{watch.reason}: '
                          + ('vented' if self._take_over else 'pressures held'))
 
     def _now(self) -> float:
@@ -266,8 +243,8 @@ class RecruitmentNode(BundleNode):
         """Vent all, cut the supply, and stay off until somebody enables again."""
         self._enabled = self._automatic = False
         self._forget_reference()
-        self._command = None
-        self._setpoints = [0.0] * self.bundle.n
+        self.command = None
+        self.setpoints = [0.0] * self.bundle.n
         self._supply.set(False)
 
     def _enable(self) -> None:
@@ -284,17 +261,17 @@ class RecruitmentNode(BundleNode):
         """Let the air out: at once where it is urgent, else without a jump."""
         ramp = self.p['ramp_down_time']
         if at_once or ramp <= 0.0:
-            self._setpoints = [0.0] * self.bundle.n
+            self.setpoints = [0.0] * self.bundle.n
         else:
-            self._setpoints = [max(value - limit * max(dt, 0.0) / ramp, 0.0)
-                               for value, limit in zip(self._setpoints, self._limit)]
+            self.setpoints = [max(value - limit * max(dt, 0.0) / ramp, 0.0)
+                               for value, limit in zip(self.setpoints, self._limit)]
 
     # --- output --------------------------------------------------------------------------------
 
     def _publish(self, stamp: int) -> None:
-        for send, setpoint in zip(self._send_setpoint, self._setpoints):
+        for send, setpoint in zip(self._send_setpoint, self.setpoints):
             send(stamp, setpoint)
-        command = self._command
+        command = self.command
         n = self.bundle.n
         self._publish_state(command.state if command else 0)
         active = command.active if command else [False] * n
@@ -309,8 +286,8 @@ class RecruitmentNode(BundleNode):
     def stop(self) -> None:
         """Ask for ambient pressure."""
         self._supply.set(False)
-        self._setpoints = [0.0] * self.bundle.n
-        self._command = None
+        self.setpoints = [0.0] * self.bundle.n
+        self.command = None
         self._publish(max(self._answered, 0))
 
     # --- services, parameters, diagnostics -----------------------------------------------------
@@ -376,19 +353,19 @@ class RecruitmentNode(BundleNode):
 
     def _report(self, report: Report) -> None:
         self._sensing.report(report)
-        report.value('state', self._state)
+        report.value('state', self._guard.word)
         report.value('enabled', self._enabled)
         now = self._guard.now
         if now.state is not State.ACTIVE:
             urgent = now.state is State.LATCHED or now.cause in ('E_STOP', 'SENSOR')
             text = f'{now.reason}: off until enabled again' if self._guard.latched else (
                 self._oversight.unreadable)
-            report.add(ERROR if urgent else WARN, f'{self._state} {text}'.strip())
+            report.add(ERROR if urgent else WARN, f'{self._guard.word} {text}'.strip())
         self._oversight.e_stop.report(report)
         report.value('model', self.bundle.name)
         report.value('policy', self.p['policy'])
         report.value('scheme', self.p['scheme'])
-        command = self._command
+        command = self.command
         if command:
             report.value('recruitment', f'RS{command.state}')
             report.value('demand, N', command.demand)

@@ -13,7 +13,6 @@ somebody takes the reference. The end is held. With ``give_way`` it is silent wh
 from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.context import Context
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -51,16 +50,14 @@ class ReferenceGenerator(BundleNode):
 
     Parameters
     ----------
-    context : Context, optional
     profile : Points or Trajectory, optional
         In place of the parameter ``trajectory``.
     **keywords
         Of `BundleNode`.
     """
 
-    def __init__(self, *, context: Context | None = None,
-                 profile: 'Points | Trajectory | None' = None, **keywords: Any):
-        super().__init__('reference_generator', SPECS, context=context, **keywords)
+    def __init__(self, *, profile: 'Points | Trajectory | None' = None, **keywords: Any):
+        super().__init__('reference_generator', SPECS, **keywords)
         p = self.p
         if profile is None and p['trajectory']:
             profile = load_profile(p['trajectory'])

@@ -4,12 +4,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 import time
 from typing import Any
 
 import numpy as np
 from rclpy.context import Context
 
+from fam_bundle_ros.data.rates import spread
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
@@ -132,14 +134,12 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
             sensors = {node.resolve_topic_name(name) for name in (
                 interface.FORCE, interface.STRAIN,
                 *(interface.pressure_topic(i + 1) for i in range(units)))}
-            while (not sensors <= set(node.types()) and time.monotonic() - begin < patience
-                   and not signals.received):
-                spinner.spin(0.1)
+            until = partial(spinner.until, ended=lambda: signals.received)
+            until(lambda: sensors <= set(node.types()), patience)
             units = max(units, _listen(node, length))
             # A network may take seconds to bring the first message of a topic that it knows.
-            while (not all(node.rows.values()) and not node.bad
-                   and time.monotonic() - begin < patience and not signals.received):
-                spinner.spin(0.1)
+            until(lambda: all(node.rows.values()) or bool(node.bad),
+                  begin + patience - time.monotonic())
             begin = time.monotonic()
             while time.monotonic() - begin < seconds and not signals.received:
                 spinner.spin(0.2)
@@ -247,8 +247,7 @@ def _judge_latency(name: str, latencies: np.ndarray, rate: float) -> Finding:
 
 def _judge_values(name: str, values: np.ndarray, ambient: float, gauge: bool) -> Finding:
     middle = float(np.median(values))
-    noise = float(1.4826 * np.median(np.abs(np.diff(values) - np.median(np.diff(values))))
-                  / np.sqrt(2.0)) if len(values) > 2 else 0.0
+    noise = spread(np.diff(values)) / np.sqrt(2.0) if len(values) > 2 else 0.0
     if name == interface.FORCE:
         return _judge_force(middle, noise)
     if name == interface.STRAIN:

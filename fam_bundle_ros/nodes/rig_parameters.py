@@ -143,14 +143,13 @@ def rig_config(values: dict[str, Any]) -> RigConfig:
     """Return the rig that the parameters describe."""
     return RigConfig(
         load=load_from(values),
-        valve=ValveConfig(conductance=values['valve.conductance'],
-                          dead_band=values['valve.dead_band'],
-                          bandwidth=values['valve.bandwidth'],
-                          hysteresis=values['valve.hysteresis'], delay=values['valve.delay']),
-        chamber=ChamberConfig(relief_pressure=values['chamber.relief_pressure'],
-                              line_volume=values['chamber.line_volume'],
-                              line_conductance=values['chamber.line_conductance']),
-        supply=SupplyConfig(pressure=values['supply.pressure'],
-                            resistance=values['supply.resistance']),
+        valve=ValveConfig(**_of('valve', values)), chamber=ChamberConfig(**_of('chamber', values)),
+        supply=SupplyConfig(**_of('supply', values)),
         sensors=SensorConfig(**{field: values[name] for name, field in _SENSORS.items()}),
         ambient_pressure=values['ambient_pressure'], trip_pressure=values['trip_pressure'])
+
+
+def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a part of the rig that are parameters."""
+    return {spec.name.partition('.')[2]: values[spec.name] for spec in RIG
+            if spec.name.startswith(f'{part}.')}

@@ -141,16 +141,6 @@ class Sensing:
             self._listen(f'mu{i + 1}', interface.pressure_topic(i + 1), FluidPressure,
                          partial(self._read_pressure, i))
 
-    @property
-    def begun(self) -> bool:
-        """Whether every sensor has been heard."""
-        return all(meter.last is not None for meter in self.meters.values())
-
-    @property
-    def stamp(self) -> int:
-        """Stamp of the newest sample, ns; -1 before the first."""
-        return self._stamp
-
     def check_time(self) -> None:
         """Call this from a timer: nothing else runs while the rig is silent."""
         now = time.monotonic()

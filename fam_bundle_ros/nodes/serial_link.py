@@ -93,7 +93,7 @@ class SerialLink:
             # The end of a line that went out in part spoils no more than that line.
             data = b'\n' + line if self._torn else line
             try:
-                if not _writable(port):
+                if _has_file(port) and not select.select([], [port], [], 0.0)[1]:
                     return False
                 written = port.write(data)
             except Exception:
@@ -178,10 +178,6 @@ def _has_file(port: Any) -> bool:
         return port.fileno() >= 0
     except (OSError, AttributeError):
         return False
-
-
-def _writable(port: Any) -> bool:
-    return not _has_file(port) or bool(select.select([], [port], [], 0.0)[1])
 
 
 def _prepare(port: Any) -> None:

@@ -139,7 +139,7 @@ def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: R
         script.nodes = nodes
         script.interrupt = spinner.interrupt
         if not values['lock_step']:
-            script.follow(next(n for n in nodes if isinstance(n, ReferenceGenerator)))
+            script.generator = next(n for n in nodes if isinstance(n, ReferenceGenerator))
         while not script.ended and not signals.received:
             spinner.spin(0.2)
             if progress:
@@ -169,7 +169,8 @@ class _Script:
         self._decisions: list[tuple[float, str]] = []
         self._explained = ''
         self._period = 0.0
-        self._generator: ReferenceGenerator | None = None
+        #: Gives the time of the trajectory in wall time.
+        self.generator: ReferenceGenerator | None = None
         self.controller: RecruitmentNode | None = None
         self.simulator: PlantSimulator | None = None
         self.nodes: Sequence[BundleNode] = ()
@@ -178,15 +179,11 @@ class _Script:
         self.time = -plan.prepare
         self.ended = False
 
-    def follow(self, generator: ReferenceGenerator) -> None:
-        """Take the time of the trajectory from its generator."""
-        self._generator = generator
-
     def before(self, rig: Rig, time: float, period: float) -> None:
         plan = self._plan
         # In wall time the trajectory begins when the reference generator does, not the rig.
-        self.time = (time - plan.prepare if self._generator is None
-                     else self._generator.run_time)
+        self.time = (time - plan.prepare if self.generator is None
+                     else self.generator.run_time)
         while self._events and self._events[0][0] <= self.time + 1e-9:
             rig.change_load(**self._events.pop(0)[1])
         while self._faults and self._faults[0][0] <= self.time + 1e-9:
@@ -235,19 +232,15 @@ class _Script:
 def _plan(trajectory: Trajectory | Points | str | Path, load: Load | None) -> Trajectory:
     if isinstance(trajectory, (str, Path)):
         trajectory = load_profile(str(trajectory))
-    if isinstance(trajectory, Trajectory):
-        plan, own = trajectory, trajectory.load
-    else:
-        plan, own = None, Dynamometer(strain=0.1)
-    load = load or own
-    if plan is None:
+    if isinstance(trajectory, Points):
         return Trajectory(trajectory.name, trajectory.kind, trajectory.duration,
-                          trajectory.value, trajectory.rate, load)
-    imposed = plan.imposed if isinstance(load, Dynamometer) else None
-    if imposed is not None and isinstance(load, Dynamometer):
+                          trajectory.value, trajectory.rate, load or Dynamometer(strain=0.1))
+    load, imposed = load or trajectory.load, trajectory.imposed
+    if not isinstance(load, Dynamometer):
+        imposed = None
+    elif imposed is not None:
         load = Dynamometer(strain=imposed(0.0), speed=load.speed)
-    return Trajectory(plan.name, plan.kind, plan.duration, plan.value, plan.rate, load, imposed,
-                      plan.events, plan.prepare, plan.faults)
+    return replace(trajectory, load=load, imposed=imposed)
 
 
 def _as_file(model: Bundle | str | Path, folder: str, name: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from fam_bundle_ros.campaign import Campaign
 from fam_bundle_ros.campaign.trends import LEAST
+from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report import campaign_figures as figures
 from fam_bundle_ros.report.map_page import effects_table, units_table
@@ -45,8 +46,8 @@ def campaign_page(result: Campaign, files: Sequence[tuple[str, str | Path]] = ()
 
 
 def _lead(result: Campaign) -> str:
-    words = [f'{_counted(len(result.counted), "recording")} of '
-             f'{_counted(len(result.muscles), "muscle")} count.']
+    words = [f'{counted(len(result.counted), "recording")} of '
+             f'{counted(len(result.muscles), "muscle")} count.']
     named = [share for share in result.shares if share.muscles][:3]
     words += [f'{share.effect} is missing in {share.muscles} of {share.of}.' for share in named]
     if result.counted and not named:
@@ -58,7 +59,7 @@ def _lead(result: Campaign) -> str:
 def _headline(result: Campaign) -> list[Headline]:
     duplicates = sum(bool(row['duplicate_of']) for row in result.recordings)
     cards = [Headline('Recordings', str(len(result.recordings)),
-                      f'{len(result.failed)} failed, {_counted(duplicates, "duplicate")}'),
+                      f'{len(result.failed)} failed, {counted(duplicates, "duplicate")}'),
              Headline('Muscles', str(len(result.muscles)))]
     if result.counted:
         verdict, count = next(iter(result.verdicts.items()))
@@ -95,15 +96,15 @@ def _missing(result: Campaign) -> Section:
               c.median_others, c.p) for c in result.contrasts[:_LONG]],
             'Whether muscles that lack an effect differ from the others in a number of the table. '
             'Chance: probability of such a difference if there is none (Mann-Whitney, corrected '
-            f'for {_counted(len(result.contrasts), "question")} by Holm). A difference may also '
+            f'for {counted(len(result.contrasts), "question")} by Holm). A difference may also '
             'say that the effect is easier to see there.'))
     return Section('What is missing', f'Verdicts: {verdicts or "none"}.', items)
 
 
 def _trends(result: Campaign) -> Section:
     clear = result.clear_trends
-    asked = _counted(len(result.trends), 'question')
-    text = (f'{_counted(len(clear), "time")} a parameter goes with a number of the table more '
+    asked = counted(len(result.trends), 'question')
+    text = (f'{counted(len(clear), "time")} a parameter goes with a number of the table more '
             f'clearly than chance makes it ({asked}, corrected by Holm).' if clear else
             'No parameter goes with a number of the table more clearly than chance makes it '
             f'({asked}). A trend takes at least {LEAST} muscles in which the data tell the '
@@ -164,7 +165,3 @@ def _left_out(result: Campaign) -> list[Section]:
         items.append(Table(('counts, but is not in the table of specimens', 'dimensions'),
                            [(row['file'], 'those of the model') for row in strange]))
     return [Section('Left out, or in doubt', '', items)] if items else []
-
-
-def _counted(number: int, word: str) -> str:
-    return f'{number} {word}' if number == 1 else f'{number} {word}s'

@@ -68,7 +68,7 @@ class Table:
     columns : sequence of str
     rows : sequence of sequence
         Numbers are shown with three significant digits and set right; None and nan as a dash;
-        a cell of ``('effect', name)`` or ``('state', k)`` carries the swatch of its colour.
+        a cell of ``('effect', name)`` carries the swatch of its colour.
     caption : str
     """
 
@@ -120,6 +120,7 @@ def render(page: Page) -> str:
     if page.provenance:
         sections.append(Section('Provenance', '', [Table(('what', 'value'), page.provenance)]))
     light, dark = (_variables(theme_name) for theme_name in ('light', 'dark'))
+    pictures = any(isinstance(item, Picture) for section in sections for item in section.items)
     return _asset('page.html').substitute(
         title=escape(page.title), lead=escape(page.lead),
         generator=f'fam_bundle_ros {fam_bundle_ros.__version__}',
@@ -128,7 +129,7 @@ def render(page: Page) -> str:
         sections='\n'.join(_section(section) for section in sections),
         footer=f'Written by fam_bundle_ros {fam_bundle_ros.__version__}. This file holds all that '
                'it shows and asks the network nothing.',
-        plotly=_plotly() if _has_pictures(sections) else '', colours=json.dumps(palette.by_page()),
+        plotly=_plotly() if pictures else '', colours=json.dumps(palette.by_page()),
         script=(_ASSETS / 'page.js').read_text(encoding='utf-8'))
 
 
@@ -151,10 +152,6 @@ def _plotly() -> str:
 def _packed(text: str) -> str:
     """Return text as gzip in base64; `unpacked` of page.js reads it."""
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
-
-
-def _has_pictures(sections: Sequence[Section]) -> bool:
-    return any(isinstance(item, Picture) for section in sections for item in section.items)
 
 
 def _variables(theme_name: str) -> str:
@@ -228,10 +225,8 @@ def _is_number(value: Any) -> bool:
 
 
 def _cell(value: Any) -> str:
-    if isinstance(value, tuple) and len(value) == 2 and value[0] in ('effect', 'state'):
-        kind, key = value
-        colour = palette.effect(key) if kind == 'effect' else palette.recruitment_state(key)
-        name = key if kind == 'effect' else f'RS{key}'
-        return (f'<span class="named"><span class="swatch" style="background:{colour.light}">'
-                f'</span>{escape(str(name))}</span>')
+    if isinstance(value, tuple):
+        _, name = value
+        return ('<span class="named"><span class="swatch" style="background:'
+                f'{palette.effect(name).light}"></span>{escape(name)}</span>')
     return escape(shown(value))

@@ -13,11 +13,6 @@ from fam_bundle_ros.data.measurement import file_digest
 _PACKAGES = ('numpy', 'scipy', 'plotly', 'control')
 
 
-def file_entry(path: str | Path) -> str:
-    """Return a file's name with the SHA-256 of its content (of a folder: of all its files)."""
-    return f'{Path(path).name}, sha256 {file_digest(path)[:16]}…'
-
-
 def provenance(files: Sequence[tuple[str, str | Path]] = (),
                more: Sequence[tuple[str, str]] = ()) -> list[tuple[str, str]]:
     """
@@ -31,7 +26,8 @@ def provenance(files: Sequence[tuple[str, str | Path]] = (),
     """
     versions = ', '.join(f'{name} {metadata.version(name)}' for name in _PACKAGES
                          if _installed(name))
-    return [*((what, file_entry(path)) for what, path in files), *more,
+    return [*((what, f'{Path(path).name}, sha256 {file_digest(path)[:16]}…')
+              for what, path in files), *more,
             ('fam_bundle_ros', fam_bundle_ros.__version__), ('versions', versions),
             ('Python', f'{platform.python_version()} on {platform.system()} '
                        f'{platform.machine()}')]

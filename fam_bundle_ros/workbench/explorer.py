@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros import palette, plotting
-from fam_bundle_ros.model import Bundle, load_model, Overlap
+from fam_bundle_ros.model import Bundle, Overlap
 from fam_bundle_ros.report.paper import paper_figures, PaperFigures
 from fam_bundle_ros.report.paper_plots import state_regions
 from fam_bundle_ros.report.tendons import compare_ends, Ends
-from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.units import parse, spaced
 
 _HERE = palette.NEUTRAL['ink'].light
@@ -234,8 +233,3 @@ def _empty(x: str, y: str) -> str:
     drawing = plotting.figure(x, y, height=300, showlegend=False)
     drawing.update_layout(margin={'t': 26})
     return drawing.to_json()
-
-
-def paper_explorer() -> Explorer:
-    """Return the explorer of the paper's bundle."""
-    return Explorer(load_model(config_path('models/spie2021.yaml')))

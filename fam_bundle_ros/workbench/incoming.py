@@ -147,7 +147,8 @@ class Incoming:
     def columns(seen: Preview) -> list[Column]:
         """Return the columns of a preview with their first rows."""
         return [Column(taken.header, tuple(seen.cells.get(taken.header, ())), taken.quantity,
-                       _shown_unit(taken.unit, taken.why), taken.sign, taken.why)
+                       ('ratio' if taken.unit in ('1', '-') else taken.unit)
+                       + (' abs' if 'absolute' in taken.why else ''), taken.sign, taken.why)
                 for taken in seen.taken]
 
     @cached_property
@@ -232,14 +233,5 @@ def _family(key: str) -> str:
 
 def _spec(column: Column, quantity: str, unit: str, turned: bool) -> str:
     """Return what a recipe says of a column: its header, unit and sign."""
-    told = f' [{_told_unit(unit)}]' if unit and quantity != 'trial' else ''
+    told = f" [{'1' if unit == 'ratio' else unit}]" if unit and quantity != 'trial' else ''
     return f'{"-" if turned else ""}{column.header}{told}'
-
-
-def _shown_unit(unit: str, why: str) -> str:
-    shown = {'1': 'ratio', '-': 'ratio'}.get(unit, unit)
-    return f'{shown} abs' if 'absolute' in why else shown
-
-
-def _told_unit(shown: str) -> str:
-    return '1' if shown == 'ratio' else shown

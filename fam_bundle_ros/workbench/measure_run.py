@@ -78,6 +78,8 @@ class MeasureRun:
 
     Attributes
     ----------
+    running : bool
+        Whether one is under way.
     order : Order or None
         The last that was given.
     share : float
@@ -95,17 +97,12 @@ class MeasureRun:
         self.share, self.words = 0.0, ''
         self.file = self.failure = ''
         self._process: asyncio.subprocess.Process | None = None
-        self._running = self._stopped = False
-
-    @property
-    def running(self) -> bool:
-        """Whether one is under way."""
-        return self._running
+        self.running = self._stopped = False
 
     @property
     def kept(self) -> bool:
         """Whether there are segments of a measurement that ended early, to resume."""
-        return not self._running and self.order is not None and bool(
+        return not self.running and self.order is not None and bool(
             self.failure) and Path(f'{self.order.out}.parts').is_dir()
 
     async def run(self, order: Order) -> None:
@@ -117,14 +114,14 @@ class MeasureRun:
         InputError
             Where one is under way already, or the recording has no place.
         """
-        if self._running:
+        if self.running:
             raise InputError('a measurement is under way already: stop it first')
         try:
             Path(order.out).parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f'{Path(order.out).parent}: cannot be made ({error.strerror})'
                              ) from None
-        self._running, self._stopped = True, False
+        self.running, self._stopped = True, False
         self.order, self.share, self.words = order, 0.0, 'starting'
         self.file = self.failure = ''
         try:
@@ -134,7 +131,7 @@ class MeasureRun:
             else:
                 self.failure = 'it was stopped' if self._stopped else reason(last)
         finally:
-            self._running = False
+            self.running = False
 
     async def _talk(self, order: Order) -> tuple[int, list[str]]:
         # FORCE_COLOR would make a bar of the lines
@@ -159,7 +156,7 @@ class MeasureRun:
 
     async def stop(self) -> None:
         """End it as Ctrl-C does: everything is vented, complete segments are kept."""
-        if not self._running:
+        if not self.running:
             return
         self._stopped, self.words = True, 'stopping and venting ...'
         # where it is killed the controller vents: its references no longer come

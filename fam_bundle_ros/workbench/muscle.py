@@ -17,10 +17,10 @@ from fam_bundle_ros.model.own_muscle import (
     ENTRIES,
     Entry,
     find_part,
+    fitted_bundle,
     model_text,
     new_bundle,
     START_EFFECTS,
-    with_dimensions,
 )
 from fam_bundle_ros.units import parse, spaced
 
@@ -83,7 +83,8 @@ class MuscleForm:
     def bundle(self) -> Bundle:
         """Return the model; InputError names the field that is missing or wrong."""
         if self.base is not None:
-            return with_dimensions(self.base, self.values, _label)
+            return fitted_bundle(self.base.name, self.values, self.base.effects,
+                                 self.base.notes, _label)
         name = '_'.join(self.name.split())
         if not name:
             raise InputError('Name: expected a name for the model')

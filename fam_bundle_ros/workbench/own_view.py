@@ -45,10 +45,6 @@ class OwnEffectDialog:
         self._draw_fields()
         self._look()
 
-    def open(self) -> None:
-        """Show the form."""
-        self.dialog.open()
-
     def _draw_fields(self) -> None:
         self.fields.clear()
         with self.fields:

@@ -10,11 +10,12 @@ from typing import Any
 from nicegui import app, ui
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model import Bundle, load_model
+from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench import intake, parts
 from fam_bundle_ros.workbench.case_view import CaseView
 from fam_bundle_ros.workbench.cases import Case, load_example
-from fam_bundle_ros.workbench.explorer import Explorer, paper_explorer
+from fam_bundle_ros.workbench.explorer import Explorer
 from fam_bundle_ros.workbench.explorer_view import ExplorerView
 from fam_bundle_ros.workbench.incoming import Incoming
 from fam_bundle_ros.workbench.intake_view import IntakeView
@@ -109,7 +110,8 @@ class Page:
         self.content.clear()
         with self.content:
             if self.view == 'explore':
-                self.explorer = self.explorer or self._make_explorer()
+                self.explorer = self.explorer or Explorer(
+                    self.chosen_muscle or load_model(config_path('models/spie2021.yaml')))
                 ExplorerView(self, self.explorer)
             elif self.view == 'live':
                 self.rig_view = RigView(self)
@@ -119,9 +121,6 @@ class Page:
                 StartView(self)
             else:
                 self.case_view = CaseView(self)
-
-    def _make_explorer(self) -> Explorer:
-        return paper_explorer() if self.chosen_muscle is None else Explorer(self.chosen_muscle)
 
     @property
     def chosen_muscle(self) -> Bundle | None:

@@ -75,20 +75,10 @@ def segments(options: Sequence[tuple[str, str]], chosen: str, on_change: Callabl
 def pick(label: str, options: Sequence[str], chosen: int | None,
          on_change: Callable[[int | None], Any], everything: str = 'all') -> ui.element:
     """Return a native select; the first choice means everything (None)."""
-    def changed(event: Any) -> None:
-        value = int(event.args)
-        if value < len(options):
-            on_change(None if value < 0 else value)
-
-    with box('label', 'pick') as made:
-        text('span', label)
-        with box('select', '', f'pick:{label}').on(
-                'change', changed, js_handler='(e) => emit(e.target.value)'):
-            for value, said in enumerate([everything, *options], start=-1):
-                at = text('option', said).props(f'value={value}')
-                if value == (-1 if chosen is None else chosen):
-                    at.props('selected')
-    return made
+    numbered = [(str(key), said) for key, said in enumerate([everything, *options], start=-1)]
+    return choose(label, numbered, str(-1 if chosen is None else chosen),
+                  lambda key: on_change(None if key == '-1' else int(key)),
+                  f'pick:{label}', 'pick')
 
 
 def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,

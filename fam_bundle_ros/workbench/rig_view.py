@@ -96,7 +96,7 @@ class RigView:
 
     async def _listen(self) -> None:
         if not live.available():
-            self._tell('This Python has no ROS (rclpy): start the workbench where it has.')
+            self.told.set_text('This Python has no ROS (rclpy): start the workbench where it has.')
             return
         await self._try(lambda: self.rig.listen(self.rig.namespace))
 
@@ -105,7 +105,7 @@ class RigView:
 
     async def _simulate(self) -> None:
         await self._try(self.rig.simulate)
-        self._tell('A simulated bundle starts ...')
+        self.told.set_text('A simulated bundle starts ...')
 
     async def _stop(self) -> None:
         await self._try(self.rig.stop_simulation)
@@ -118,17 +118,14 @@ class RigView:
 
     async def _try(self, work: Callable[[], Awaitable[Any]]) -> None:
         """Do something that may be refused; show the answer, and until it comes none."""
-        self._tell('')
+        self.told.set_text('')
         try:
             answer = await work()
         except InputError as error:
             answer = str(error)
         if not self.told.is_deleted:
-            self._tell(answer or '')
+            self.told.set_text(answer or '')
             self._look()
-
-    def _tell(self, said: str) -> None:
-        self.told.set_text(said)
 
     # --- what it shows -------------------------------------------------------------------------
 

@@ -192,7 +192,7 @@ class SideView:
     def _own(self, draft: Draft) -> None:
         draft.sync()
         with self.place:
-            OwnEffectDialog(self.case, draft).open()
+            OwnEffectDialog(self.case, draft).dialog.open()
 
     # --- the muscle ----------------------------------------------------------------------------
 

@@ -68,9 +68,9 @@ def test_other_dimensions_keep_the_effects():
     """A muscle is edited: its effects with their values stay, the force follows the radius."""
     bundle = own_muscle.new_bundle('m', OWN).with_effect('coulomb_friction', force=7.0)
     typed = own_muscle.dimensions_of(bundle)
-    assert own_muscle.with_dimensions(bundle, typed).force(0.1, [2e5, 2e5]) == pytest.approx(
-        bundle.force(0.1, [2e5, 2e5]))
-    wide = own_muscle.with_dimensions(bundle, {**typed, 'radius': '12,7 mm'})
+    same = own_muscle.fitted_bundle('m', typed, bundle.effects)
+    assert same.force(0.1, [2e5, 2e5]) == pytest.approx(bundle.force(0.1, [2e5, 2e5]))
+    wide = own_muscle.fitted_bundle('m', {**typed, 'radius': '12,7 mm'}, bundle.effects)
     assert wide.effect('coulomb_friction').force == 7.0
     assert wide.force(0.1, [2e5, 2e5]) == pytest.approx(4.0 * bundle.force(0.1, [2e5, 2e5]))
 

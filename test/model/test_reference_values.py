@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.model import geometry as geo
 from fam_bundle_ros.model.laws.bladder import bladder_elasticity
 from fam_bundle_ros.model.laws.mesh import mesh
 
@@ -31,7 +30,6 @@ def test_volumes_of_the_papers_muscle():
 def test_ideal_free_strain():
     """The ideal muscle shortens by 1 - 1/(sqrt 3 cos a0) at any pressure."""
     ideal = Bundle('ideal', units(1), [mesh()])
-    assert_allclose(geo.ideal_free_strain(PAPER), 0.31159, atol=5e-6)
     assert_allclose(ideal.free_strain(PRESSURES), 0.31159, atol=5e-6)
 
 

@@ -91,7 +91,8 @@ class Graph:
         pacer.condition = lambda: condition() or pacer.time >= end - 1e-9
         self.spin(0.0)
         pacer.on_halt = self.spinner.interrupt
-        rig.resume()
+        rig.halted = False
+        rig._publish()
         self.until(lambda: rig.halted, what, 40.0)
         # What is still on its way belongs to the step.
         self.spin(0.02)

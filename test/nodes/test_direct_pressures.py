@@ -69,7 +69,7 @@ def test_pressures_pass_the_same_door_without_a_bump_and_within_limits(graph, bu
     graph.advance(rig, 0.5)
     graph.set('plant_simulator', faults__nan='force')
     graph.advance(rig, 0.02)
-    assert (node._state, node.setpoints) == ('HOLD', [100e3, 0.0])
+    assert (node._guard.word, node.setpoints) == ('HOLD', [100e3, 0.0])
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
 
 

@@ -85,7 +85,7 @@ def test_names_are_relative_but_for_ros_own():
 
 def test_recruitment_says_who_is_on_and_how_much():
     """Per motor unit on or off, and its share."""
-    message = interface.recruitment_message(3, np.array([True, False]), np.array([0.7, 0.3]))
+    message = interface.recruitment_writer(2)(3, np.array([True, False]), np.array([0.7, 0.3]))
     assert (list(message.position), list(message.effort)) == ([1.0, 0.0], [0.7, 0.3])
     assert list(message.name) == ['mu1', 'mu2']
 
@@ -94,7 +94,7 @@ def test_a_writer_leaves_nothing_of_the_message_before():
     """What was sent once is written over in all of its values, its stamp among them."""
     write = interface.recruitment_writer(2)
     write(3, [True, True], [0.4, 0.6])
-    assert write(2_000_000_005, [False, True], [0.0, 1.0]) == interface.recruitment_message(
+    assert write(2_000_000_005, [False, True], [0.0, 1.0]) == interface.recruitment_writer(2)(
         2_000_000_005, [False, True], [0.0, 1.0])
     strain = interface.strain_writer(0.1)
     strain(3, 0.2, 0.3)

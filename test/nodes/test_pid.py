@@ -129,19 +129,19 @@ def test_pressure_that_no_command_explains_is_latched(graph, pair):
     graph.advance(rig, 0.3)
     graph.set('plant_simulator', faults__stuck_valve='mu1=0.5')
     graph.advance(rig, lambda: pids[0]._guard.latched, 'the latch', 0.1)
-    assert pids[0]._state == 'UNEXPLAINED_PRESSURE'
+    assert pids[0]._guard.word == 'UNEXPLAINED_PRESSURE'
     graph.set('plant_simulator', faults__stuck_valve='')
     graph.advance(rig, lambda: rig.rig.truth.pressure[0] < 5e3, 'vented')
     wanted[0] = 0.0
     graph.advance(rig, 0.3)
     wanted[0] = 100e3
     graph.advance(rig, 0.3)
-    assert pids[0]._state == 'UNEXPLAINED_PRESSURE'
+    assert pids[0]._guard.word == 'UNEXPLAINED_PRESSURE'
     assert rig.rig.truth.pressure[0] < 5e3
     graph.enable_supply(pids[0], False)
     graph.enable_supply(pids[0], True)
     graph.advance(rig, 0.3)
-    assert pids[0]._state == 'ACTIVE'
+    assert pids[0]._guard.word == 'ACTIVE'
     assert rig.rig.truth.pressure[0] > 90e3
 
 
@@ -153,7 +153,7 @@ def test_without_permission_for_the_supply_it_vents(graph, pair):
     graph.enable_supply(pids[0], False)
     graph.advance(rig, 0.05)
     assert graph.pacer.log[-1][2] == [-1.0, -1.0]
-    assert pids[0]._state == 'OFF'
+    assert pids[0]._guard.word == 'OFF'
     graph.enable_supply(pids[0], True)
     graph.advance(rig, 0.3)
     assert rig.rig.truth.pressure.min() > 90e3
@@ -188,7 +188,7 @@ def test_pressure_that_does_not_answer_is_vented_and_latched(graph, pair):
     graph.advance(rig, 0.1)
     wanted[0] = 200e3
     graph.advance(rig, 0.3)
-    assert pids[0]._state == 'NO_RESPONSE'
+    assert pids[0]._guard.word == 'NO_RESPONSE'
     graph.enable_supply(pids[0], False)
     graph.enable_supply(pids[0], True)
     graph.advance(rig, 1.5)
@@ -245,7 +245,7 @@ def test_e_stop_vents(graph, pair):
     graph.until(lambda: pids[0]._e_stop.on and pids[1]._e_stop.on, 'the message')
     graph.advance(rig, 0.05)
     assert graph.pacer.log[-1][2] == [-1.0, -1.0]
-    assert {pid._state for pid in pids} == {'E_STOP'}
+    assert {pid._guard.word for pid in pids} == {'E_STOP'}
 
 
 def test_gains_are_checked_as_a_set_and_change_while_it_runs(graph, pair):
@@ -305,7 +305,7 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
     want()
     for k in range(20):
         read(stamp + k * 5_000_000, 100e3 + k)
-    assert (node._state, commands[-1] > 0.0) == ('ACTIVE', True)
+    assert (node._guard.word, commands[-1] > 0.0) == ('ACTIVE', True)
     begin = time.monotonic()
     if event == 'e_stop':
         node._e_stop.take(Bool(data=True))
@@ -314,10 +314,10 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
         if event != 'setpoint':
             want()
         read(stamp + 95_000_000, 990e3 if event == 'pressure' else 100e3)
-        if node._state == state or time.monotonic() - begin > within:
+        if node._guard.word == state or time.monotonic() - begin > within:
             break
         time.sleep(0.005)
-    assert (node._state, commands[-1]) == (state, -1.0)
+    assert (node._guard.word, commands[-1]) == (state, -1.0)
     if event == 'stamp':
         assert 0.0 in commands
 

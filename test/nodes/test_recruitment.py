@@ -100,13 +100,13 @@ def test_lost_sensor_holds_then_vents_then_recovers(graph, bundle, fault, reason
     before = list(node.setpoints)
     graph.set('plant_simulator', **fault)
     graph.advance(rig, 0.03)
-    assert node._state == 'HOLD'
+    assert node._guard.word == 'HOLD'
     assert node.setpoints == pytest.approx(before, abs=5e3)
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
     assert any(reason in watch.reason for watch in node._oversight.watches)
     graph.set('plant_simulator', **dict.fromkeys(fault, ''))
     graph.advance(rig, 1.0)
-    assert node._state == 'ACTIVE'
+    assert node._guard.word == 'ACTIVE'
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
 
 
@@ -121,7 +121,7 @@ def test_after_a_long_loss_pressure_waits_for_enable(graph, bundle, resume_withi
     graph.set('plant_simulator', faults__silent='')
     graph.advance(rig, 1.0)
     assert rig.rig.truth.pressure.max() < 5e3
-    assert node._state == 'LOST'
+    assert node._guard.word == 'LOST'
 
     def status():
         return [m.status[0] for m in seen if m.status[0].name == 'bundle/recruitment_controller']
@@ -138,7 +138,7 @@ def test_frozen_force_is_not_believed(graph, bundle):
     rig, node = bundle(Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0)))
     graph.advance(rig, 0.5)
     graph.set('plant_simulator', faults__frozen='force')
-    graph.advance(rig, lambda: node._state in ('HOLD', 'SENSOR'), 'the watch')
+    graph.advance(rig, lambda: node._guard.word in ('HOLD', 'SENSOR'), 'the watch')
     assert 'has shown exactly' in node._oversight.watches[0].reason
     graph.advance(rig, lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
 
@@ -148,7 +148,7 @@ def test_encoder_without_noise_on_a_rig_that_stands_still(graph, bundle):
     ramp = Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0))
     rig, node = bundle(ramp, sensors__strain_noise=0.0)
     states = set()
-    graph.advance(rig, lambda: (states.add(node._state), graph.pacer.time > 2.5)[1], 'the ramp')
+    graph.advance(rig, lambda: (states.add(node._guard.word), graph.pacer.time > 2.5)[1], 'a ramp')
     assert states <= {'WAITING', 'ACTIVE'}
     assert rig.rig.truth.force == pytest.approx(75.0, abs=2.0)
 
@@ -157,7 +157,7 @@ def test_stuck_strain_is_found_where_it_must_move_and_left_by_enable(graph, bund
     """With strain_stuck_time it vents; readings that are otherwise good can be enabled again."""
     ramp = Points('ramp', 'force', (0.0, 0.5, 2.0), (30.0, 30.0, 75.0))
     rig, node = bundle(ramp, sensors__strain_noise=0.0, strain_stuck_time=0.5)
-    graph.advance(rig, lambda: node._state == 'FROZEN', 'the watch')
+    graph.advance(rig, lambda: node._guard.word == 'FROZEN', 'the watch')
     assert 'strain has shown exactly 0.1' in node._guard.now.reason
     graph.advance(rig, 0.5)
     graph.call(SetBool, 'enable', SetBool.Request(data=True))
@@ -185,7 +185,7 @@ def test_waits_for_enable_and_for_a_reference(graph, bundle):
     rig, node = bundle(hold(60.0), start_enabled=False)
     states = graph.listen('recruitment_state', UInt8, interface.LATCHED)
     graph.advance(rig, 0.3)
-    assert node._state == 'OFF'
+    assert node._guard.word == 'OFF'
     assert states[0].data == 0
     assert rig.rig.truth.pressure.max() < 1e3
     graph.call(SetBool, 'enable', SetBool.Request(data=True))
@@ -218,9 +218,9 @@ def disable(graph, node):
 def stop(graph, node):
     """Stop, and take the stop back."""
     graph.call(Trigger, 'e_stop_trigger')
-    graph.until(lambda: node._state == 'E_STOP', 'the stop')
+    graph.until(lambda: node._guard.word == 'E_STOP', 'the stop')
     graph.call(Trigger, 'e_stop_reset')
-    graph.until(lambda: node._state == 'OFF', 'the reset')
+    graph.until(lambda: node._guard.word == 'OFF', 'the reset')
 
 
 def over_pressure(graph, node):
@@ -234,7 +234,7 @@ def over_pressure(graph, node):
 def time_out(graph, node):
     """Ask for references that keep coming, for a moment."""
     graph.set('recruitment_controller', reference_timeout=0.2)
-    graph.until(lambda: node._state == 'NO_REFERENCE', 'the time-out')
+    graph.until(lambda: node._guard.word == 'NO_REFERENCE', 'the time-out')
     graph.set('recruitment_controller', reference_timeout=0.0)
 
 
@@ -254,7 +254,7 @@ def test_old_reference_never_comes_back(graph, live, event):
     graph.until(lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
     graph.spin(0.5)
     assert rig.rig.truth.pressure.max() < 5e3
-    assert node._state == ('NO_REFERENCE' if event is time_out else 'WAITING')
+    assert node._guard.word == ('NO_REFERENCE' if event is time_out else 'WAITING')
     publisher.publish(interface.force_message(1, 60.0))
     graph.until(lambda: rig.rig.truth.force > 40.0, 'force')
 
@@ -358,10 +358,10 @@ def test_dead_force_is_seen_whatever_the_stamps(graph, stamps):
             stream.publish(message)
     # Fast enough that the node never finds nothing new.
     graph.probe.every(0.002, feed)
-    graph.until(lambda: node._state == 'ACTIVE' and node.setpoints[0] > 20e3, 'pressure')
+    graph.until(lambda: node._guard.word == 'ACTIVE' and node.setpoints[0] > 20e3, 'pressure')
     dead.append('force')
-    graph.until(lambda: node._state == 'HOLD', 'HOLD', 3.0)
-    graph.until(lambda: node._state == 'SENSOR' and not any(node.setpoints), 'vent', 5.0)
+    graph.until(lambda: node._guard.word == 'HOLD', 'HOLD', 3.0)
+    graph.until(lambda: node._guard.word == 'SENSOR' and not any(node.setpoints), 'vent', 5.0)
     assert 'force: nothing for' in node._oversight.watches[0].reason
 
 
@@ -409,7 +409,7 @@ def test_burst_muscle_is_latched_by_all(graph, bundle):
     graph.advance(rig, 1.0)
     graph.set('plant_simulator', faults__leak='mu1=0.01')
     graph.advance(rig, lambda: node._guard.latched, 'the latch', 0.2)
-    assert node._state == 'NO_RESPONSE'
+    assert node._guard.word == 'NO_RESPONSE'
     graph.advance(rig, 0.3)
     assert not rig._permission.given
     assert rig.rig.truth.pressure.max() < 5e3

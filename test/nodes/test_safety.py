@@ -159,7 +159,7 @@ def test_gauge_kilopascals_let_no_air_in(graph, rig, supply):
     # besides what a full valve lets in while a busy machine holds this process up
     assert rig.highest < 200e3 + TWO_PERIODS * rig.held_up / (2.0 * PERIOD)
     # Where samples are late the air of the trial may be told by its force first.
-    assert rig.node._state in ({'SUPPLY'} if supply else {'NO_RESPONSE', 'FORCE'})
+    assert rig.node._guard.word in ({'SUPPLY'} if supply else {'NO_RESPONSE', 'FORCE'})
 
 
 FAULTS = {
@@ -232,7 +232,7 @@ def test_a_pressure_loop_that_dies_or_stops_vents_all(graph, rig, number, start)
         graph.until(lambda: rig.rig.truth.pressure[0] > 150e3, 'pressure')
         process.send_signal(number)
         vented(graph, rig)
-        assert rig.node._state in ('PID_LOST', 'NO_RESPONSE', 'UNEXPLAINED_PRESSURE')
+        assert rig.node._guard.word in ('PID_LOST', 'NO_RESPONSE', 'UNEXPLAINED_PRESSURE')
         process.send_signal(signal.SIGCONT)
         graph.spin(0.6)
         assert max(rig.rig.truth.pressure) < 5e3
@@ -247,7 +247,7 @@ def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
     graph.until(lambda: max(rig.rig.truth.pressure) > 100e3, 'pressure')
     rig.node._oversight._alive -= 2.0
     vented(graph, rig)
-    assert rig.node._state == 'STOPPED'
+    assert rig.node._guard.word == 'STOPPED'
 
 
 def test_a_leave_that_has_lapsed_is_not_renewed_by_the_heartbeat(graph):
@@ -265,7 +265,7 @@ def test_a_leave_that_has_lapsed_is_not_renewed_by_the_heartbeat(graph):
 def test_limits_are_not_raised_while_it_acts(graph, rig):
     """Lower is welcome; higher has to wait until it is off."""
     rig = rig()
-    graph.until(lambda: rig.node._state == 'ACTIVE', 'ACTIVE')
+    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
     for node in ('recruitment_controller', 'pressure_pid_mu1'):
         graph.until(lambda: rig.rig.truth.pressure[0] > 100e3, 'pressure')
         refused = graph.set(node, over_pressure_factor=3.0)[0]
@@ -274,7 +274,7 @@ def test_limits_are_not_raised_while_it_acts(graph, rig):
         assert graph.set(node, over_pressure_factor=1.12)[0].successful
     assert not graph.set('recruitment_controller', reference_timeout=0.0)[0].successful
     graph.call(SetBool, 'enable', SetBool.Request(data=False))
-    graph.until(lambda: rig.node._state == 'OFF', 'OFF')
+    graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
     assert graph.set('recruitment_controller', over_pressure_factor=1.2)[0].successful
 
 

@@ -7,14 +7,16 @@ import json
 import pytest
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import load_model
+from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench.cases import load_example
-from fam_bundle_ros.workbench.explorer import Explorer, paper_explorer
+from fam_bundle_ros.workbench.explorer import Explorer
 
 
 @pytest.fixture
 def explorer():
     """Return the explorer of the paper's bundle."""
-    return paper_explorer()
+    return Explorer(load_model(config_path('models/spie2021.yaml')))
 
 
 def test_it_starts_where_the_overlap_is(explorer):

@@ -11,45 +11,35 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.data.formats.table import plain_columns, Table, unique
+from fam_bundle_ros.data.formats.table import plain_columns, Table, unique, unreadable
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
 
-def _refused(path: Path, kind: str, error: Exception) -> InputError:
-    first = (str(error).strip().splitlines() or [type(error).__name__])[0]
-    return InputError(f'{path.name}: cannot be read as {kind} ({first[:80]})')
-
-
 def read_parquet(path: Path, sheet: str | None = None) -> Table:
     """Return the table of a parquet file; fields may carry a unit in their metadata."""
-    library('pyarrow', f'{path.name}: reading it')
-    import pyarrow.parquet
-    try:
-        return _of_arrow(path, 'parquet', pyarrow.parquet.read_table(path))
-    except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise _refused(path, 'parquet', error) from error
+    return _of_arrow(path, 'parquet')
 
 
 def read_feather(path: Path, sheet: str | None = None) -> Table:
     """Return the table of a feather (Arrow) file."""
-    library('pyarrow', f'{path.name}: reading it')
-    import pyarrow.feather
-    try:
-        return _of_arrow(path, 'feather', pyarrow.feather.read_table(path))
-    except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise _refused(path, 'feather', error) from error
+    return _of_arrow(path, 'feather')
 
 
-def _of_arrow(path: Path, kind: str, table: Any) -> Table:
-    library('pandas', f'{path.name}: reading it')
+def _of_arrow(path: Path, kind: str) -> Table:
+    pyarrow, reader, _ = (library(module, f'{path.name}: reading it')
+                          for module in ('pyarrow', f'pyarrow.{kind}', 'pandas'))
     units = {}
-    for entry in table.schema:
-        for key, value in (entry.metadata or {}).items():
-            if key.decode(errors='replace').casefold() in ('unit', 'units'):
-                units[entry.name] = value.decode(errors='replace')
-    return of_frame(table.to_pandas(), path.name, kind, units)
+    try:
+        table = reader.read_table(path)
+        for entry in table.schema:
+            for key, value in (entry.metadata or {}).items():
+                if key.decode(errors='replace').casefold() in ('unit', 'units'):
+                    units[entry.name] = value.decode(errors='replace')
+        return of_frame(table.to_pandas(), path.name, kind, units)
+    except (OSError, ValueError, pyarrow.ArrowException) as error:
+        raise unreadable(path, kind, error) from error
 
 
 def of_frame(frame: Any, name: str, kind: str = 'frame',
@@ -68,7 +58,7 @@ def read_npz(path: Path, sheet: str | None = None) -> Table:
         with np.load(path, allow_pickle=False) as packed:
             values = {name: packed[name] for name in packed.files}
     except (OSError, ValueError) as error:
-        raise _refused(path, 'an .npz without objects', error) from error
+        raise unreadable(path, 'an .npz without objects', error) from error
     return of_arrays(path.name, '.npz', values)
 
 
@@ -77,7 +67,7 @@ def read_npy(path: Path, sheet: str | None = None) -> Table:
     try:
         values = np.load(path, allow_pickle=False)
     except (OSError, ValueError) as error:
-        raise _refused(path, 'an .npy without objects', error) from error
+        raise unreadable(path, 'an .npy without objects', error) from error
     if values.dtype.names:
         return of_arrays(path.name, '.npy', {name: values[name] for name in values.dtype.names})
     return of_arrays(path.name, '.npy', {'column': values})
@@ -92,12 +82,12 @@ def read_json(path: Path, sheet: str | None = None) -> Table:
         try:
             return of_frame(pandas.read_json(path, lines=True), path.name, 'JSON lines')
         except ValueError as error:
-            raise _refused(path, 'JSON', error) from error
+            raise unreadable(path, 'JSON', error) from error
     if isinstance(values, list):
         try:
             return of_frame(pandas.DataFrame(values), path.name, 'JSON')
         except (ValueError, TypeError) as error:
-            raise _refused(path, 'JSON', error) from error
+            raise unreadable(path, 'JSON', error) from error
     return of_arrays(path.name, 'JSON', values if isinstance(values, dict) else {})
 
 

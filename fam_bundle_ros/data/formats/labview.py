@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.formats import layout
-from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.formats.table import Table, unique, unreadable
 from fam_bundle_ros.data.formats.text import encoding_of
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
@@ -147,8 +147,7 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
         found = {name: _of_group(channels) for name, channels in groups.items()
                  if any(len(channel) for channel in channels)}
     except Exception as error:  # npTDMS raises struct's and its own on damaged files
-        first = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise InputError(f'{path.name}: cannot be read as .tdms ({first[:80]})') from error
+        raise unreadable(path, '.tdms', error) from error
     if sheet is not None and sheet not in found:
         raise InputError(f"{path.name}: no group '{sheet}'; expected one of {', '.join(found)}")
     if not found:

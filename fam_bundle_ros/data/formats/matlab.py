@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.formats.arrays import of_arrays
-from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.table import Table, unreadable
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -34,8 +34,7 @@ def read_mat(path: Path, sheet: str | None = None) -> Table:
     except NotImplementedError:
         return read_hdf(path, sheet)
     except Exception as error:  # scipy raises many kinds on damaged files
-        first = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise InputError(f'{path.name}: cannot be read as a .mat file ({first[:80]})') from error
+        raise unreadable(path, 'a .mat file', error) from error
     opaque = any(type(value).__name__ == 'MatlabOpaque' or 'FunctionWorkspace' in key
                  for key, value in values.items())
     values = {key: value for key, value in values.items() if not key.startswith('__')
@@ -53,8 +52,7 @@ def read_hdf(path: Path, sheet: str | None = None) -> Table:
             values.update(_units_of(file))
             opaque = '#subsystem#' in file
     except (OSError, RuntimeError, ValueError) as error:
-        first = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise InputError(f'{path.name}: cannot be read as HDF5 ({first[:80]})') from error
+        raise unreadable(path, 'HDF5', error) from error
     return _chosen(path, {key: value for key, value in values.items() if value is not None},
                    sheet, opaque)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import first_line, InputError
 
 #: Larger files are refused unread.
 MAX_BYTES = 1 << 30
@@ -62,6 +62,11 @@ def check_size(path: Path) -> None:
     if size > MAX_BYTES:
         raise InputError(f'{path.name}: {size / 1e9:.1f} GB; expected at most '
                          f'{MAX_BYTES / 1e9:.1f} GB (decimate or split the log)')
+
+
+def unreadable(path: Path, kind: str, error: Exception) -> InputError:
+    """Return the error for a file that a library cannot read as what its first bytes say."""
+    return InputError(f'{path.name}: cannot be read as {kind} ({first_line(error)[:80]})')
 
 
 def unique(headers: Sequence[Any]) -> list[str]:

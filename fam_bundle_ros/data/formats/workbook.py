@@ -12,7 +12,7 @@ import zipfile
 import numpy as np
 
 from fam_bundle_ros.data.formats import arrays, layout
-from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique
+from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique, unreadable
 from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
@@ -54,8 +54,7 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
         sheets = pandas.read_excel(path, sheet_name=None, header=None, dtype=object,
                                    engine='openpyxl', na_filter=False)
     except Exception as error:  # openpyxl raises its own and zip's, xml's, ...
-        first = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise InputError(f'{path.name}: cannot be read as a workbook ({first[:80]})') from error
+        raise unreadable(path, 'a workbook', error) from error
     if sheet is not None and sheet not in sheets:
         raise InputError(f"{path.name}: no sheet '{sheet}'; expected one of {', '.join(sheets)}")
     names = list(sheets) if sheet is None else [sheet]
