@@ -169,6 +169,17 @@ def test_every_climb_is_like_the_first(bundles, units):
     assert climbs[3] == pytest.approx(first, abs=3.0)
 
 
+def test_units_that_a_demand_at_rest_does_not_need_leave_one_after_the_other(bundles):
+    """The first after two seconds, the next a dwell time later."""
+    bench = Bench(bundles[3], 0.12, outer=OPEN)
+    top = bench.curves.top[-1] - 2.0
+    bench.ramp(2.0, top, 40.0)
+    bench.ramp(top, 2.0, 80.0)
+    gone = np.flatnonzero(switches(bench.hold(2.0, 4.0))) * DT
+    assert gone[0] == pytest.approx(2.0, abs=0.1)  # a rate is late by its filter
+    assert np.diff(gone) == pytest.approx([0.25], abs=2 * DT)
+
+
 @pytest.mark.parametrize('uneven', [0.0, 0.2, 0.6])
 def test_uneven_sample_times_recruit_nothing(paper_bundle, uneven):
     """A ramp that ends well within RS1 never needs MU2, however the ticks are scattered."""
