@@ -53,7 +53,7 @@ def add(
     removing: Annotated[list[str] | None, typer.Option('--remove', metavar='NAME', help='Take an '
                                                        "effect of the model's away.")] = None,
     discrepancy: Annotated[bool, typer.Option('--discrepancy', help='Also write what is left, as '
-                                              'a table, where that foretells unseen rows '
+                                              'a table, where that predicts unseen rows '
                                               'better.')] = False,
     name: Annotated[str | None, typer.Option(help='Name of the new model.')] = None,
     json_file: JsonFile = None,

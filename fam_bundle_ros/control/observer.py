@@ -4,7 +4,7 @@
 Observer of the force that the model leaves out: measured minus believed force.
 
 A disturbance observer (Ohnishi, Shibata and Murakami 1996) on five time scales. The quickest is as
-fast as the lag of the loop allows, the patient one averages over half a second. Each foretells the
+fast as the lag of the loop allows, the patient one averages over half a second. Each predicts the
 next error, and they are averaged by how well they did of late (dynamic model averaging: Raftery,
 Karny and Ettler 2010, Technometrics 52, 52), with odds against all but the patient one. What is
 found goes on to the quickest as far as that differs by more than its noise (shrinkage: Gao 1998,
@@ -72,7 +72,7 @@ class ObserverState:
     bank : list (4,), N
         As ``patient``, more and more quickly from the first to the last.
     lead : list (4,)
-        Log odds for each against the steady one, by what they foretold of late.
+        Log odds for each against the steady one, by what they predicted of late.
     """
 
     bias: float = 0.0
@@ -192,7 +192,7 @@ def quick_of(state: Any) -> float:
 
 def compare(state: Any, error: float, noise: float, dt: float) -> None:
     """
-    Count how much better each of the bank foretold an error (N) than the steady one did.
+    Count how much better each of the bank predicted an error (N) than the steady one did.
 
     Gaussian log likelihoods; ``noise`` (N^2) is the variance of the readings.
     """

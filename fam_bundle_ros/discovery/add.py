@@ -58,7 +58,7 @@ class Added(Told):
     replaced : dict of str to str
     removed : tuple of str
     recommended : Recommended
-        The same effects with or without the discrepancy, whichever foretells better.
+        The same effects with or without the discrepancy, whichever predicts better.
     log_odds : float or None
         Natural log of the odds of these effects over those of the model as it was, each with a
         smooth discrepancy beside it. None where the effects are the same.
@@ -193,7 +193,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
 def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
               ) -> Recommended:
     """
-    Return physics, or physics with what it leaves, whichever foretells unseen rows better.
+    Return physics, or physics with what it leaves, whichever predicts unseen rows better.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which of the sets that a search has fitted is told, and which one foretells best.
+Which of the fitted sets of effects is the answer, and which one predicts best.
 
 Evidence is in units of the noise; rows that a fit has not seen (`held_out`) are in newtons.
 """
@@ -42,11 +42,11 @@ _POINTS = 24
 def best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[str, float],
                  choices: Choices) -> tuple[Fit, list[Change]]:
     """
-    Return the chosen set, or one as probable that foretells unseen rows better.
+    Return the chosen set, or one as probable that predicts unseen rows better.
 
     Those within a standard error of the best on the folds (Breiman et al. 1984) are alike there;
     between strains that were measured they may be far apart. Of them the most probable one that is
-    as near to what all of them foretell as any, within the noise of a row: a single set foretells
+    as near to what all of them predict as any, within the noise of a row: a single set predicts
     best where it is nearest to the average over sets (Barbieri and Berger 2004).
     Only where structure is left: down to the noise folds can tell nothing that evidence does not.
     """
@@ -91,9 +91,9 @@ def away_from_all(cells: Cells, models: list[Bundle], weights: np.ndarray) -> np
     return np.array([np.mean((force - each) ** 2, axis=(1, 2)) @ weights for each in force])
 
 
-def foretelling(search: Search, chosen: Fit, physics: Fit, choices: Choices) -> Fit:
+def predictive(search: Search, chosen: Fit, physics: Fit, choices: Choices) -> Fit:
     """
-    Return the set to foretell with: of those as probable as the best, of least error on folds.
+    Return the set to predict with: of those as probable as the best, of least error on folds.
 
     It may hold effects that earn no name, and other shapes of those that do. Only where structure
     is left, as in `best_of_ties`, and where there are folds.
@@ -128,14 +128,14 @@ def believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
     return null, []
 
 
-def that_foretell(search: Search, chosen: Fit, found: list[Change], physics: Fit,
+def that_predict(search: Search, chosen: Fit, found: list[Change], physics: Fit,
                   inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
     """
-    Return the chosen set without effects that foretell nothing on rows not seen, or are bent.
+    Return the chosen set without effects that predict nothing on rows not seen, or are bent.
 
     Those are effects without which physics does as well there. Where structure is left, evidence
     measures it in units of the noise, so that an effect which imitates a hundredth of the misfit
-    gains tens of log units: there an effect stays only if it foretells better by more than a
+    gains tens of log units: there an effect stays only if it predicts better by more than a
     standard error over the folds. Where none is left, an effect goes only if nothing is worse
     without it, with a discrepancy too; the last one only if the evidence for it needs a
     discrepancy besides.

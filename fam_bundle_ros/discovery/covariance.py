@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 r"""
-The covariance of what a model cannot foretell: noise and a smooth discrepancy.
+The covariance of what a model cannot predict: noise and a smooth discrepancy.
 
     K = s^2 / count + s_w^2 I + a_e^2 M + (a_o^2 + a_v^2 V) d d' M + a_t^2 exp(-|dt| / tau)
 

@@ -27,7 +27,7 @@ from fam_bundle_ros.data.trials import Offsets, trial_offsets
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import Cells, reduce
-from fam_bundle_ros.discovery.choice import believed, best_of_ties, foretelling, that_foretell
+from fam_bundle_ros.discovery.choice import believed, best_of_ties, predictive, that_predict
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
@@ -89,7 +89,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     physics = fitter.without_discrepancy(chosen)
     base = fitter.without_discrepancy(search.null) if found else physics
     likely = bool(found)
-    chosen, found, physics, held = that_foretell(search, chosen, found, physics,
+    chosen, found, physics, held = that_predict(search, chosen, found, physics,
                                                  choices.inclusion)
     if offsets is None and not data.is_static:
         offsets = _offsets_left(cells, physics)
@@ -115,7 +115,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     before, leftover = (Leftover.of(fitter, fit, beside.hyper)
                         for fit, beside in ((base, search.null), (final, joint)))
     recommended = recommend(best, final, joint, held, fitter)
-    other = foretelling(search, chosen, physics, choices) if finding.named else physics
+    other = predictive(search, chosen, physics, choices) if finding.named else physics
     if other is not physics:
         beside = search.fits[other.names]
         likewise = recommend(

@@ -159,13 +159,10 @@ class Fitter:
     ----------
     cells : Cells
     covariance : Covariance
-    evaluations : int
-        Jacobians so far.
     """
 
     cells: Cells
     covariance: Covariance
-    evaluations: int = field(default=0)
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
         """Return measured minus predicted force of the cells, (n,), N."""
@@ -182,7 +179,6 @@ class Fitter:
         kept : mapping of str to ndarray (n,), optional
             Slopes that are known well enough, by key.
         """
-        self.evaluations += 1
         known = kept or {}
         moved = with_coordinates(model, priors, u)
         asked = [j for j, prior in enumerate(priors) if prior.key not in known]

@@ -79,7 +79,7 @@ class HeldOut:
 
     def is_no_worse(self, other: HeldOut) -> bool:
         """
-        Return whether it foretells every kind of folds as well, alone and with the discrepancy.
+        Return whether it predicts every kind of folds as well, alone and with the discrepancy.
 
         Strain levels are off by tens of times what isobars are: one rms would ask them alone.
         """

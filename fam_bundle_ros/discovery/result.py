@@ -84,7 +84,7 @@ class Candidate:
 @dataclass(frozen=True, repr=False)
 class Recommended(Told):
     """
-    The model that foretells rows it has not seen best.
+    The model that predicts rows it has not seen best.
 
     Its effects are those of the answer, or of another set that is nearly as probable and does
     better there: some may be in no answer, for want of evidence.

@@ -6,7 +6,7 @@ What a model must be better than: the mean force, a plane, a six-parameter empir
 And a curve of the strain alone, where the pressure should matter.
 
 Each is a function of the training cells that returns a function of strain and pressure. At a
-constant force it is the strain that is foretold: its mean, a line and a cubic in the pressure.
+constant force it is the strain that is predicted: its mean, a line and a cubic in the pressure.
 """
 
 from __future__ import annotations

@@ -189,7 +189,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     inclusion : float
         Prior probability that something is missing.
     likely : bool
-        Whether the evidence names something, which may have foretold nothing on rows not seen:
+        Whether the evidence names something, which may have predicted nothing on rows not seen:
         then no effect is the answer, but nor is that none is missing.
     """
     cells = fitter.cells

@@ -190,7 +190,7 @@ def not_named(posterior: Posterior, chosen: Fit, told: Iterable[str]) -> tuple[s
     """
     Return in words which effects are likelier than not without being part of an answer.
 
-    An effect in more than half of the posterior foretells better than none (Barbieri and Berger
+    An effect in more than half of the posterior predicts better than none (Barbieri and Berger
     2004, Ann. Stat. 32, 870), but a name asks for more: see `settings.LEAST_LOSS`.
 
     Parameters
@@ -204,7 +204,7 @@ def not_named(posterior: Posterior, chosen: Fit, told: Iterable[str]) -> tuple[s
     known = {*_labels(posterior, chosen), *told}
     return tuple(
         f'{label} is likelier than not ({posterior.of_label(label):.2f}) but not named: the '
-        'evidence for it is weak, it foretells nothing on rows not seen, or its constants are '
+        'evidence for it is weak, it predicts nothing on rows not seen, or its constants are '
         'hard to believe'
         for label in posterior.labels()
         if label not in known and posterior.of_label(label) > 0.5)

@@ -46,7 +46,7 @@ def test_an_error_that_moves_is_followed_as_quickly_as_it_moves(rate):
 
 
 @pytest.mark.parametrize('rate', [2.0, 4.0])
-def test_a_drift_within_the_noise_is_followed_by_the_observer_that_foretells_it_best(rate):
+def test_a_drift_within_the_noise_is_followed_by_the_observer_that_predicts_it_best(rate):
     """Half a second after it began; the patient one is behind by rate times half a second."""
     left = []
     for seed in range(6):

@@ -173,7 +173,7 @@ def test_an_effect_that_the_muscle_does_not_have_is_removed(sweeps, paper_muscle
     ('end_caps', {'dead_length': 12e-3}, 'missing_effect'), ('end_caps', {'dead_length': 0.0},
                                                              'adequate')])
 def test_a_hung_weight_is_scored_in_strain(paper_muscle, name, values, expected):
-    """At one force the mean force foretells everything; what was measured is the strain."""
+    """At one force the mean force predicts everything; what was measured is the strain."""
     rng = np.random.default_rng(0)
     truth = paper_muscle.with_effect(name, **values)
     pressure = np.tile(np.concatenate([np.linspace(6e4, 4e5, 60), np.linspace(4e5, 6e4, 60)]), 2)

@@ -127,7 +127,7 @@ def test_a_table_with_a_hole_is_refused(tmp_path):
 # --- written by a diagnosis --------------------------------------------------------------------
 
 def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscle, tmp_path):
-    """A smooth error of 8 N that no law explains: physics with the table foretells it."""
+    """A smooth error of 8 N that no law explains: physics with the table predicts it."""
     data = sweeps(extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5 + 2.0 * way)
     fitter, joint, physics = fitted(paper_muscle, data)
     left = Leftover.of(fitter, physics, joint.hyper)
@@ -221,7 +221,7 @@ def test_every_shape_that_has_a_formula_is_an_effect(sweeps, paper_muscle, tmp_p
 
 # --- held-out errors ---------------------------------------------------------------------------
 
-def test_the_right_model_foretells_unseen_folds_down_to_the_noise(sweeps, paper_muscle):
+def test_the_right_model_predicts_unseen_folds_down_to_the_noise(sweeps, paper_muscle):
     """Trials, isobars and strain levels left out: 0.6 N of noise, and rivals do worse."""
     fitter, joint, physics = fitted(paper_muscle, sweeps())
     held = held_out(fitter, physics, joint)

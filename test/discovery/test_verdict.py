@@ -167,7 +167,7 @@ def test_what_wins_without_one_fold_is_tied_and_averaged(search, monkeypatch):
 
 
 @pytest.mark.parametrize(('blind', 'refused'), [(0.9, True), (1.2, False)])
-def test_effects_that_foretell_no_better_than_without_the_pressure_are_refused(search, blind,
+def test_effects_that_predict_no_better_than_without_the_pressure_are_refused(search, blind,
                                                                               refused):
     """Where the pressure should matter: a force that does not depend on it is no muscle's."""
     made = search(nothing=0.0)
@@ -190,7 +190,7 @@ def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, mo
 
 
 @pytest.mark.parametrize(('structured', 'kept'), [(True, []), (False, ['coulomb_friction'])])
-def test_where_structure_is_left_an_effect_must_foretell_better(search, monkeypatch, structured,
+def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypatch, structured,
                                                                 kept):
     """Better by more than the folds scatter; down to the noise any gain there will do."""
     made = search(nothing=0.0, coulomb_friction=30.0)
@@ -204,14 +204,14 @@ def test_where_structure_is_left_an_effect_must_foretell_better(search, monkeypa
         GOOD, physics=sum(off[physics.names])))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
     found = [Change('', 'coulomb_friction')]
-    assert [str(change) for change in choice.that_foretell(
+    assert [str(change) for change in choice.that_predict(
         made, better, found, better, 0.1)[1]] == kept
     off[made.null.names] = [12.0, 8.0]
-    assert choice.that_foretell(made, better, found, better, 0.1)[1] == found
+    assert choice.that_predict(made, better, found, better, 0.1)[1] == found
     off[made.null.names] = [8.0, 4.0]  # as well without it: no name, the last one neither
-    assert choice.that_foretell(made, better, found, better, 0.1)[1] == []
+    assert choice.that_predict(made, better, found, better, 0.1)[1] == []
     sure = replace(better, white_evidence=made.null.white_posterior + 9.0)
-    assert [str(change) for change in choice.that_foretell(
+    assert [str(change) for change in choice.that_predict(
         made, sure, found, sure, 0.1)[1]] == kept
 
 
@@ -233,7 +233,7 @@ def test_beside_a_bent_law_others_are_named(search, monkeypatch, structured, ang
         2, 1.0 if other is fit else 9.0 if other is not made.null else 30.0))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda other: other)
     found = changes(made.options, made.best.names)[::-1]  # the bent one is worth more
-    named_ = choice.that_foretell(made, fit, found, fit, 0.1)[1]
+    named_ = choice.that_predict(made, fit, found, fit, 0.1)[1]
     assert [str(change) for change in named_] == (kept or [str(change) for change in found])
 
 
@@ -250,7 +250,7 @@ def test_a_law_bent_beyond_its_prior_to_what_it_is_not_is_refused(search, key, u
 
 
 @pytest.mark.parametrize(('likely', 'open_'), [(True, True), (False, False)])
-def test_evidence_for_what_foretells_nothing_is_no_clean_bill(search, likely, open_):
+def test_evidence_for_what_predicts_nothing_is_no_clean_bill(search, likely, open_):
     """The effects are not named, nor is it said that none is missing."""
     made = search(nothing=0.0)
     null = replace(made.null, hyper=Hyper(white=1), residual=0.0 * made.null.residual)

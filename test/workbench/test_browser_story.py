@@ -252,7 +252,7 @@ def test_every_click_and_hover_is_answered_and_long_work_says_so(watched):
 
 
 def test_a_formula_is_typed_key_by_key(watched):
-    """Formula, name, values with units stay as they are typed, and the error is foretold."""
+    """Formula, name, values with units stay as they are typed, and the error is predicted."""
     tab = watched()
     page = tab.open()
     tab.click('open-first')

@@ -160,7 +160,7 @@ async def test_a_model_and_its_data_are_dropped_together(user, endings):
 
 
 async def test_the_muscle_is_edited_beside_the_plot(user):
-    """Another radius changes the error that is foretold, and opens the case with it anew."""
+    """Another radius changes the error that is predicted, and opens the case with it anew."""
     await open_first(user)
     user.find(marker='muscle:radius').trigger('input', '5 mm')
     await sees(user, 'With these dimensions the error would be')

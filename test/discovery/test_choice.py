@@ -12,7 +12,7 @@ from fam_bundle_ros.discovery.choice import (
     as_good,
     away_from_all,
     best_of_ties,
-    foretelling,
+    predictive,
 )
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.evidence import Fitter
@@ -102,11 +102,11 @@ def test_a_shape_that_is_far_from_all_others_between_the_strains_is_not_chosen(s
     assert as_good(squares[0], squares[1])
 
 
-def test_the_set_to_foretell_with_is_the_best_on_folds_of_those_as_probable(search):
+def test_the_set_to_predict_with_is_the_best_on_folds_of_those_as_probable(search):
     """Whatever was chosen: of sets within the odds of the best none does better on isobars."""
     fitter, choices = search.fitter, Choices()
     null = fitter.without_discrepancy(search.null)
-    found = foretelling(search, search.null, null, choices)
+    found = predictive(search, search.null, null, choices)
     near = [fit for fit in search.fits.values()
             if fit.posterior > search.best.posterior - np.log(choices.odds)]
     assert found.names in {fit.names for fit in near}
