@@ -334,9 +334,16 @@ def counter(words: str) -> Iterator[Callable[..., None]]:
             done / every, f'{done} of {every}{f", {what}" if what else ""}')
 
 
-def effect_name(name: str) -> Text:
-    """Return an effect's name in its colour."""
-    return Text(name, style=palette.effect(name).dark)
+def candidate_table(entries: Iterable[Any], title: str, probability: str) -> None:
+    """Print the candidates of a diagnosis, each under its label."""
+    table(('candidate', probability, 'error (N)', 'why'),
+          [(effect_name(c.effect, c.label), f'{c.probability:.2f}', c.error_N, c.reason)
+           for c in entries], title, numeric=(1, 2))
+
+
+def effect_name(name: str, shown: str = '') -> Text:
+    """Return an effect's name, or other words for it, in its colour."""
+    return Text(shown or name, style=palette.effect(name).dark)
 
 
 def state_name(state: int) -> Text:

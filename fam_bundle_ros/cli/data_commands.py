@@ -10,8 +10,8 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     AllowPython,
+    candidate_table,
     console,
-    effect_name,
     free_name,
     JsonFile,
     ModelOption,
@@ -141,10 +141,8 @@ def diagnose(
                   f'{result.noise.value:.3g} N ({result.noise.basis})')
     if result.shortlist:
         answered = result.verdict != 'unexplained'
-        table(('candidate', 'probability' if answered else 'among these', 'error (N)', 'why'),
-              [(effect_name(c.effect).append(c.label[len(c.effect):]), f'{c.probability:.2f}',
-                c.error_N, c.reason) for c in result.shortlist],
-              '' if answered else result.shortlist_title, numeric=(1, 2))
+        candidate_table(result.shortlist, '' if answered else result.shortlist_title,
+                        'probability' if answered else 'among these')
     console.print(escape(str(result.recommended)), soft_wrap=True)
     words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
              *(f'--remove {name}' for name in result.removed)]

@@ -7,6 +7,9 @@ import shlex
 
 import pytest
 
+from fam_bundle_ros.cli.common import candidate_table
+from fam_bundle_ros.discovery.result import Candidate
+
 HEADER = 'strain,pressure [kPa],force [N]\n'
 ROWS = ''.join(f'{0.01 * (i % 20):.2f},{100 * (1 + i // 20)},{50 - i % 20}\n' for i in range(60))
 
@@ -64,6 +67,18 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     done = fam_bundle(*shlex.split(command)[2:])
     assert done.returncode == 0, done.stderr
     assert (tmp_path / 'better.yaml').exists()
+
+
+@pytest.mark.parametrize(('effect', 'shape', 'of', 'label'), [
+    ('end_caps', 'end_caps', {}, 'end_caps'),
+    ('softening', 'softening_travel', {}, 'softening as softening_travel'),
+    ('stribeck_friction', 'stribeck_friction', {'replaces': 'coulomb_friction'},
+     'stribeck_friction for coulomb_friction'),
+    ('braid_elasticity', 'braid_elasticity', {'removes': True}, 'no braid_elasticity')])
+def test_a_candidate_is_printed_under_its_whole_label(capfd, effect, shape, of, label):
+    """Be it added, added in another shape, put in place of one, or taken away."""
+    candidate_table([Candidate(effect, shape, 'family', 0.5, 3.0, 0.0, (), '-', **of)], '', 'p')
+    assert capfd.readouterr().out.splitlines()[1].split() == [*label.split(), '0.50', '3', '-']
 
 
 @pytest.mark.parametrize(('text', 'words'), [
