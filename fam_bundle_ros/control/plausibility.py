@@ -87,6 +87,56 @@ class InflowConfig:
     ambient: float = ATMOSPHERE
 
 
+class Travel:
+    """
+    How far a pressure must have moved since its reading last changed.
+
+    A loop whose reading stands still hunts about it: its valve opens little, to and fro, so that
+    the bounds of `InflowWatch` prove nothing, while the pressure goes up and down. Its own models
+    of valve and chamber say by how much.
+
+    Parameters
+    ----------
+    least : float, Pa
+        What the pressure must have moved by, up or down, to count.
+    longest : float, s
+        Between readings; a gap counts for no more.
+
+    Examples
+    --------
+    >>> travel = Travel(50e3, 0.01)
+    >>> [travel.see(0.01 * k, 200e3, 2e6) for k in range(5)]
+    [False, False, False, True, True]
+    >>> travel.see(0.05, 201e3, 2e6)
+    False
+    """
+
+    def __init__(self, least: float, longest: float):
+        self.least, self.longest = least, longest
+        self._shown = self._time = math.nan
+        self._moved, self._far = 0.0, False
+
+    def see(self, time: float, pressure: float, rate: float) -> bool:
+        """
+        Return whether the pressure must have moved since it last showed something else.
+
+        Parameters
+        ----------
+        time : float, s
+        pressure : float, Pa
+            As it is shown.
+        rate : float, Pa/s
+            Since the reading before, by the loop's models of valve and chamber.
+        """
+        if pressure == self._shown:
+            self._moved += rate * min(max(time - self._time, 0.0), self.longest)
+            self._far = self._far or abs(self._moved) > self.least
+        else:
+            self._moved, self._far = 0.0, False
+        self._shown, self._time = pressure, time
+        return self._far
+
+
 class InflowWatch:
     """
     Holds the pressure shown against what the valve can have let in or out.

@@ -20,7 +20,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.plausibility import GENTLE
+from fam_bundle_ros.control.plausibility import GENTLE, Travel
 from fam_bundle_ros.control.safety import (
     Change,
     Guard,
@@ -85,6 +85,7 @@ class PressurePidNode(BundleNode):
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
             max_latency=self.max_latency))
         self._air = Air(self, bundle, self.unit, self.pid.config)
+        self._travel = Travel(self._air.inflow.config.margin, 2.0 / p['rate'])
         self._permission = Permission(math.inf if self.lock_step
                                       else max(TIMEOUT, p['sensor_timeout']))
         self._setpoint: tuple[int, float] | None = None
@@ -291,7 +292,7 @@ class PressurePidNode(BundleNode):
         """
         guard, watch, setpoint = self._guard, self._watch, self._setpoint
         health = (watch.check(now) if pressure is None or not new
-                  else watch.see(now, pressure, self._must_move(pressure), latency))
+                  else watch.see(now, pressure, self._must_move(now, pressure), latency))
         self._look_for_latches(now, pressure)
         if pressure is not None and new and health == Health.GOOD:
             cause, reason = self._air.impossible(self._answered * 1e-9, pressure, self._gap)
@@ -350,8 +351,10 @@ class PressurePidNode(BundleNode):
             self.say(cause, reason)
         return -1.0
 
-    def _must_move(self, pressure: float) -> bool:
-        """Whether the last command must be changing the pressure."""
+    def _must_move(self, now: float, pressure: float) -> bool:
+        """Whether the last command must be changing the pressure, or commands must have by now."""
+        if self._travel.see(now, pressure, self.pid.state.shown.expected_rate):
+            return pressure > 10e3
         if abs(self._command) < self.p['valve.dead_band'] + 0.1:
             return False
         return pressure > 10e3 if self._command < 0.0 else pressure < 0.9 * self._max_pressure
