@@ -8,6 +8,7 @@ that fills the memory), and nothing in a file is executed: a Python file of effe
 is loaded only with ``allow_python=True``.
 """
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -275,17 +276,20 @@ class _Reader:
                         for v in setting['interval'])
             else:
                 values[key] = self.quantity(setting, parameter.unit, label, at)
+        for key, value in values.items():
+            try:
+                low, high = bounds.get(key, (-math.inf, math.inf))
+                if not low <= value <= high:
+                    raise InputError(f'{key} is {express(value, described[key].unit)}; expected '
+                                     f'between {express(low, described[key].unit)} and '
+                                     f'{express(high, described[key].unit)}')
+                described[key].check(value)
+            except InputError as error:
+                raise self.error(settings.lines[key], f'{law.name}: {error}') from error
         try:
-            for key, value in values.items():
-                if key in bounds and not bounds[key][0] <= value <= bounds[key][1]:
-                    raise InputError(
-                        f'{key} is {express(value, described[key].unit)}; expected between '
-                        f'{express(bounds[key][0], described[key].unit)} and '
-                        f'{express(bounds[key][1], described[key].unit)}')
             effect = law(**options, **values)
         except InputError as error:
-            at = max((settings.lines[key] for key in values), default=line)
-            raise self.error(at, f'{law.name}: {error}') from error
+            raise self.error(settings.lines.get('table', line), f'{law.name}: {error}') from error
         effect.bounds, effect.intervals = bounds, intervals
         return effect
 

@@ -82,6 +82,11 @@ def test_a_model_is_written_whole_or_not_at_all(tmp_path):
     ('50 psi', '50 MPa', 'line 9: max_pressure must lie between 0 and 2 MPa'),
     ('c10: 0.1184 MPa', 'c10: 118 MPa', 'line 12: bladder_elasticity: c10 is 118000 kPa; '
      'expected between 0 and 1500 kPa'),
+    ('{c10: 0.1184 MPa}', '\n      c10: -5 kPa\n      c01: 4 kPa',
+     'line 13: bladder_elasticity: c10 is -5 kPa'),
+    ('{value: 4.1 N, lower: 0 N, upper: 20 N, interval: [3.9 N, 4.3 N]}',
+     '{value: 30 N, upper: 20 N}\n      smoothing: 0.01 1/s',
+     'line 14: coulomb_friction: force is 30 N; expected between 0 N and 20 N'),
     ('c10:', 'c11:', "line 12: bladder_elasticity has no parameter 'c11'; it has c10, c01"),
     ('4.1 N', '40 N', 'force is 40 N; expected between 0 N and 20 N'),
     ('name: a', 'nmae: a', "line 6: motor unit 1 has no key 'nmae'"),
