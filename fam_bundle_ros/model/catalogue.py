@@ -42,7 +42,19 @@ def available() -> Mapping[str, Law]:
         if not isinstance(law, Law):
             raise InputError(f'entry point {point.name}: {law!r} is not a law: {CLASSES_ARE_GONE}')
         laws.setdefault(law.name, law)
+    check_variants(laws, laws)
     return MappingProxyType(laws)
+
+
+def check_variants(laws: Mapping[str, Law], known: Mapping[str, Law]) -> None:
+    """Raise InputError where a law is a variant of one that is not known, or of a variant."""
+    for law in laws.values():
+        first = known.get(law.variant_of)
+        if law.variant_of and (first is None or first.variant_of):
+            why = 'is not known' + _meant(law.variant_of, known) if first is None else (
+                f"is itself a variant of '{first.variant_of}'")
+            raise InputError(f"law {law.name}: variant_of '{law.variant_of}' {why}; expected the "
+                             'name of a law that is no variant (fam_bundle effects lists them)')
 
 
 def names() -> list[str]:
@@ -54,17 +66,22 @@ def get(name: str) -> Law:
     """Return a law; InputError with the nearest names when there is none."""
     laws = built_in() if name in built_in() else available()
     if name not in laws:
-        from difflib import SequenceMatcher
-
-        def likeness(known: str) -> float:
-            # 'colomb' is meant to be coulomb_friction: words of a name count like the whole
-            return max(SequenceMatcher(None, name, part).ratio()
-                       for part in (known, *known.split('_')))
-        near = [known for known in sorted(laws, key=likeness, reverse=True)[:2]
-                if likeness(known) >= 0.7]
-        hint = f'; did you mean {" or ".join(near)}?' if near else ''
-        raise InputError(f"effect '{name}' is not known{hint} (fam_bundle effects lists them)")
+        raise InputError(f"effect '{name}' is not known{_meant(name, laws)} (fam_bundle effects "
+                         'lists them)')
     return laws[name]
+
+
+def _meant(name: str, laws: Mapping[str, Law]) -> str:
+    """Return the question whether the nearest names are meant; empty without any."""
+    from difflib import SequenceMatcher
+
+    def likeness(known: str) -> float:
+        # 'colomb' is meant to be coulomb_friction: words of a name count like the whole
+        return max(SequenceMatcher(None, name, part).ratio()
+                   for part in (known, *known.split('_')))
+    near = [known for known in sorted(laws, key=likeness, reverse=True)[:2]
+            if likeness(known) >= 0.7]
+    return f'; did you mean {" or ".join(near)}?' if near else ''
 
 
 def from_python_file(path: Path) -> Iterator[Law]:

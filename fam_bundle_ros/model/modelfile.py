@@ -152,8 +152,12 @@ class _Reader:
             raise self.error(tree.lines['effect_files'],
                              'names Python files, which would be run; allow it with '
                              '--allow-python when you trust them')
-        return {law.name: law for file in files
+        laws = {law.name: law for file in files
                 for law in catalogue.from_python_file(folder / file)}
+        if any(law.variant_of for law in laws.values()):
+            with about(', '.join(files)):
+                catalogue.check_variants(laws, {**catalogue.available(), **laws})
+        return laws
 
     def motor_unit(self, item, number, line):
         what = f'motor unit {number}'

@@ -12,6 +12,7 @@ from fam_bundle_ros import kernels
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, law, loads_model, Motion, Parameter, Place
 from fam_bundle_ros.model.compose import composition
+from fam_bundle_ros.model.laws.base import KINDS
 from fam_bundle_ros.model.laws.mesh import mesh
 
 from .conftest import units
@@ -88,6 +89,24 @@ def test_a_parameter_must_not_hide_what_a_law_feels():
         @law('pressure', **FACTS, pressure=Parameter(1.0, 'Pa', 0.0, 2.0, 'lost'))
         def lost(pressure):
             return -pressure
+
+
+@pytest.mark.parametrize(('field', 'message'), [
+    ({'leaves': ('speed', 'velocity')}, "leaves 'velocity'; expected .* smooth0, .*, speed, "),
+    ({'leaves': 'speed'}, "leaves 'speed'; expected a tuple of"),
+    ({'variantof': 'mesh'}, "'variantof' is 'mesh'; expected a Parameter, .*, variant_of, "),
+    ({'source': ''}, 'needs source=')])
+def test_what_is_told_of_a_law_is_checked(field, message):
+    """A misspelt field or kind of shape is named, and what may stand there."""
+    with pytest.raises(InputError, match=f'law drag: {message}'):
+        @law('loss', **{**FACTS, **field})
+        def drag(strain_rate):
+            return -strain_rate
+
+
+def test_every_kind_of_shape_is_left_by_a_law():
+    """A kind that none leaves would be one that nothing looks up."""
+    assert {kind for each in catalogue.built_in().values() for kind in each.leaves} == set(KINDS)
 
 
 def test_a_law_says_what_it_changes():
@@ -218,6 +237,10 @@ def test_an_entry_point_adds_a_law_and_replaces_none(monkeypatch):
     def mesh(strain):
         return 0.0 * strain
 
+    @law('force', **FACTS, variant_of='mehs')
+    def other(strain):
+        return 0.0 * strain
+
     def listed(*laws):
         monkeypatch.setattr(metadata, 'entry_points', lambda group: [Point(x) for x in laws])
         catalogue.available.cache_clear()
@@ -229,6 +252,9 @@ def test_an_entry_point_adds_a_law_and_replaces_none(monkeypatch):
         assert laws['mesh'].source.startswith('Chou')
         with pytest.raises(InputError, match='entry point point: .* is not a law'):
             listed(object())
+        with pytest.raises(InputError, match="law other: variant_of 'mehs' is not known; did you "
+                           'mean mesh'):
+            listed(other)
     finally:
         monkeypatch.undo()
         catalogue.available.cache_clear()

@@ -154,6 +154,23 @@ def test_an_effect_written_as_a_class_is_told_how_to_become_a_function(tmp_path,
         load_model(path, allow_python=True)
 
 
+@pytest.mark.parametrize(('first', 'message'), [
+    ('viscos_damping', "'viscos_damping' is not known; did you mean viscous_damping"),
+    ('stribeck_friction', "'stribeck_friction' is itself a variant of 'coulomb_friction'")])
+def test_a_users_law_is_a_variant_of_one_that_there_is(tmp_path, first, message):
+    """Of a built-in law or of its own file; a misspelt name would make it a thing of its own."""
+    path = tmp_path / 'm.yaml'
+    path.write_text(GOOD.replace('effects:', 'effect_files: [mine.py]\neffects:\n  - glue'))
+    for name in ('viscous_damping', first):
+        (tmp_path / 'mine.py').write_text(
+            GLUE.replace("family='user'", f"family='user', variant_of='{name}'"))
+        if name == first:
+            with pytest.raises(InputError, match=f'mine.py: law glue: variant_of {message}'):
+                load_model(path, allow_python=True)
+        else:
+            assert load_model(path, allow_python=True).effect('glue').variant_of == name
+
+
 def test_a_users_law_with_a_memory_of_its_own_kind_runs_over_a_record(tmp_path):
     """Without the recurrences of the vocabulary it is computed sample by sample, to the same."""
     (tmp_path / 'mine.py').write_text(GLUE)

@@ -10,7 +10,7 @@ their order never matters and no law can overwrite what another one contributed.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from functools import cache
 import inspect
@@ -54,6 +54,10 @@ TABLES = ('tables', 'table')
 CHANGES = {Place.GEOMETRY: ('strain', 'braid', 'area'),
            Place.SENSOR: ('force', 'pressure', 'strain'),
            Place.PNEUMATICS: ('leak_rate', 'supply_resistance')}
+#: Kinds of shape that ``leaves`` may name: those that `fam_bundle_ros.discovery.templates` looks
+#: up. ``smooth0`` is a smooth function of strain, 1 and 2 the same times pressure and its square.
+KINDS = ('smooth0', 'smooth1', 'smooth2', 'past_free', 'force', 'friction', 'speed', 'drift',
+         'drift_trial', 'pressure_rate', 'decay')
 
 
 @dataclass(frozen=True)
@@ -148,7 +152,7 @@ class Law:
         Names of the memory fields; empty when the law has none. They are zero before the first
         sample.
     variant_of : str
-        For a second shape: the name of the law whose physics it is.
+        For a second shape: the name of the law whose physics it is, itself no variant.
     across_trials : bool
         True when it goes by what happened in all trials of a log, not afresh in each.
     per_unit : bool
@@ -160,7 +164,7 @@ class Law:
     needs_lengths : bool
         True when muscles of one length cannot tell its parameters apart.
     leaves : tuple of str
-        Kinds of shape that the law leaves in an error when a model lacks it.
+        Kinds of shape (`KINDS`) that the law leaves in an error when a model lacks it.
     remedy : str
         What to measure with other means where no force test tells it from another effect.
     look : tuple of str
@@ -200,9 +204,14 @@ class Law:
     remake: tuple[Callable, tuple] | None = None
 
     def __post_init__(self):
-        """Check the arguments of every part."""
+        """Check the arguments of every part, and the kinds of shape."""
         for part in self.parts:
             self._check(part)
+        given = (self.leaves,) if isinstance(self.leaves, str) else self.leaves
+        for kind in given:
+            if kind not in KINDS or given is not self.leaves:
+                raise InputError(f"law {self.name}: leaves '{kind}'; expected a tuple of one or "
+                                 f"more of {', '.join(KINDS)}")
 
     def __call__(self, **settings: Any) -> Effect:
         """
@@ -285,6 +294,11 @@ class Law:
                 "parameter's own name as Parameter(..., name='...')")
 
 
+#: Fields of a law that `law` does not take: it makes them itself, or others do.
+_MADE = ('name', 'parts', 'parameters', 'names', 'formula', 'python_file', 'remake')
+_GIVEN = tuple(each.name for each in fields(Law) if each.name not in _MADE)
+
+
 def law(place: str, *, changes: str = '', equilibrium: Callable | None = None,
         **settings: Any) -> Callable[[Callable], Law]:
     """
@@ -311,13 +325,18 @@ def law(place: str, *, changes: str = '', equilibrium: Callable | None = None,
     """
     given = {key: item for key, item in settings.items() if isinstance(item, Parameter)}
     facts = {key: item for key, item in settings.items() if key not in given}
-    for key in ('family', 'summary', 'source', 'signature'):
-        if not facts.get(key):
-            raise InputError(f'a law needs {key}=...')
     parameters = {key: replace(item, name=item.name or key) for key, item in given.items()}
 
     def define(function: Callable) -> Law:
-        made = Law(name=function.__name__, parts=(
+        name = function.__name__
+        for key, item in facts.items():
+            if key not in _GIVEN:
+                raise InputError(f"law {name}: '{key}' is {item!r}; expected a Parameter, or a "
+                                 f"field of a law: {', '.join(_GIVEN)}")
+        for key in ('family', 'summary', 'source', 'signature'):
+            if not facts.get(key):
+                raise InputError(f'law {name}: needs {key}=...')
+        made = Law(name=name, parts=(
             Part(Place(place), function, changes, equilibrium),),
             parameters=tuple(parameters.values()),
             names={key: item.name for key, item in parameters.items()}, **facts)

@@ -11,7 +11,7 @@ from fam_bundle_ros.model.vocabulary import affine, before, play
 
 _FRICTION: dict[str, Any] = {
     'family': 'dry_friction', 'off': {'force': 0.0, 'per_pressure': 0.0},
-    'leaves': ('friction', 'friction_strain', 'decay'),
+    'leaves': ('friction', 'decay'),
     'force_0': Parameter(4.0, 'N', 0.0, 2000.0, 'friction force at zero pressure',
                          name='force'),
     'per_pressure': Parameter(0.0, 'N/kPa', 0.0, 1.0, 'growth with gauge pressure')}
