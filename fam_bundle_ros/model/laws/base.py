@@ -207,9 +207,9 @@ class Law:
         """Check the arguments of every part, and the kinds of shape."""
         for part in self.parts:
             self._check(part)
-        given = (self.leaves,) if isinstance(self.leaves, str) else self.leaves
-        for kind in given:
-            if kind not in KINDS or given is not self.leaves:
+        leaves: Any = self.leaves  # a word alone is no tuple
+        for kind in (leaves,) if isinstance(leaves, str) else leaves:
+            if kind not in KINDS or kind == leaves:
                 raise InputError(f"law {self.name}: leaves '{kind}'; expected a tuple of one or "
                                  f"more of {', '.join(KINDS)}")
 
