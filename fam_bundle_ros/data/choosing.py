@@ -324,6 +324,9 @@ class Choices:
                     np.isfinite(column).any()):
                 meant += f' ({np.nanmin(column):.4g} to {np.nanmax(column):.4g})'
             words.append(f"'{header}' {meant}")
+        found, misfit = f"; found {', '.join(words)}", self._misfit(key)
+        if misfit:
+            return f'{self.table.name}: {misfit}{found}'
         examples = self._examples(key)
         # without a column left it is a constant, or it is not in this file
         constant = ', a constant' if key == 'pressure' and not examples else ''
@@ -332,8 +335,23 @@ class Choices:
         if key == 'pressure' and len(examples) > 1:
             example += ', or of motor units ' + ' '.join(
                 f'--columns "pressure.mu{i}={one}"' for i, one in enumerate(examples[:2], 1))
-        return (f"{self.table.name}: column '{key}' is missing; found {', '.join(words)}; tell "
-                f'it{constant}, for example {example}')
+        return (f"{self.table.name}: column '{key}' is missing{found}; tell it{constant}, "
+                f'for example {example}')
+
+    def _misfit(self, key: str) -> str:
+        """Return what to do about a column that has the name but not the unit; '' for none."""
+        for header in self.refused:
+            match = recognise(header, self.table.units.get(header, ''))
+            text = self.table.units.get(header) or unit_text_of(header)
+            if match.score or not text or _family(match.quantity) != key:
+                continue
+            told = _shown(match.quantity) + (f'.{match.part}' if match.part else '')
+            unit = _EXAMPLES.get(match.quantity, 'mm')
+            other = (self._examples(key) or [f'... [{_EXAMPLES[key]}]'])[0]
+            return (f"column '{header}': '{text}' is not a unit of {key}; if its numbers are in "
+                    f'another unit, tell it, for example --columns "{told}={_name_of(header)} '
+                    f'[{unit}]"; if another column has it, --columns "{key}={other}"')
+        return ''
 
     def _examples(self, key: str) -> list[str]:
         """Return how a user may tell the columns that are left: those whose unit fits, if any."""

@@ -231,6 +231,27 @@ def test_an_example_keeps_the_unit_of_the_column(log, key, header, told):
     assert told in str(caught.value)
 
 
+@pytest.mark.parametrize(('key', 'header', 'told'), [
+    ('pressure', 'pressure [N]', 'pressure=pressure [kPa]'),
+    ('pressure', 'p mu1 [furlong]', 'pressure.mu1=p mu1 [kPa]'),
+    ('strain', 'contraction [N]', 'contraction=contraction [mm]')])
+def test_a_unit_of_another_quantity_is_told_with_how_to_give_the_right_one(log, key, header, told):
+    """The column is there: it is not called missing, and what the message says to write works."""
+    data = table(log, **{key: (header, log[2] / 1e3 if key == 'pressure' else 250.0 * log[1])})
+    with pytest.raises(InputError) as caught:
+        read_measurement(data)
+    message = str(caught.value)
+    unit = header.split()[-1].strip('[]')
+    assert f"column '{header}': '{unit}' is not a unit of {key}" in message
+    assert f'--columns "{told}"' in message
+    assert 'is missing' not in message
+    assert '300 kPa' not in message
+    quantity, column = told.split('=')
+    read = read_measurement(data, columns={quantity: column}, rest_length=0.25)
+    assert np.allclose(read.strain, log[1])
+    assert np.allclose(read.pressure[:, 0], log[2])
+
+
 def test_an_example_of_two_pressures_names_the_motor_units(log):
     """Columns of unknown names in kPa may be one pressure or those of a bundle: both are shown."""
     data = {**table(log, pressure=('MU_A [kPa]', log[2] / 1e3)), 'MU_B [kPa]': log[2] / 2e3}
