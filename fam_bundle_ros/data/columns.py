@@ -25,6 +25,7 @@ from fam_bundle_ros.data.cells import (
     seconds,
 )
 from fam_bundle_ros.data.choosing import Choices
+from fam_bundle_ros.data.formats.layout import is_number
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.guesses import guess_unit, time_unit
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
@@ -71,7 +72,18 @@ class _Reader:
                 key == 'strain' and strains[0] == 'strain')}, max_pressure=recipe.max_pressure)
         lengths = self.choices.chosen[strains[0]].unit
         return replace(measured, taken=self.choices.taken(), rest_length=self.rest_length
-                       if lengths is not None and lengths.like == 'm' else None)
+                       if lengths is not None and lengths.like == 'm' else None,
+                       first_dropped={reason: (row, self._text(reason.partition(' in ')[2], row))
+                                      for reason, (row, _) in measured.first_dropped.items()})
+
+    def _text(self, label: str, row: int) -> str:
+        """Return what stands in a row in place of the number of a quantity, '' for nothing."""
+        key = {'strain': self.choices.strains[0]}.get(label, label)
+        if key == 'pressure':
+            key = self.choices.pressures[0]
+        choice = self.choices.chosen.get(key)
+        text = self.table.text_of(choice.header, row) if choice and choice.header else ''
+        return '' if is_number(text) else text[:40]
 
     @property
     def rest_length(self) -> float | None:
@@ -182,7 +194,9 @@ class _Reader:
         comma = re.fullmatch(r'[-+]?\d+,\d+', cell)
         raise InputError(f"{self.table.name}, row {self.table.rows[at]}: {header} is '{cell}'; "
                          f'expected a number{" with a point, not a comma" if comma else ""}, or '
-                         'a blank, which leaves the row out (--drop-bad: so do words)')
+                         'a blank or a word for one (nan, n/a, overflow, ...: '
+                         'docs/how_to/data.md lists them), which leaves the row out '
+                         '(--drop-bad: so do words)')
 
     def _time(self, values: dict[str, np.ndarray]) -> np.ndarray | None:
         choice = self.choices.chosen.get('time')

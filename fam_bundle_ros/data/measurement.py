@@ -35,6 +35,9 @@ _REST_STRAIN, _REST_PRESSURE = 1e-6, 0.01
 #: Less than this is one strain, and one pressure (share of the largest).
 _ONE_STRAIN, _ONE_PRESSURE = 1e-4, 0.01
 
+#: Why a row is left out, before the name of what it lacks.
+_WITHOUT = 'without a number in'
+
 #: What `Measurement.direction` was read from.
 REST, BY_STRAIN, BY_PRESSURE = 0, 1, 2
 
@@ -105,6 +108,9 @@ class Measurement(Told):
         What each column of the file was taken for; empty for arrays and bags.
     rest_length : float, m, or None
         By which lengths were made strains, None where there were none.
+    first_dropped : mapping of str to (int, str)
+        By reason, for rows without a number: the first of them, and what stands there ('' where
+        that is nothing, or not known).
     """
 
     name: str
@@ -124,6 +130,7 @@ class Measurement(Told):
     dropped: Mapping[str, int] = field(default_factory=dict)
     taken: tuple[Taken, ...] = ()
     rest_length: float | None = None
+    first_dropped: Mapping[str, tuple[int, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if len(self.direction_basis) != len(self.direction):
@@ -166,7 +173,11 @@ class Measurement(Told):
         total = sum(self.dropped.values())
         if not total:
             return ''
-        reasons = ', '.join(f'{count} {reason}' for reason, count in self.dropped.items())
+        first = {reason: f' ({"first " * (self.dropped[reason] > 1)}row {row}'
+                         + (f": '{text}')" if text else ')')
+                 for reason, (row, text) in self.first_dropped.items()}
+        reasons = ', '.join(f'{count} {reason}{first.get(reason, "")}'
+                            for reason, count in self.dropped.items())
         return f'{total} of {total + len(self)} rows left out: {reasons}'
 
     def select(self, keep: np.ndarray, reason: str = '') -> Measurement:
@@ -324,13 +335,16 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
         named['time'] = time
     if strain_rate is not None:
         named['strain_rate'] = np.asarray(strain_rate, float)
-    keep, dropped, words = _complete(named, rows, None if trial is None else np.asarray(trial))
+    keep, dropped, first = _complete(named, rows, None if trial is None else np.asarray(trial))
     if keep.sum() < MIN_ROWS:
+        label, row = next(iter(first.items()), ('', 0))
+        words = f', row {row}: {label} is not a finite number' if label else ''
         raise InputError(f'{name}{words}: only {int(keep.sum())} rows; expected at least '
                          f'{MIN_ROWS} with a number in every column')
     if not keep.all():
         rows, named = rows[keep], {label: values[keep] for label, values in named.items()}
         trial = None if trial is None else np.asarray(trial)[keep]
+    lost = {f'{_WITHOUT} {label}': (row, '') for label, row in first.items()}
     limits = checks.ranges(max_pressure, max_strain)
     for label, values in named.items():
         quantity = label.partition('.')[0]
@@ -349,7 +363,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
         still = np.zeros(len(force), int)
         return Measurement(name, strain, pressure, force, trials.of_row, None,
                            np.zeros(len(force)), 0.0, still, trials.names, tuple(motor_units),
-                           '', tuple(notes), still, dropped)
+                           '', tuple(notes), still, dropped, first_dropped=lost)
     time = checks.spread_stamps(named['time'], trials.of_row)
     shared = int((np.diff(named['time'])[np.diff(trials.of_row) == 0] == 0).sum())
     if shared:
@@ -363,19 +377,19 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     direction, basis = _directions(time, strain, pressure, trials.of_row, rate, rate_noise)
     return Measurement(name, strain, pressure, force, trials.of_row, time, rate, rate_noise,
                        direction, trials.names, tuple(motor_units), '', tuple(notes), basis,
-                       dropped)
+                       dropped, first_dropped=lost)
 
 
 def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarray | None,
-              ) -> tuple[np.ndarray, dict[str, int], str]:
-    """Return the rows to keep, (T,) bool, what the others lack, and where the first of them is."""
+              ) -> tuple[np.ndarray, dict[str, int], dict[str, int]]:
+    """Return the rows to keep, (T,) bool, what the others lack, and the first row without each."""
     keep = np.ones(len(rows), bool)
-    dropped, words = {}, ''
+    dropped, first = {}, {}
     for label, values in named.items():
         bad = keep & ~np.isfinite(values)
         if bad.any():
-            words = words or f', row {rows[np.argmax(bad)]}: {label} is not a finite number'
-            dropped[f'without a number in {label}'] = int(bad.sum())
+            first[label] = int(rows[np.argmax(bad)])
+            dropped[f'{_WITHOUT} {label}'] = int(bad.sum())
             keep &= ~bad
     if 'time' in named:
         kept = np.flatnonzero(keep)
@@ -387,7 +401,7 @@ def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarr
         if again.any() and again.sum() > 0.9 * shared.sum():
             dropped['that repeat the row before'] = int(again.sum())
             keep[kept[1:][again]] = False
-    return keep, dropped, words
+    return keep, dropped, first
 
 
 def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:

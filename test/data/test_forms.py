@@ -3,11 +3,13 @@
 """One and the same log, saved in the ways in which labs save logs, gives the same numbers."""
 
 import hashlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement
+from fam_bundle_ros.data.formats.layout import BLANKS
 from fam_bundle_ros.errors import InputError
 
 from .library_forms import (
@@ -403,6 +405,44 @@ def test_words_for_no_reading_are_blank_cells(log, tmp_path):
     (tmp_path / 'a.csv').write_text(text([HEAD], rows))
     data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
     assert data.dropped == {'without a number in force': len(words)}
+
+
+@pytest.mark.parametrize('kind', ['csv', 'txt', 'xlsx'])
+@pytest.mark.parametrize(('bad', 'more', 'said'), [
+    ('OVERFLOW', {}, "(row 21: 'OVERFLOW')"), ('-', {30: '--'}, "(first row 21: '-')"),
+    ('', {30: 'ol'}, '(first row 21)')])
+def test_the_first_row_that_is_left_out_is_told_with_what_stands_there(log, tmp_path, kind, bad,
+                                                                       more, said):
+    """A word for no reading may be a slip of the pen: one has to find it."""
+    rows = cells(log)
+    for k, word in {19: bad, **more}.items():
+        rows[k][3] = word
+    path = tmp_path / f'a.{kind}'
+    if kind == 'xlsx':
+        import openpyxl
+        book = openpyxl.Workbook()
+        book.active.append(HEAD.split(','))
+        for row in rows:
+            book.active.append([float(c) if c[-1:].isdigit() else c for c in row])
+        book.save(path)
+    else:
+        separator = {'csv': ',', 'txt': '\t'}[kind]
+        path.write_text(text([HEAD.replace(',', separator)], rows, separator))
+    data = read_measurement(path, rest_length=REST)
+    assert data.dropped_words == (f'{1 + len(more)} of {len(rows)} rows left out: '
+                                  f'{1 + len(more)} without a number in force {said}')
+
+
+def test_the_page_lists_the_words_for_no_reading(log, tmp_path):
+    """The refusal of another word names the page."""
+    page = Path(__file__).parents[2] / 'docs/how_to/data.md'
+    told = page.read_text()
+    assert [word for word in BLANKS if word and f'`{word}`' not in told] == []
+    rows = cells(log)
+    rows[19][3] = 'hello'
+    (tmp_path / 'a.csv').write_text(text([HEAD], rows))
+    with pytest.raises(InputError, match="is 'hello'; .*overflow, .*docs/how_to/data.md"):
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
 
 
 def test_a_column_of_an_unknown_name_is_taken_by_its_unit_only_where_it_is_alone(log):

@@ -105,7 +105,8 @@ def test_bad_rows_are_left_out_when_the_user_says_so():
     made = Incoming('lab.csv', '', of_arrays('lab.csv', 'text', {
         'strain': 0.1 + 0.05 * WAVE, 'p [bar]': COLUMNS['p1 [bar]'], 'F [N]': force}))
     assert made.said(made.look().problem) == (
-        "lab.csv, row 6: F [N] is 'err'; expected a number, or a blank, which leaves the row out")
+        "lab.csv, row 6: F [N] is 'err'; expected a number, or a blank or a word for one (nan, "
+        'n/a, overflow, ...: docs/how_to/data.md lists them), which leaves the row out')
     made.drop_bad = True
     assert made.measurement().dropped == {'without a number in force': 1}
 

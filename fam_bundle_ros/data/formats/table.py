@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,8 @@ class Table:
         What was met on the way, such as sheets that were not read.
     rest_length : float, m, optional
         As told above the table.
+    blanks : callable, optional
+        Returns what stands in a cell of floats that is nan, by header and what its row is called.
     """
 
     name: str
@@ -47,11 +49,20 @@ class Table:
     rows: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     notes: tuple[str, ...] = ()
     rest_length: float | None = None
+    blanks: Callable[[str, int], str] | None = None
 
     def __post_init__(self) -> None:
         if not len(self.rows) and self.columns:
             count = len(next(iter(self.columns.values())))
             object.__setattr__(self, 'rows', np.arange(1, count + 1))
+
+    def text_of(self, header: str, row: int) -> str:
+        """Return what stands in a cell without a number, by what its row is called; or ''."""
+        column = self.columns[header]
+        if column.dtype.kind == 'O':
+            cell = column[int(np.argmax(self.rows == row))]
+            return cell.strip() if isinstance(cell, str) else ''
+        return self.blanks(header, row).strip() if self.blanks is not None else ''
 
 
 def check_size(path: Path) -> None:

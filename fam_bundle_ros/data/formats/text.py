@@ -13,6 +13,7 @@ from array import array
 import codecs
 from collections.abc import Iterator
 import csv
+from functools import partial
 import io
 from itertools import islice
 from pathlib import Path
@@ -133,7 +134,19 @@ def _read(path: Path, encoding: str) -> Table:
         if unit:
             units[name] = unit
     told = filter(None, map(rest_length_of, head[:skipped]))
-    return Table(path.name, _kind(dialect), columns, units, at, rest_length=next(told, None))
+    return Table(path.name, _kind(dialect), columns, units, at, rest_length=next(told, None),
+                 blanks=partial(_cell, path, encoding, dialect.separator, names))
+
+
+def _cell(path: Path, encoding: str, separator: str, names: list[str], header: str, row: int,
+          ) -> str:
+    """Return the text of a cell, read again: pandas keeps no blank word."""
+    try:
+        with open(path, encoding=encoding, errors='replace') as stream:
+            line = next(islice(_lines(path.name, stream), row - 1, None), '')
+    except OSError:  # an upload that is gone by now
+        return ''
+    return dict(zip(names, split(line, separator))).get(header, '')
 
 
 def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, str]:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 import zipfile
@@ -87,12 +88,21 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     begin = min([filled[first], *(i for i in filled[last + 1:first] if last >= 0
                                   and layout.is_row(head[i], width, decimal))])
     columns = {name: _column(values[begin:, j], decimal) for name, j in zip(names, used)}
+    words = {(name, begin + 1 + i): text for name, j in zip(names, used)
+             if columns[name].dtype.kind == 'f' for i, cell in enumerate(values[begin:, j])
+             if isinstance(cell, str) and layout.is_blank(text := cell.strip()) and text}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
     told = filter(None, (rest_length_of(';'.join(row)) for row in head[:begin]))
     known = sum(recognise(name, units.get(name, '')).quantity != '' for name in names)
     return Table(file, f'sheet {sheet}', columns, units,
-                 np.flatnonzero(kept) + begin + 1, rest_length=next(told, None)), known
+                 np.flatnonzero(kept) + begin + 1, rest_length=next(told, None),
+                 blanks=partial(_word, words)), known
+
+
+def _word(words: dict[tuple[str, int], str], header: str, row: int) -> str:
+    """Return the blank word of a cell: a function of the module, so that a table can be sent."""
+    return words.get((header, row), '')
 
 
 def _text(cell: Any) -> str:
