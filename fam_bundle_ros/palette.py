@@ -57,6 +57,8 @@ _STATES = (_GREY, _BLUE, _ORANGE, _GREEN, _PURPLE, _SKY, _VERMILLION)
 DIRECTIONS = {1: _BLUE, 0: _GREY, -1: _VERMILLION}
 #: Closed-loop runs side by side, ours first; blue and orange there are motor units.
 CONTROLLERS = (_INDIGO, _VERMILLION, _GREEN, _PURPLE)
+#: Axes and line of the workbench's icon.
+ICON = (_BLUE, _PURPLE)
 #: Low to high pressure, after viridis; the ends are moved until they stand out from the page.
 _RAMP_LIGHT = ('#46206B', '#3B528B', '#21818C', '#3C8F48', '#8C8400')
 _RAMP_DARK = ('#A896E0', '#7FA0E0', '#3FB8B0', '#7FDB83', '#FDE725')

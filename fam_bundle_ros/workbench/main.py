@@ -12,6 +12,7 @@ from pathlib import Path
 import secrets
 import socket
 
+from fam_bundle_ros import palette
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.workbench.cases import Case
@@ -120,5 +121,6 @@ def _check_address(host: str, port: int, token: str | None) -> None:
 
 
 _ICON = ('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
-         '<path d="M5 4v24h23" fill="none" stroke="#0072B2" stroke-width="3"/>'
-         '<path d="M9 8h6v8h6v8h6" fill="none" stroke="#B5538C" stroke-width="4"/></svg>')
+         f'<path d="M5 4v24h23" fill="none" stroke="{palette.ICON[0].light}" stroke-width="3"/>'
+         f'<path d="M9 8h6v8h6v8h6" fill="none" stroke="{palette.ICON[1].light}" '
+         'stroke-width="4"/></svg>')

@@ -3,6 +3,8 @@
 """The palette keeps what it promises: contrast, no confusion for the colour-blind, one meaning."""
 
 from itertools import combinations
+from pathlib import Path
+import re
 
 import numpy as np
 import pytest
@@ -77,6 +79,14 @@ def test_colours_that_meet_are_told_apart(group, sight, theme):
     colours = [colour_of(item) for item in TOGETHER[group]]
     seen = [lab(BLINDNESS[sight] @ linear(getattr(c, theme))) for c in colours]
     assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) >= 15.0
+
+
+def test_no_colour_stands_outside_the_palette():
+    """What is changed there changes everywhere."""
+    package = Path(palette.__file__).parent
+    assert [f'{path.relative_to(package)}: {found}' for path in sorted(package.rglob('*.py'))
+            if path != Path(palette.__file__)
+            for found in re.findall(r'#[0-9A-Fa-f]{6}\b', path.read_text())] == []
 
 
 def test_no_two_effects_look_the_same():
