@@ -42,8 +42,7 @@ class SwitchingConfig:
     margin, hysteresis : float, N, optional
         By hand; worked out from model, error and noise otherwise.
     rest_time : float, s
-        The demand counts as at rest, and units that it does not need are released one after the
-        other, after this: to hold a pressure costs no air, to fill a unit again does.
+        The demand counts as at rest, and a unit that it does not need is released, after this.
     absence_time : float, s
         A unit that moving demands have not needed for so long is released too: refilling it for
         every cycle of a fast demand would cost more air than keeping it.
@@ -64,7 +63,7 @@ class SwitchingConfig:
     dwell: float = 0.25
     margin: float | None = None
     hysteresis: float | None = None
-    rest_time: float = 2.0
+    rest_time: float = 0.75
     absence_time: float = 10.0
     worth: float = 0.3
     rest_rate: float = 0.03

@@ -200,9 +200,8 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
         why = why_release(settings, machine, table, demand, release)
         if why != NONE:
             explain(reason, machine, table, demand, why, release)
-            calm, machine.ahead = machine.calm, 0.0
+            machine.ahead = 0.0
             switch(machine, -1)
-            machine.calm = calm
 
 
 def widths(settings: Any, demand: Any) -> tuple[float, float]:
@@ -295,8 +294,7 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     alone = machine.state == 1 and table.lowered[table.order[last]] > 0
     if alone or not demand.force < release:
         return NONE
-    # Units that a demand at rest does not need leave one after the other, without another wait.
-    if machine.calm >= settings.rest_time and machine.since >= settings.dwell:
+    if machine.calm >= settings.rest_time:
         return AT_REST
     if machine.absent >= settings.absence_time:
         return ABSENT

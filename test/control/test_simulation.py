@@ -24,7 +24,7 @@ def path(times, values, kind='force', load=None, **more):
                       prepare=1.0, **more)
 
 
-UP_AND_DOWN = path([0.0, 0.3, 2.8, 3.2, 5.7, 8.3], [12.0, 12.0, 62.0, 62.0, 12.0, 12.0])
+UP_AND_DOWN = path([0.0, 0.3, 2.8, 3.2, 5.7, 7.0], [12.0, 12.0, 62.0, 62.0, 12.0, 12.0])
 
 
 def rms(values):
