@@ -129,7 +129,7 @@ def believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
 
 
 def that_predict(search: Search, chosen: Fit, found: list[Change], physics: Fit,
-                  inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
+                 inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
     """
     Return the chosen set without effects that predict nothing on rows not seen, or are bent.
 
