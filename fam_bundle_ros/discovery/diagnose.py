@@ -90,7 +90,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     base = fitter.without_discrepancy(search.null) if found else physics
     likely = bool(found)
     chosen, found, physics, held = that_predict(search, chosen, found, physics,
-                                                   choices.inclusion)
+                                                choices.inclusion)
     if offsets is None and not data.is_static:
         offsets = _offsets_left(cells, physics)
     finding = judge(fitter, search.null, base, chosen, physics, found, held,
