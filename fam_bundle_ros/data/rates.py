@@ -11,74 +11,92 @@ strain's own bends.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import maximum_filter1d
+from scipy.stats import norm
 
 _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
 #: Windows of `smooth`: wider ones would take the bends of a moving signal along.
 _SMOOTHED = (5, 9, 17, 33)
+#: Chance that a log without corners shows one.
+_FALSE_CORNER = 0.001
+#: Rows that are fitted at a time.
+_BLOCK = 20_000
 #: Share of the usual fast motion below which a motion counts as rest.
 CRAWL = 0.02
 #: Median absolute deviation to standard deviation, of normal noise.
 ROBUST = 1.4826
 
 
-def local_quadratic(time: np.ndarray, value: np.ndarray, half: int,
-                    ) -> tuple[np.ndarray, np.ndarray]:
+class _Local(NamedTuple):
     """
-    Return value and slope of a quadratic fitted to ``2 half + 1`` neighbours of each sample.
+    A quadratic fitted about each sample, and one whose slope changes there, (T,) each.
 
-    Cost is linear in the samples (running sums). At the ends the window is cut short.
-
-    Parameters
+    Attributes
     ----------
-    time, value : ndarray, shape (T,)
-    half : int
-
-    Returns
-    -------
-    fitted, slope : ndarray, shape (T,)
+    value, slope : ndarray
+        Of the quadratic, at the sample.
+    bend, bend_sd : ndarray
+        By how much the slope changes, and its standard deviation where that of the samples is 1;
+        0 and infinite where the window is cut.
+    missed : ndarray
+        Standard deviation of the samples from the fit with the change.
     """
+
+    value: np.ndarray
+    slope: np.ndarray
+    bend: np.ndarray
+    bend_sd: np.ndarray
+    missed: np.ndarray
+
+
+def _local(time: np.ndarray, value: np.ndarray, half: int) -> _Local:
+    """Fit ``2 half + 1`` neighbours of each sample; at the ends the window is cut short."""
     rows = len(time)
+    none = np.zeros(rows), np.full(rows, np.inf), np.full(rows, np.inf)
     if rows < 3:
-        slope = np.gradient(value, time) if rows == 2 else np.zeros(rows)
-        return value.copy(), slope
-    scale = np.median(np.diff(time)) * max(half, 1)
-    centre = np.arange(rows)
-    low = np.clip(centre - half, 0, max(rows - 3, 0))
-    high = np.clip(centre + half + 1, 3, rows)
-    # running sums about the middle of blocks keep the numbers small enough to subtract
-    t = (time - time[rows // 2]) / scale
-    sums = [np.concatenate([[0.0], np.cumsum(t ** k)]) for k in range(5)]
-    moments = [np.concatenate([[0.0], np.cumsum(value * t ** k)]) for k in range(3)]
-    s = [total[high] - total[low] for total in sums]
-    m = [total[high] - total[low] for total in moments]
-    # shift the sums from the common origin to each sample's own time
-    c = t
-    s1 = s[1] - c * s[0]
-    s2 = s[2] - 2 * c * s[1] + c ** 2 * s[0]
-    s3 = s[3] - 3 * c * s[2] + 3 * c ** 2 * s[1] - c ** 3 * s[0]
-    s4 = s[4] - 4 * c * s[3] + 6 * c ** 2 * s[2] - 4 * c ** 3 * s[1] + c ** 4 * s[0]
-    m1 = m[1] - c * m[0]
-    m2 = m[2] - 2 * c * m[1] + c ** 2 * m[0]
-    normal = np.stack([np.stack([s[0], s1, s2], -1), np.stack([s1, s2, s3], -1),
-                       np.stack([s2, s3, s4], -1)], -2)
+        return _Local(value, np.gradient(value, time) if rows == 2 else np.zeros(rows), *none)
+    here, t, y = (sliding_window_view(np.pad(column, half), 2 * half + 1)
+                  for column in (np.ones(rows), time, value))
+    scale = half * np.median(np.diff(time))
+    t, y = (t - time[:, None]) * here / scale, (y - value[:, None]) * here
+    square, after = t ** 2, slice(half + 1, None)
+
+    def total(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.einsum('tw,tw->t', a, b)
+
+    s1, s2, s3, s4 = t.sum(1), square.sum(1), total(t, square), total(square, square)
+    normal = np.stack([[here.sum(1), s1, s2], [s1, s2, s3], [s2, s3, s4]]).transpose(2, 0, 1)
     normal[:, 2, 2] += 1e-12
-    solved = np.linalg.solve(normal, np.stack([m[0], m1, m2], -1)[..., None])[..., 0]
-    return solved[:, 0], solved[:, 1] / scale
+    # the signal, and the ramp that begins at the sample, in terms of the quadratic
+    signal = np.stack([y.sum(1), total(t, y), total(square, y)], -1)
+    ramp = np.stack([t[:, after].sum(1), square[:, after].sum(1),
+                     total(t[:, after], square[:, after])], -1)
+    of_signal, of_ramp = np.moveaxis(np.linalg.solve(normal, np.stack([signal, ramp], -1)), -1, 0)
+    fitted = value + of_signal[:, 0], of_signal[:, 1] / scale
+    if rows <= 2 * half:
+        return _Local(*fitted, *none)
+    whole = slice(half, rows - half)
+    # what the quadratic leaves of the ramp, and of the signal along it (Frisch and Waugh 1933)
+    left = (ramp[:, 1] - np.sum(ramp * of_ramp, 1))[whole]
+    bend, sd, missed = none
+    bend[whole] = (total(t[:, after], y[:, after]) - np.sum(ramp * of_signal, 1))[whole] / left
+    square_missed = (total(y, y) - np.sum(signal * of_signal, 1))[whole] - bend[whole] ** 2 * left
+    sd[whole] = 1.0 / np.sqrt(left)
+    missed[whole] = np.sqrt(np.maximum(square_missed, 0.0) / (2 * half - 3))
+    return _Local(*fitted, bend / scale, sd / scale, missed)
 
 
-def _blocks(time: np.ndarray, value: np.ndarray, half: int, block: int = 2000,
-            ) -> tuple[np.ndarray, np.ndarray]:
-    """Run `local_quadratic` in overlapping blocks, so that long logs lose no digits."""
-    rows = len(time)
-    if rows <= block + 2 * half:
-        return local_quadratic(time, value, half)
-    fitted, slope = np.empty(rows), np.empty(rows)
-    for begin in range(0, rows, block):
-        low, high = max(begin - half, 0), min(begin + block + half, rows)
-        part = local_quadratic(time[low:high], value[low:high], half)
-        keep = slice(begin - low, min(begin + block, rows) - low)
-        fitted[begin:begin + block], slope[begin:begin + block] = part[0][keep], part[1][keep]
-    return fitted, slope
+def _locally(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int) -> _Local:
+    """Return `_local` of each part, blocks of rows at a time to spare memory."""
+    pieces = []
+    for rows in parts:
+        t, y = time[rows], value[rows]
+        for begin in range(0, len(rows), _BLOCK):
+            low, end = max(begin - half, 0), min(begin + _BLOCK, len(rows))
+            found = _local(t[low:end + half], y[low:end + half], half)
+            pieces.append([column[begin - low:end - low] for column in found])
+    return _Local(*(np.concatenate(columns) for columns in zip(*pieces)))
 
 
 def begins(*labels: np.ndarray) -> np.ndarray:
@@ -172,9 +190,7 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     going = np.ones(len(value), bool)
     parts = _parts(time, trial)
     for window in _SMOOTHED:
-        fitted = np.empty(len(value))
-        for rows in parts:
-            fitted[rows] = _blocks(time[rows], value[rows], window // 2)[0]
+        fitted = _locally(time, value, parts, window // 2).value
         fits = np.abs(fitted - best) <= 2.5 * spread
         # a bend inside the window shows at its neighbours first
         going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
@@ -209,10 +225,7 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     parts, step = _parts(time, trial), _usual_step(time, trial)
     best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
     for window in _WINDOWS:
-        half = window // 2
-        fitted, rate = np.empty(len(time)), np.empty(len(time))
-        for rows in parts:
-            fitted[rows], rate[rows] = _blocks(time[rows], value[rows], half)
+        fitted, rate = _with_corners(time, value, parts, window // 2, noise)
         # a quadratic through w points has the slope of a line: variance 12 s^2 / (w^3 dt^2)
         rate_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
         leverage = 1.0 - 2.25 / window
@@ -224,6 +237,35 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
         if rate_noise < 0.005 * np.sqrt(np.mean(rate ** 2)):
             break
     return best
+
+
+def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,
+                  noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return a signal and its slope, smoothed but for corners as the tips of a triangle, (T,).
+
+    A corner is where the slope changes suddenly by more than noise makes it, at `_FALSE_CORNER`,
+    and by most within its window. What is missed with the corner counts as noise: a jump is none.
+    Corners are taken from the signal before it is smoothed, and given back.
+
+    A sample may be before its corner or after it: its slope is the mean of both, none at a tip.
+    """
+    local = _locally(time, value, parts, half)
+    noise = np.maximum(local.missed, max(noise, np.finfo(float).tiny))
+    size = np.abs(local.bend) / (local.bend_sd * noise)
+    corner = (size > norm.isf(0.5 * _FALSE_CORNER / len(time))) & (
+        size == maximum_filter1d(size, 2 * half + 1))
+    if not corner.any():
+        return local.value, local.slope
+    bend = np.where(corner, local.bend, 0.0)
+    before, ramp = np.zeros(len(time)), np.zeros(len(time))
+    for rows in parts:
+        before[rows] = np.cumsum(bend[rows]) - bend[rows]
+        ramp[rows] = np.cumsum(np.diff(time[rows], prepend=time[rows[0]]) * before[rows])
+    smooth = _locally(time, value - ramp, parts, half)
+    before += smooth.slope
+    turns = before * (before + bend) < 0.0
+    return smooth.value + ramp, np.where(turns, 0.0, before + 0.5 * bend)
 
 
 def signal_step(value: np.ndarray, trial: np.ndarray) -> float:

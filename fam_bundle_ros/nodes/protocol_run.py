@@ -222,7 +222,7 @@ class ProtocolRun:
     def _record(self, segment: Segment) -> Generator[Asked, None, list[Row]]:
         course, begin = segment.course, self._seen.time
         rows: list[Row] = []
-        heard = begin
+        heard, step = begin, 0.0
         while (now := self._seen.time - begin) <= course.seconds:
             seen = self._seen
             if seen.whole:
@@ -232,10 +232,14 @@ class ProtocolRun:
                 raise Stopped(f'segment {segment.number}: no whole sample for '
                               f'{seen.time - heard:.2f} s')
             self._place, rate, self._pressure = course.at(now)
+            ahead, _, _ = course.at(now + step)
+            if ahead is not None and self._place is not None and step > 0.0:
+                # the mean until the next sample: with that of the leg it would overshoot its end
+                rate = (ahead - self._place) / step
             yield Asked(self._place, rate, self._pressure)
-            if self._seen.time - seen.time > _GAP:
-                raise Stopped(f'segment {segment.number}: nothing came for '
-                              f'{self._seen.time - seen.time:.2f} s')
+            step = self._seen.time - seen.time
+            if step > _GAP:
+                raise Stopped(f'segment {segment.number}: nothing came for {step:.2f} s')
         self._place, _, self._pressure = course.at(course.seconds)
         return rows
 

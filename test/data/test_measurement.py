@@ -237,6 +237,78 @@ def test_a_fast_motion_is_read_from_few_rows():
     assert np.std(found.rate - true) < 0.4 * np.std(true)
 
 
+def triangle(time, period=2.0, depth=0.12):
+    """Return strain and rate of sweeps to and fro whose tips are between samples."""
+    phase = (time / period + 0.1317) % 1.0
+    speed = 2.0 * depth / period
+    return (depth * np.where(phase < 0.5, 2.0 * phase, 2.0 - 2.0 * phase),
+            np.where(phase < 0.5, speed, -speed))
+
+
+@pytest.mark.parametrize('noise', [2e-5, 2e-4, 5e-4])
+def test_the_rate_of_a_triangle_is_that_of_its_legs_up_to_the_tips(noise):
+    """But for the sample at each tip and one or two beside it: a smoothed tip takes ten to 40."""
+    time, trial = 0.005 * np.arange(4000), np.zeros(4000, int)
+    strain, rate = triangle(time)
+    found = slope(time, strain + noise * np.random.default_rng(0).standard_normal(4000), trial)
+    off = np.abs(found.rate - rate) > 0.3 * np.abs(rate)
+    assert off.sum() <= 3 * 20
+    assert np.std((found.rate - rate)[~off]) < 0.06 * np.abs(rate).max()
+
+
+def test_where_a_ramp_begins_the_rate_begins():
+    """A hold of 1 s, a ramp of 1 s, a hold: neither end of it is smeared over the window."""
+    time = 0.005 * np.arange(600)
+    strain = np.clip(0.1 * (time - 1.0), 0.0, 0.1)
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(600)
+    found = slope(time, strain + noise, np.zeros(600, int))
+    np.testing.assert_allclose(found.rate[:199], 0.0, atol=0.02)
+    np.testing.assert_allclose(found.rate[203:399], 0.1, atol=0.02)
+    np.testing.assert_allclose(found.rate[403:], 0.0, atol=0.02)
+
+
+def test_a_tip_on_a_sample_has_the_mean_of_both_rates():
+    """That is none where both legs are as fast: it cannot be known which the sample belongs to."""
+    time = 0.005 * np.arange(400)
+    strain = 0.1 - 0.05 * np.abs(time - 1.0)
+    noise = 2e-5 * np.random.default_rng(5).standard_normal(400)
+    found = slope(time, strain + noise, np.zeros(400, int))
+    np.testing.assert_allclose(found.rate[190:200], 0.05, atol=0.005)
+    assert found.rate[200] == pytest.approx(0.0, abs=0.005)
+    np.testing.assert_allclose(found.rate[201:211], -0.05, atol=0.005)
+
+
+def test_a_jump_is_no_corner():
+    """Pressures that step: the slope is that of a smoothed step, and nowhere of the other sign."""
+    value = np.repeat(np.arange(8.0), 40) + 0.01 * np.random.default_rng(2).standard_normal(320)
+    found = slope(np.arange(320.0), value, np.zeros(320, int))
+    assert found.rate.min() > -0.05 * found.rate.max()
+
+
+@pytest.mark.parametrize('noise', [0.0, 2e-4])
+@pytest.mark.parametrize('period', [0.5, 2.0, 20.0])
+def test_a_sine_has_no_corners(noise, period):
+    """The error of its rate is that of noise, or of the bend within a window; nowhere a step."""
+    time = 0.005 * np.arange(8000)
+    angle = 2.0 * np.pi * time / period
+    strain = 0.08 + 0.06 * np.sin(angle)
+    found = slope(time, strain + noise * np.random.default_rng(3).standard_normal(8000),
+                  np.zeros(8000, int))
+    size = 0.12 * np.pi / period
+    assert np.abs(found.rate - size * np.cos(angle)).max() < max(12.0 * found.noise, 0.05 * size)
+
+
+def test_corners_of_a_long_log_are_those_of_its_pieces():
+    """Rows are worked through in blocks: none of them shows."""
+    time = 0.005 * np.arange(41_000)
+    strain = triangle(time)[0] + 2e-4 * np.random.default_rng(4).standard_normal(len(time))
+    whole = slope(time, strain, np.zeros(len(time), int))
+    around = slice(19_000, 21_000)
+    piece = slope(time[around], strain[around], np.zeros(2000, int))
+    assert whole.window == piece.window
+    np.testing.assert_allclose(whole.rate[19_100:20_900], piece.rate[100:-100], atol=1e-6)
+
+
 @pytest.mark.filterwarnings('error')
 def test_trials_of_one_row_do_not_move():
     """Points that were set one by one have no speed, and no noise of it."""

@@ -212,7 +212,7 @@ def test_slow_misfit_ends_with_its_trial(problem):
 
 def test_the_part_of_the_speed_is_odd_and_fades_with_the_ratio_of_speeds(sweeps, paper_muscle):
     """Strangers at speeds far apart, as the odd part at one speed; no such part without two."""
-    slow, fast = sweeps(speed=0.002), sweeps(speed=0.1)
+    slow, fast = sweeps(speed=0.003), sweeps(speed=0.1)
     both = build('both', np.append(slow.strain, fast.strain),
                  np.concatenate([slow.pressure, fast.pressure]), np.append(slow.force, fast.force),
                  np.append(slow.trial, fast.trial + 100),

@@ -84,6 +84,16 @@ def test_dynamometer_travels_at_its_rate_and_sweeps_at_that_of_the_sweep():
     assert {round(rate, 6) for rate in rates} == {0.1, -0.1}
 
 
+def test_a_dynamometer_that_goes_on_at_the_asked_rate_stops_at_the_end_of_a_leg():
+    """Its rate brings it to the next sample's place, at the tip of a sweep as well."""
+    run, kept = experiment(Sweep((0.0, 0.2), 0.07, ((50e3,),)))
+    toy = Toy()
+    toy.run(run)
+    course = [asked for time, asked in toy.log if kept[1][0].time < time < kept[1][-1].time]
+    assert [now.strain + DT * now.rate for now in course[:-1]] == pytest.approx(
+        [then.strain for then in course[1:]], abs=1e-9)
+
+
 def test_recording_waits_until_slow_pressures_are_there_and_settled():
     """With a lag of 1 s, 50 kPa is there to 2 kPa after 3.2 s; then it settles for 2 s."""
     run, kept = experiment(settle=2.0)
