@@ -24,6 +24,13 @@ def about(what: str) -> Iterator[None]:
         raise InputError(f'{what}: {error}') from error
 
 
-def first_line(error: Exception) -> str:
-    """Return the first line of an error of a library, or its kind where it says nothing."""
+def in_short(error: Exception) -> str:
+    """
+    Return what an error of a library says, in one line; its kind where it says nothing.
+
+    YAML's has the place in its last line: the line of the file and what is wrong there.
+    """
+    mark = getattr(error, 'problem_mark', None)
+    if mark is not None:
+        return f'line {mark.line + 1}: {getattr(error, "problem", "")}'
     return (str(error).strip().splitlines() or [type(error).__name__])[0]

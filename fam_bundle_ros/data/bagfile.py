@@ -18,7 +18,7 @@ import numpy as np
 
 from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.data.measurement import build, MAX_ROWS, Measurement
-from fam_bundle_ros.errors import first_line, InputError
+from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
@@ -62,7 +62,7 @@ def read_bag(path: Path, *, rest_length: float | None = None,
     except InputError:
         raise
     except Exception as error:  # rosbags raises its own and sqlite's, zstd's, ...
-        raise InputError(f'{label}: cannot be read as a ROS 2 bag ({first_line(error)})'
+        raise InputError(f'{label}: cannot be read as a ROS 2 bag ({in_short(error)})'
                          ) from error
     limits = {'max_pressure': max_pressure, 'max_strain': max_strain}
     return _resample(label, series, rest_length, ambient_pressure, gauge, limits)

@@ -31,7 +31,7 @@ from fam_bundle_ros.data.segments import (
     STEPS,
     Sweep,
 )
-from fam_bundle_ros.errors import about, first_line, InputError
+from fam_bundle_ros.errors import about, in_short, InputError
 from fam_bundle_ros.resources import protocol_path
 from fam_bundle_ros.units import express, parse
 
@@ -58,7 +58,7 @@ def read_protocol(name: str | Path) -> Protocol:
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path.name}: cannot be read as YAML ({first_line(error)})') from None
+        raise InputError(f'{path.name}: cannot be read as YAML ({in_short(error)})') from None
     with about(path.name):
         return _protocol(content)
 

@@ -12,7 +12,7 @@ from typing import Any
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.vocabulary import QUANTITIES, recognise
-from fam_bundle_ros.errors import about, InputError
+from fam_bundle_ros.errors import about, in_short, InputError
 from fam_bundle_ros.units import express, parse
 
 FORMAT = 'fam-bundle-recipe/1'
@@ -99,8 +99,8 @@ def load_recipe(path: str | Path) -> Recipe:
         raise InputError(f'{path}: cannot be read ({error.strerror}); expected a recipe '
                          '(--save-recipe writes one)') from error
     except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path.name}: not YAML; expected a recipe (format: {FORMAT})'
-                         ) from error
+        raise InputError(f'{path.name}: not YAML ({in_short(error)}); expected a recipe '
+                         f'(format: {FORMAT})') from error
     if not isinstance(content, dict) or content.pop('format', None) != FORMAT:
         raise InputError(f'{path.name}: no recipe; expected the key format: {FORMAT}')
     known = [entry.name for entry in fields(Recipe)]

@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-from fam_bundle_ros.errors import about, first_line, InputError
+from fam_bundle_ros.errors import about, in_short, InputError
 from fam_bundle_ros.resources import shipped_or_own
 from fam_bundle_ros.units import parse
 
@@ -130,7 +130,7 @@ def load_profile(name: str) -> Points:
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path.name}: is no YAML ({first_line(error)})') from None
+        raise InputError(f'{path.name}: is no YAML ({in_short(error)})') from None
     return profile_from(content, path.name)
 
 

@@ -159,6 +159,12 @@ def test_a_mistake_is_named_with_file_step_and_key(written, steps, head, words):
     assert error.match(words.replace('(sweep)', r'\(sweep\)'))
 
 
+def test_what_is_no_yaml_is_told_with_its_line(written):
+    """A bracket that is not closed: the line in which that shows."""
+    with pytest.raises(InputError, match=r'^mine\.yaml: .*YAML \(line \d+: expected'):
+        written('- sweep: {strain: [0, 1')
+
+
 def test_an_unknown_protocol_is_answered_with_those_that_ship():
     """A name that is neither a file nor one of ours."""
     with pytest.raises(InputError, match='absent: no such protocol; protocols that ship: .*spie'):

@@ -289,7 +289,7 @@ def no_pressure(e, p, way, t):
 def test_a_force_that_is_no_mckibben_muscles_is_unexplained(sweeps, paper_muscle, made, rubber):
     """Whatever a flexible law can bend itself to: no effect above one half."""
     model = paper_muscle if rubber else paper_muscle.without_effect('bladder_elasticity')
-    data = sweeps()
+    data = sweeps(cycles=1)
     force = made(data.strain, data.pressure[:, 0], np.sign(data.direction), None)
     noise = 0.6 * np.random.default_rng(1).standard_normal(len(data))
     other = build('other', data.strain, data.pressure, force + noise, data.trial, data.time)
@@ -298,7 +298,7 @@ def test_a_force_that_is_no_mckibben_muscles_is_unexplained(sweeps, paper_muscle
 
 def test_exchanged_columns_are_a_slip_or_unexplained(sweeps, paper_muscle):
     """Strain and pressure in each other's place, scaled into range."""
-    data = sweeps()
+    data = sweeps(cycles=1)
     top = float(data.pressure.max())
     strain, pressure = data.pressure[:, 0] / top * 0.24, np.maximum(data.strain, 0) / 0.24 * top
     result = diagnose(paper_muscle, build('exchanged', strain, pressure, data.force, data.trial,
@@ -310,7 +310,7 @@ def test_two_muscles_in_one_file_are_unexplained(sweeps, paper_muscle):
     """Every other isobar is of a muscle half as thick again: no effect above one half."""
     other = paper_muscle.with_parameters({'geometry.radius': 9.5e-3,
                                           'geometry.braid_angle': np.radians(25.0)})
-    one, two = sweeps(), sweeps(other)
+    one, two = sweeps(cycles=1), sweeps(other, cycles=1)
     force = np.where(one.trial % 2 == 0, one.force, two.force)
     mixed = build('mixed', one.strain, one.pressure, force, one.trial, one.time)
     assert no_name_above_half(diagnose(paper_muscle, mixed))

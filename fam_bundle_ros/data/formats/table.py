@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.errors import first_line, InputError
+from fam_bundle_ros.errors import in_short, InputError
 
 #: Larger files are refused unread.
 MAX_BYTES = 1 << 30
@@ -77,7 +77,7 @@ def check_size(path: Path) -> None:
 
 def unreadable(path: Path, kind: str, error: Exception) -> InputError:
     """Return the error for a file that a library cannot read as what its first bytes say."""
-    return InputError(f'{path.name}: cannot be read as {kind} ({first_line(error)[:80]})')
+    return InputError(f'{path.name}: cannot be read as {kind} ({in_short(error)[:80]})')
 
 
 def unique(headers: Sequence[Any]) -> list[str]:

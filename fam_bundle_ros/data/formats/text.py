@@ -28,7 +28,7 @@ from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import check_size, Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
 from fam_bundle_ros.data.vocabulary import rest_length_of
-from fam_bundle_ros.errors import first_line, InputError
+from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
 #: Characters of a line, and lines that the layout is found on.
@@ -348,4 +348,4 @@ def _bad_line(name: str, error: Exception, rows: _Rows) -> InputError:
         at = int(match[2]) - 1
         row = rows.numbers[at] if at < len(rows.numbers) else at + 1
         return InputError(f'{name}, row {row}: {match[3]} cells; expected {match[1]}')
-    return InputError(f'{name}: cannot be read as a table ({first_line(error)})')
+    return InputError(f'{name}: cannot be read as a table ({in_short(error)})')
