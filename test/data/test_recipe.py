@@ -69,7 +69,7 @@ def test_options_count_more_than_the_recipe(log, tmp_path):
     ('format: fam-bundle-recipe/1\nrest_length: -1 mm', 'expected more than 0'),
     ('format: fam-bundle-recipe/1\ngauge: perhaps', 'true or false'),
     ('format: fam-bundle-recipe/1\ncolumns: {forse: F}', "'forse' is not a quantity"),
-    ('format: [', 'not YAML .line 1:'), ('\x00', 'not YAML')])
+    ('format: [', 'not YAML (line 1:'), ('\x00', 'not YAML')])
 def test_a_bad_recipe_fails_and_names_file_and_key(tmp_path, text, words):
     """One sentence for each mistake."""
     path = tmp_path / 'lab.yaml'
