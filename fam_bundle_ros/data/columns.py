@@ -282,14 +282,20 @@ class _Reader:
             self.notes.append(f'never longer than {longest:.2f} of the rest length')
 
     def _sign_of_shift(self, ratio: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> int:
-        """Return +1 where a displacement shortens the muscle: its force then falls."""
+        """
+        Return +1 where a displacement shortens the muscle: its force then falls.
+
+        Under a load that hangs on the muscle it follows the pressure, which shortens.
+        """
         choice = self.choices.chosen['shift']
         rows = np.isfinite(ratio) & np.isfinite(force) & np.isfinite(pressure).all(axis=1)
-        along, _ = checks.partial_correlations(ratio[rows], pressure[rows].sum(-1), force[rows])
-        choice.sign = -1 if along > 0.2 else 1
-        if abs(along) > 0.2:
-            word = 'positive when longer' if along > 0 else 'positive when shorter'
-            said = f'{word}, as the force tells'
+        along, _, follows = checks.partial_correlations(
+            ratio[rows], pressure[rows].sum(-1), force[rows])
+        longer = along > 0.2 or follows < 0.0
+        choice.sign = -1 if longer else 1
+        if abs(along) > 0.2 or follows:
+            word = 'positive when longer' if longer else 'positive when shorter'
+            said = f'{word}, as the {"pressure" if follows else "force"} tells'
         else:
             said = 'taken as positive when shorter'
             self.notes.append(f"'{choice.header}' is taken as positive when shorter; the force "

@@ -365,10 +365,10 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
                            np.zeros(len(force)), 0.0, still, trials.names, tuple(motor_units),
                            '', tuple(notes), still, dropped, first_dropped=lost)
     time = checks.spread_stamps(named['time'], trials.of_row)
-    shared = int((np.diff(named['time'])[np.diff(trials.of_row) == 0] == 0).sum())
+    shared = int((~checks.fresh_stamps(named['time'], trials.of_row)).sum())
     if shared:
-        notes.append(f'{counted(shared, "row")} with the time stamp of the row before: spread '
-                     'evenly up to the next stamp')
+        notes.append(f'{counted(shared, "row")} with the time stamp of the row before, or in one '
+                     'packet with it: spread evenly up to the next stamp')
     if not np.ptp(time) > 0:
         raise InputError(f'{name}: time stands still at {time[0]:.6g} s; expected it to increase, '
                          'or no column for it')

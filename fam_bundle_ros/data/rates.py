@@ -106,8 +106,10 @@ def begins(*labels: np.ndarray) -> np.ndarray:
     return first
 
 
-def _usual_step(time: np.ndarray, trial: np.ndarray) -> float:
-    steps = np.diff(time)[np.diff(trial) == 0]
+def usual_step(time: np.ndarray, trial: np.ndarray) -> float:
+    """Return the usual time between rows, s, of many at a time: rows may come in packets."""
+    count = int(np.clip(np.median(np.bincount(trial - trial.min())) // 2, 1, _WINDOWS[-1]))
+    steps = (time[count:] - time[:-count])[trial[count:] == trial[:-count]] / count
     return float(np.median(steps)) if len(steps) else 1.0
 
 
@@ -118,7 +120,7 @@ def _parts(time: np.ndarray, trial: np.ndarray) -> list[np.ndarray]:
     A pause is longer than the widest window. Fitted across one of hours, running sums would have
     no digits left.
     """
-    pause = np.diff(time) > _WINDOWS[-1] * _usual_step(time, trial)
+    pause = np.diff(time) > _WINDOWS[-1] * usual_step(time, trial)
     return np.split(np.arange(len(time)), np.flatnonzero(pause | (np.diff(trial) != 0)) + 1)
 
 
@@ -222,7 +224,7 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     """
     # a signal read in steps q has rounding noise of q / sqrt(12), which differences do not see
     noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
-    parts, step = _parts(time, trial), _usual_step(time, trial)
+    parts, step = _parts(time, trial), usual_step(time, trial)
     best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
     for window in _WINDOWS:
         fitted, rate = _with_corners(time, value, parts, window // 2, noise)
@@ -248,7 +250,7 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     and by most within its window. What is missed with the corner counts as noise: a jump is none.
     Corners are taken from the signal before it is smoothed, and given back.
 
-    A sample may be before its corner or after it: its slope is the mean of both, none at a tip.
+    The sample next to a tip has no slope: which of both it has is not known well enough.
     """
     local = _locally(time, value, parts, half)
     noise = np.maximum(local.missed, max(noise, np.finfo(float).tiny))
@@ -257,15 +259,23 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
         size == maximum_filter1d(size, 2 * half + 1))
     if not corner.any():
         return local.value, local.slope
-    bend = np.where(corner, local.bend, 0.0)
+    # between the samples it is where a parabola through three changes of slope is largest
+    last, here, then = (np.roll(local.bend, by) for by in (1, 0, -1))
+    curved = last - 2.0 * here + then
+    share = np.divide(0.5 * (last - then), curved, out=np.zeros(len(time)),
+                      where=corner & (curved * here < 0.0))
+    late = np.clip(share, -0.5, 0.5) * np.gradient(time)
+    bend, passed = np.where(corner, here, 0.0), late < 0.0
     before, ramp = np.zeros(len(time)), np.zeros(len(time))
     for rows in parts:
         before[rows] = np.cumsum(bend[rows]) - bend[rows]
-        ramp[rows] = np.cumsum(np.diff(time[rows], prepend=time[rows[0]]) * before[rows])
+        shift = -bend[rows] * late[rows]
+        ramp[rows] = (np.cumsum(np.diff(time[rows], prepend=time[rows[0]]) * before[rows])
+                      + np.cumsum(shift) - np.where(passed[rows], 0.0, shift))
     smooth = _locally(time, value - ramp, parts, half)
     before += smooth.slope
     turns = before * (before + bend) < 0.0
-    return smooth.value + ramp, np.where(turns, 0.0, before + 0.5 * bend)
+    return smooth.value + ramp, np.where(turns, 0.0, before + np.where(passed, bend, 0.0))
 
 
 def signal_step(value: np.ndarray, trial: np.ndarray) -> float:

@@ -9,7 +9,7 @@ could make up by moving its parameters within what the present data leave open.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 import numpy as np
@@ -84,11 +84,11 @@ class _Range:
 
     def protocol(self, words: str, *steps: Step) -> Protocol:
         """Return a protocol, limited to the strain and the pressures that the data have."""
-        protocol = Protocol(words, len(self.top), steps)
         strains = [leg.strain for step in steps for course in step.courses()
                    for leg in (course.start, *course.legs) if leg.strain is not None]
-        return replace(protocol, limits=Limits(float(self.top.max()), (
-            min(strains), max(max(strains), min(strains) + 1e-3)), self._force))
+        limits = Limits(float(self.top.max()),
+                        (min(strains), max(max(strains), min(strains) + 1e-3)), self._force)
+        return Protocol(words, len(self.top), steps, limits)
 
     def sweep(self, levels: np.ndarray, speed: float = 1.0, *, low: float | None = None,
               high: float | None = None, top: np.ndarray | None = None) -> Sweep:

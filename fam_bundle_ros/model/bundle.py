@@ -230,23 +230,26 @@ class Bundle:
         """
         How the gauges of this model differ from the truth.
 
-        Their laws are linear in what is read, and in time.
+        Their laws are linear in what is read, in time and in the strain rate.
         """
         total: dict[str, float] = {}
         for _, law, part in self._muscles.laws.at(Place.SENSOR):
-            def shown(true, time, part=part, values=self._arguments(law)):
-                read = {part.changes: true, 'time': time}
+            def shown(true, time, rate, part=part, values=self._arguments(law)):
+                read = {part.changes: true, 'time': time, 'strain_rate': rate}
                 return part.function(**values, **{
                     name: value for name, value in read.items() if name in part.arguments})
-            bias = shown(0.0, 0.0)
-            for name, value in (('bias', bias), ('gain', shown(1.0, 0.0) - bias),
-                                ('drift', shown(0.0, 1.0) - bias)):
+            bias = shown(0.0, 0.0, 0.0)
+            found = [('bias', bias), ('gain', shown(1.0, 0.0, 0.0) - bias),
+                     ('drift', shown(0.0, 1.0, 0.0) - bias)]
+            if part.changes == 'strain':
+                found.append(('lag', bias - shown(0.0, 0.0, 1.0)))
+            for name, value in found:
                 key = f'{part.changes}_{name}'
                 total[key] = total.get(key, 0.0) + value
         return SensorError(**total)
 
-    def readings(self, force: Any, strain: Any, pressure: Any, time: Any = 0.0
-                 ) -> tuple[Any, Any, Any]:
+    def readings(self, force: Any, strain: Any, pressure: Any, time: Any = 0.0,
+                 strain_rate: Any = 0.0) -> tuple[Any, Any, Any]:
         """
         Return what the gauges show.
 
@@ -257,17 +260,22 @@ class Bundle:
         pressure : array_like (..., n), Pa (gauge)
         time : array_like (...), s
             Since the log, or the rig, began.
+        strain_rate : array_like (...), 1/s
+            Of the reading.
         """
         s = self.sensor_error
         return (force * (1.0 + s.force_gain) + s.force_bias + s.force_drift * time,
-                strain * (1.0 + s.strain_gain) + s.strain_bias + s.strain_drift * time,
+                strain * (1.0 + s.strain_gain) + s.strain_bias + s.strain_drift * time
+                - s.strain_lag * strain_rate,
                 pressure * (1.0 + s.pressure_gain) + s.pressure_bias
                 + s.pressure_drift * np.asarray(time)[..., None])
 
-    def felt(self, strain: Any, pressure: Any, time: Any = 0.0) -> tuple[Any, Any]:
+    def felt(self, strain: Any, pressure: Any, time: Any = 0.0, strain_rate: Any = 0.0,
+             ) -> tuple[Any, Any]:
         """Return the true strain and pressure for what the gauges show; see `readings`."""
         s = self.sensor_error
-        return ((strain - s.strain_bias - s.strain_drift * time) / (1.0 + s.strain_gain),
+        return ((strain - s.strain_bias - s.strain_drift * time + s.strain_lag * strain_rate)
+                / (1.0 + s.strain_gain),
                 (pressure - s.pressure_bias - s.pressure_drift * np.asarray(time)[..., None])
                 / (1.0 + s.pressure_gain))
 

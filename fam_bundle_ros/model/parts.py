@@ -10,7 +10,7 @@ import numpy as np
 from fam_bundle_ros.model.geometry import Geometry
 
 #: Highest gauge pressure that a motor unit may have, Pa, and its most muscles.
-MAX_PRESSURE = 2e6
+MAX_PRESSURE = 20e6
 MOST_MUSCLES = 1000
 
 
@@ -103,7 +103,7 @@ class SensorError:
     Errors of readings: shown = true (1 + gain) + bias + drift t.
 
     Of each channel: biases in N, Pa and strain, gains dimensionless, drifts per s; t since the
-    log, or the rig, began.
+    log, or the rig, began. The strain's lag, s: below zero the other channels are late.
     """
 
     force_bias: float = 0.0
@@ -115,6 +115,7 @@ class SensorError:
     strain_bias: float = 0.0
     strain_gain: float = 0.0
     strain_drift: float = 0.0
+    strain_lag: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -74,15 +74,17 @@ def reading(model: 'Muscles', motion: Motion, keys: Sequence[str] = ()
     """
     numbers = _Numbers(model, keys)
     time = motion.clock
-    strain = numbers.true('strain', _floats(motion.strain), time)
-    pressure = numbers.true('pressure', np.ascontiguousarray(_floats(motion.pressure).T), time)
+    rate = _floats(motion.strain_rate)
+    strain = numbers.true('strain', _floats(motion.strain), time, rate)
+    pressure = numbers.true('pressure', np.ascontiguousarray(_floats(motion.pressure).T), time,
+                            rate)
     force = np.zeros(len(motion.strain))
     jacobian = np.zeros((len(keys), len(force)))
     for _, rows, value in _blocks(numbers, strain, pressure, motion):
         force[rows] += value_of(value)
         for key, slope in slopes_of(value).items():
             jacobian[key, rows] += slope
-    bias, gain = numbers.error('force', time)
+    bias, gain = numbers.error('force', time, rate)
     jacobian *= value_of(gain)
     for key, slope in slopes_of(gain).items():
         jacobian[key] += slope * force
@@ -144,7 +146,7 @@ class _Numbers:
             one[SHAPE.index(name)] = value
         return one
 
-    def error(self, quantity, time):
+    def error(self, quantity, time, rate):
         """Return b and g of a gauge that shows g x + b; 0 and 1 for one without error."""
         bias, gain = 0.0, 1.0
         for _, law, part in self.model.laws.at(Place.SENSOR):
@@ -152,15 +154,16 @@ class _Numbers:
                 continue
             values = {argument: self.parameters[self.model.laws.parameters.index(
                 (law.name, name))] for argument, name in law.names.items()}
-            at_zero, at_one = (applied(part.function, *(
-                {'time': time, quantity: at, **values}[name] for name in part.arguments))[0]
-                for at in (0.0, 1.0))
+            read = {'time': time, 'strain_rate': rate, **values}
+            at_zero, at_one = (
+                applied(part.function, *({**read, quantity: at}[name] for name in part.arguments)
+                        )[0] for at in (0.0, 1.0))
             bias, gain = at_zero + bias, at_one - at_zero + gain
         return bias, gain
 
-    def true(self, quantity, shown, time):
+    def true(self, quantity, shown, time, rate):
         """Return what is there, for what a gauge shows; the laws of gauges are linear."""
-        bias, gain = self.error(quantity, time)
+        bias, gain = self.error(quantity, time, rate)
         return (shown - bias) / gain
 
 

@@ -55,7 +55,7 @@ class LiveModel:
             self.reset()
             return math.nan
         self._time += dt
-        strain, felt = self.bundle.felt(strain, np.array(pressure), self._time)
+        strain, felt = self.bundle.felt(strain, np.array(pressure), self._time, rate)
         forces, self._state = self.bundle.step(self._state, dt, strain, felt, rate)
         return float(self.bundle.readings(forces.sum(), strain, felt, self._time)[0])
 

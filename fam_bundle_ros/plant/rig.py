@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.parts import SensorError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE
 from fam_bundle_ros.plant.checks import require
 from fam_bundle_ros.plant.circuit import Air, AirBalance, AirConfig
@@ -125,15 +126,18 @@ def _dependences(plant, model) -> tuple[bool, bool]:
     return rate, volume
 
 
-def _gauge_errors(plant) -> tuple[list[float], list[float], list[float]]:
-    """Return gain, offset and drift of each channel of a plant whose gauges err (`readings`)."""
+def _gauge_errors(plant) -> tuple[list[float], list[float], list[float], list[float]]:
+    """Return gain, offset, drift and lag of each channel of a plant whose gauges err."""
     def shown(true: float, time: float) -> np.ndarray:
         force, strain, pressure = plant.readings(true, true, np.full(plant.n, true), time)
         return np.array([force, strain, true, *np.broadcast_to(pressure, plant.n)], float)
 
     offset = shown(0.0, 0.0)
+    late = getattr(plant, 'sensor_error', SensorError()).strain_lag
+    lag = [max(-late, 0.0)] * len(offset)
+    lag[STRAIN] = max(late, 0.0)
     return ((shown(1.0, 0.0) - offset).tolist(), offset.tolist(),
-            (shown(0.0, 1.0) - offset).tolist())
+            (shown(0.0, 1.0) - offset).tolist(), lag)
 
 
 class Rig:

@@ -139,10 +139,11 @@ class SensorRecord:
 
     @classmethod
     def of(cls, config: SensorConfig, gain: list[float], offset: list[float],
-           drift: list[float]) -> 'SensorRecord':
-        """Return the constants; gain, offset and drift have a value for each channel."""
+           drift: list[float], late: list[float]) -> 'SensorRecord':
+        """Return the constants; those of the plant's gauges have a value for each channel."""
         c, pressures = config, len(gain) - 2
-        lags = [c.force_lag, c.strain_lag] + [c.pressure_lag] * pressures
+        lags = [own + of_plant for own, of_plant in zip(
+            [c.force_lag, c.strain_lag] + [c.pressure_lag] * pressures, late)]
         return cls(list(map(float, gain)), list(map(float, offset)), list(map(float, drift)),
                    [c.force_bias, c.strain_bias] + [c.pressure_bias] * pressures,
                    [c.force_noise, c.strain_noise] + [c.pressure_noise] * pressures,

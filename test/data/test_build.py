@@ -51,6 +51,19 @@ def test_a_held_muscle_takes_its_direction_from_the_pressure(isometric, noise):
     assert (data.direction_basis[data.direction == 0] == REST).all()
 
 
+def test_rows_that_came_in_packets_are_spread_as_they_were_taken(muscle):
+    """Three or four rows every 16 ms, stamped 20 us apart: their rate is that of the motion."""
+    true = 0.005 * np.arange(2000)
+    stamps = 0.016 * np.ceil(true / 0.016)
+    first = np.append(True, np.diff(stamps) > 0)
+    place = np.arange(2000) - np.flatnonzero(first)[np.cumsum(first) - 1]
+    strain = 0.02 + 0.01 * true
+    data = build('usb', strain, np.full((2000, 1), 2e5), muscle(strain, np.full(2000, 2e5)), None, stamps + 2e-5 * place)
+    assert any('1375 rows' in note and 'packet' in note for note in data.notes)
+    assert np.abs(data.strain_rate[20:-20] / 0.01 - 1.0).max() < 0.3
+    assert np.all(data.direction == 1)
+
+
 @pytest.mark.parametrize('pause', [60.0, 3600.0, 36e3, 2.6e6])
 def test_a_pause_of_the_log_leaves_the_rates_of_the_rest(muscle, pause):
     """A clock that goes on for hours between two sweeps changes no rate and no direction."""

@@ -415,6 +415,22 @@ def test_signs_do_not_depend_on_where_zero_is(log):
                                        ) == pytest.approx(found)
 
 
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_muscle_on_a_spring_shortens_with_its_pressure(log, sign):
+    """Force, strain and pressure rise together there: the pressure tells the sign, no warning."""
+    time, _, pressure, _ = log
+    swing = 0.5 - 0.5 * np.cos(np.linspace(0.0, 12.0 * np.pi, len(time)))
+    noise = 0.002 * np.random.default_rng(0).standard_normal(len(time))
+    shift = 50.0 * swing ** 1.3 + noise
+    data = read_measurement(
+        table((time, 0.0 * time, 4e5 * swing, 4.0 * shift),
+              strain=('Weg [mm]', sign * shift)), rest_length='250 mm')
+    assert data.strain.max() == pytest.approx(0.2, abs=0.01)
+    word = 'positive when shorter' if sign > 0 else 'positive when longer'
+    assert f'{word}, as the pressure tells' in taken_words(data)
+    assert not any('sign' in note for note in data.notes)
+
+
 def test_a_pressure_that_never_changes_is_one_level():
     """One isobar, its value as it was read."""
     index, level = pressure_levels(np.full(7, 2e5))

@@ -128,29 +128,45 @@ def test_an_effect_is_found_again_in_data_that_it_made(sweeps, paper_muscle, nam
                 assert low < values[key] < high
 
 
-@pytest.mark.parametrize(('speeds', 'tied'), [((0.05, 0.2), False), ((0.05,), True)])
-def test_viscous_damping_in_triangles_does_not_look_dry(paper_muscle, speeds, tied):
-    """At two speeds it is named alone, at one it ties with friction: the tips decide nothing."""
+def triangles(truth, speeds, late=0.0):
+    """Return dense sweeps at three pressures; strains that are logged late by so many s."""
     rng, dt = np.random.default_rng(0), 0.005
-    truth = paper_muscle.with_effect('viscous_damping', coefficient=200.0)
     rows, begin = [], 0.0
     for speed in speeds:
         for pressure in (138e3, 207e3, 276e3):
             time = dt * np.arange(round(0.24 / speed / dt))
             rate = np.where(time < 0.12 / speed, speed, -speed)
-            strain = 0.14 - np.abs(0.12 - speed * time)
+            strain, shown = (0.14 - np.abs(0.12 - speed * np.maximum(time - by, 0.0))
+                             for by in (0.0, late))
             level = np.full((len(time), 1), pressure)
             force = truth.predict(Motion(strain, level, rate, time, time == 0.0))
-            rows.append((strain, np.full(len(time), pressure), force, time + begin,
+            rows.append((shown, np.full(len(time), pressure), force, time + begin,
                          np.full(len(time), begin)))
             begin += time[-1] + 3.0
     strain, pressure, force, time, trial = (np.concatenate(column) for column in zip(*rows))
-    data = build('triangles', strain + 1e-4 * rng.standard_normal(len(strain)), pressure[:, None],
+    return build('triangles', strain + 1e-4 * rng.standard_normal(len(strain)), pressure[:, None],
                  force + 0.6 * rng.standard_normal(len(force)), trial, time)
+
+
+@pytest.mark.parametrize(('speeds', 'tied'), [((0.05, 0.2), False), ((0.05,), True)])
+def test_viscous_damping_in_triangles_does_not_look_dry(paper_muscle, speeds, tied):
+    """At two speeds it is named alone, at one it ties with friction: the tips decide nothing."""
+    data = triangles(paper_muscle.with_effect('viscous_damping', coefficient=200.0), speeds)
     result = diagnose(paper_muscle, data)
     assert result.verdict == 'missing_effect'
     assert ('coulomb_friction' in labels(result)) == tied
     assert 'viscous_damping' in labels(result)
+
+
+@pytest.mark.parametrize('late', [0.02, -0.02])
+def test_strain_and_force_logged_apart_are_no_damping(paper_muscle, late):
+    """20 ms between two instruments look like damping, or what feeds motion: it is neither."""
+    result = diagnose(paper_muscle, triangles(paper_muscle, (0.1,), late))
+    assert result.effects == ('strain_sensor_lag',)
+    lag = next(each for each in result.parameters if each.key == 'strain_sensor_lag.lag')
+    low, high = lag.si_interval
+    assert low < late < high
+    assert high - low < 0.01
 
 
 def test_two_effects_are_both_found_and_nothing_else(sweeps, paper_muscle):

@@ -242,7 +242,7 @@ def test_gauges_and_muscle_agree_after_correction():
     bundle, motion = bundle_with(*sensors), record()
     true = bundle.simulate(motion).sum(axis=-1)
     force, strain, pressure = bundle.readings(true, motion.strain, motion.pressure,
-                                              motion.time - motion.time[0])
+                                              motion.time - motion.time[0], motion.strain_rate)
     shown = Motion(strain, pressure, motion.strain_rate, motion.time, motion.start)
     assert_allclose(bundle.predict(shown), force, rtol=1e-9)
 

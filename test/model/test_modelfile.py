@@ -79,7 +79,7 @@ def test_a_model_is_written_whole_or_not_at_all(tmp_path):
     ('1.59 mm', '8 mm', 'line 8: wall_thickness must be below the radius'),
     ('33 deg', '60 deg', 'line 8: braid_angle must lie between 5 and 54.7 deg'),
     ('muscles: 2', 'muscles: two', "line 7: muscles is 'two'; expected a whole number"),
-    ('50 psi', '50 MPa', 'line 9: max_pressure must lie between 0 and 2 MPa'),
+    ('50 psi', '50 MPa', 'line 9: max_pressure must lie between 0 and 20 MPa'),
     ('c10: 0.1184 MPa', 'c10: 118 MPa', 'line 12: bladder_elasticity: c10 is 118000 kPa; '
      'expected between 0 and 1500 kPa'),
     ('{c10: 0.1184 MPa}', '\n      c10: -5 kPa\n      c01: 4 kPa',

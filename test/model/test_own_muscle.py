@@ -55,7 +55,7 @@ def test_the_part_of_the_measured_muscle_is_the_model_that_ships():
     ('radius', '6.35', 'no unit'), ('radius', 'thick mm', 'not a quantity'),
     ('radius', '80 mm', 'is it the diameter'), ('length', '-3 mm', 'above zero'),
     ('braid_angle', '70 deg', 'between 5 and 54.7 deg'), ('wall_thickness', '9 mm', 'below the'),
-    ('max_pressure', '9 MPa', 'between 0 and 2 MPa'), ('max_pressure', '3 mm', 'does not fit'),
+    ('max_pressure', '90 MPa', 'between 0 and 20 MPa'), ('max_pressure', '3 mm', 'does not fit'),
     ('muscles', '1, none', 'whole number'), ('length', '', 'active length')])
 def test_a_value_that_cannot_be_fails_by_its_name(key, value, words):
     """The message begins with what the user sees, here the option, and says what was expected."""

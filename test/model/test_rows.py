@@ -201,7 +201,8 @@ def test_prediction_from_readings_is_the_reading_of_the_force(way):
     rng = np.random.default_rng(22)
     bundle, true = whole_catalogue(rng), record(rng)
     force, strain, pressure = bundle.readings(bundle.simulate(true).sum(axis=1), true.strain,
-                                              true.pressure, true.time - true.time[0])
+                                              true.pressure, true.time - true.time[0],
+                                              true.strain_rate)
     shown = replace(true, strain=strain, pressure=pressure)
     assert_allclose(bundle.predict(shown), force, rtol=1e-9)
 

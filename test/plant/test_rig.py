@@ -230,6 +230,22 @@ def test_gauges_err_as_the_model_file_says(bundle):
     assert truth.force == pytest.approx(float(bundle.force(0.1, truth.pressure)), rel=1e-9)
 
 
+@pytest.mark.parametrize('lag', [0.02, -0.02])
+def test_a_lag_of_the_strain_is_behind_the_force_or_before_it(bundle, lag):
+    """At 0.05 1/s the late channel shows what was 20 ms ago: the strain, or all the others."""
+    rig, speed = make(bundle.with_effect('strain_sensor_lag', lag=lag)), 0.05
+    for k in range(200):
+        before = rig.truth.force
+        rig.impose_strain(0.1 + 1e-3 * speed * k, speed)
+        rig.step([0.0, 0.0], 1e-3)
+    slope = (rig.truth.force - before) / 1e-3
+    strain_late, force_late = max(lag, 0.0), max(-lag, 0.0)
+    assert rig.truth.strain - rig.readings.strain == pytest.approx(strain_late * speed, rel=0.01,
+                                                                   abs=1e-9)
+    assert rig.truth.force - rig.readings.force == pytest.approx(force_late * slope, rel=0.05,
+                                                                 abs=1e-9)
+
+
 def test_rig_solves_only_for_what_its_plant_depends_on(bundle):
     """Rate and swelling are solved for where a force knows the rate, a volume the pressure."""
     record = make(bundle).record

@@ -25,7 +25,7 @@ class Instruments:
     """Instruments of a rig of two motor units at 80 N, 2 and 1 bar."""
 
     def __init__(self, config, seed=1):
-        self.record = SensorRecord.of(config, [1.0] * 5, [0.0] * 5, [0.0] * 5)
+        self.record = SensorRecord.of(config, [1.0] * 5, [0.0] * 5, [0.0] * 5, [0.0] * 5)
         self.state = SensorState.fresh(5)
         self.draws = Draws(seed, 5)
 

@@ -15,3 +15,15 @@ from fam_bundle_ros.model.laws.base import law, Parameter
 def strain_sensor_offset(offset):
     """Strain reading = strain + o."""
     return offset
+
+
+@law('sensor', changes='strain', family='strain_sensor_lag', leaves=('speed',),
+     remedy='log strain and force by one clock and with the same filters',
+     off={'lag': 0.0}, look=('olive', 'dash'),
+     summary='strain and force that are not logged at one time',
+     source='first-order lag of a gauge, y + tau dy/dt = u; exact for what is read',
+     signature='the error goes with the strain rate, and with the slope of the force over strain',
+     lag=Parameter(0.0, 's', -0.1, 0.1, 'of the strain reading; below zero the force is late'))
+def strain_sensor_lag(strain_rate, lag):
+    """Strain reading = strain - tau de/dt, with the rate of the reading."""
+    return -lag * strain_rate

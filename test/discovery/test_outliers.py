@@ -1,0 +1,45 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Rows that stand alone, and rows that only seem to."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery.outliers import spikes
+
+NOISE = 0.5
+
+
+@pytest.fixture
+def log():
+    """Return a log whose strain steps within 30 ms every two seconds; its force is noise."""
+    time = 0.01 * np.arange(2000)
+    strain = np.interp(time % 4.0, [0.0, 1.0, 1.03, 3.0, 3.03, 4.0],
+                       [0.02, 0.02, 0.08, 0.08, 0.02, 0.02])
+    rng = np.random.default_rng(0)
+    return build('steps', strain + 1e-4 * rng.standard_normal(2000), np.full((2000, 1), 2e5),
+                 NOISE * rng.standard_normal(2000), None, time)
+
+
+def test_a_row_far_from_its_neighbours_stands_alone(log):
+    """Twenty noise standard deviations at rest: that row, and no other one."""
+    residual = log.force.copy()
+    residual[250] += 20.0 * NOISE
+    assert np.flatnonzero(spikes(log, residual, NOISE)).tolist() == [250]
+
+
+def test_what_a_step_of_the_strain_does_is_no_spike(log):
+    """A force in proportion to the rate lasts three rows at each step: none of them goes."""
+    residual = log.force + 20.0 * log.strain_rate
+    assert np.abs(residual).max() > 20.0 * NOISE
+    assert not spikes(log, residual, NOISE).any()
+
+
+def test_spikes_are_found_while_the_muscle_moves_evenly(log):
+    """A sweep is no step, however fast."""
+    strain = np.linspace(0.0, 0.2, 2000)
+    sweep = build('sweep', strain, log.pressure, log.force, None, log.time)
+    residual = log.force.copy()
+    residual[700] -= 20.0 * NOISE
+    assert np.flatnonzero(spikes(sweep, residual, NOISE)).tolist() == [700]
