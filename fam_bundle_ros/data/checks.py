@@ -254,8 +254,8 @@ def spread_stamps(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
     """
     Return the time with shared stamps spread evenly up to the next stamp, (T,), s.
 
-    Which rows share one is said by `fresh_stamps`. The first group of a trial may be cut by the start of the log, and the last by
-    its end: their rows keep the usual distance.
+    Which rows share one is said by `fresh_stamps`. The first group of a trial may be cut by the
+    start of the log, and the last by its end: their rows keep the usual distance.
 
     Parameters
     ----------
