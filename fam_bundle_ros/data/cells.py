@@ -53,15 +53,21 @@ def numbers(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values, words
 
 
+#: Overflow and "not a number" of SCPI (IEEE 488.2 instruments).
+_SCPI = (9.9e37, 9.91e37)
+
+
 def no_reading(values: np.ndarray) -> float | None:
     """
     Return the number that a logger wrote for no reading, None where there is none: -999, 9999.
 
     It is of nines alone, stands there more than once, and is farther from each other reading
-    than they are from one another.
+    than they are from one another; below zero, than neighbours among them are.
 
     Examples
     --------
+    Instruments that speak SCPI write 9.9e37 for an overflow and 9.91e37 for none.
+
     >>> no_reading(np.array([-999.0, 20.0, 35.0, -999.0])), no_reading(np.array([99.9, 50.0]))
     (-999.0, None)
     """
@@ -69,10 +75,13 @@ def no_reading(values: np.ndarray) -> float | None:
     if not len(finite):
         return None
     for code in (float(finite.min()), float(finite.max())):
-        others = finite[finite != code]
+        if abs(code) in _SCPI:
+            return code
+        others = np.sort(finite[finite != code])
         if (len(others) and len(finite) - len(others) > 1 and re.fullmatch(
                 '-?999+', f'{code:g}'.replace('.', ''))
-                and 0.0 < np.ptp(others) < np.abs(others - code).min()):
+                and 0.0 < (np.diff(others).max() if code < 0.0 else np.ptp(others))
+                < np.abs(others - code).min()):
             return code
     return None
 

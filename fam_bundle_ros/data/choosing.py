@@ -83,7 +83,13 @@ class Choices:
         self.without = {_family(key) for key, text in told.items() if text.strip() == NONE}
         for key, text in told.items():
             if text.strip() != NONE:
-                self.chosen[key] = self._find(key, text.strip())
+                choice = self._find(key, text.strip())
+                twice = [other for other, made in self.chosen.items()
+                         if made.header is not None and made.header == choice.header]
+                if twice:
+                    raise InputError(f"{self.table.name}: column '{choice.header}' is told for "
+                                     f'{twice[0]} and for {key}; expected it for one')
+                self.chosen[key] = choice
         self._recognised()
         self._by_unit()
 

@@ -375,7 +375,8 @@ def _named(name: str) -> Match:
 
 def _absolute(name: str) -> bool | None:
     words = ' '.join(words_of(name))
-    if re.search(r'\babs|absolut', words):
+    # the field of ROS's FluidPressure, which is absolute
+    if re.search(r'\babs|absolut', words) or re.search(r'\bfluid_pressure\b', name):
         return True
     return False if re.search(r'\b(gauge|rel|relativ\w*|ueberdruck)\b', words) else None
 

@@ -415,6 +415,21 @@ def test_signs_do_not_depend_on_where_zero_is(log):
                                        ) == pytest.approx(found)
 
 
+def test_the_pressure_of_a_ros_message_is_absolute(log):
+    """`fluid_pressure`, as tools export sensor_msgs/FluidPressure."""
+    _, _, pressure, _ = log
+    data = read_measurement(table(log, pressure=('/mu1/pressure/fluid_pressure [Pa]',
+                                                 pressure + 101325.0)))
+    np.testing.assert_allclose(data.pressure[:, 0], pressure, atol=1.0)
+
+
+def test_one_column_is_not_told_for_two_quantities(log):
+    """Force and pressure from one column would be one of them without a word."""
+    with pytest.raises(InputError, match='told for force and for pressure'):
+        read_measurement(table(log, force=('5 bar', log[3])),
+                         columns={'force': '5 bar [N]', 'pressure': '5 bar'})
+
+
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_a_muscle_on_a_spring_shortens_with_its_pressure(log, sign):
     """Force, strain and pressure rise together there: the pressure tells the sign, no warning."""

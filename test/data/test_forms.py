@@ -180,6 +180,16 @@ def test_rows_and_columns_of_a_sheet_are_those_that_excel_shows(log, tmp_path):
         read_measurement(tmp_path / 'b.xlsx', rest_length=REST)
 
 
+def test_texts_with_three_decimals_are_no_thousands(log, tmp_path):
+    """'0,050' beside numbers of Excel's own: a decimal comma."""
+    table = frame(log)
+    first = table.columns[0]
+    table[first] = [f'{value:.3f}'.replace('.', ',') for value in log['time']]
+    table.to_excel(tmp_path / 'a.xlsx', index=False)
+    data = read_measurement(tmp_path / 'a.xlsx', rest_length=REST)
+    np.testing.assert_allclose(data.time, log['time'], atol=5e-4)
+
+
 def test_groups_of_a_tdms_file_are_trials(log, tmp_path):
     """Runs that a program wrote as groups are told apart by their names."""
     pytest.importorskip('nptdms')
@@ -371,7 +381,7 @@ def test_a_first_row_with_more_cells_is_not_lost(log, tmp_path):
 
 
 @pytest.mark.parametrize(('column', 'code'), [(3, '-999'), (3, '9999.00'), (2, '-99.99'),
-                                              (1, '-9999')])
+                                              (1, '-9999'), (3, '9.9E+37')])
 def test_nines_for_no_reading_are_blank_cells(log, tmp_path, column, code):
     """-999 again and again, far from every reading, is what loggers write for none: counted."""
     rows = cells(log)
@@ -384,6 +394,15 @@ def test_nines_for_no_reading_are_blank_cells(log, tmp_path, column, code):
     data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
     assert sum(data.dropped.values()) == 3
     assert any(f'hold {float(code):g}: taken as no reading' in note for note in data.notes)
+
+
+def test_a_code_below_zero_is_found_among_forces_that_are_wide(log):
+    """Forces of -60 to 1300 N reach farther than -999 is away, but never skip so far."""
+    force = np.linspace(-60.0, 1300.0, ROWS)
+    force[[20, 90]] = -999.0
+    data = read_measurement({'t [s]': log['time'], 'eps': log['strain'],
+                             'p [Pa]': log['pressure'], 'F [N]': force})
+    assert len(data) == ROWS - 2
 
 
 @pytest.mark.parametrize('reading', [-999.0, 99.9, 9.99])

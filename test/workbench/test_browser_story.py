@@ -64,7 +64,7 @@ def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp
 
     tab.click('next-add')
     climbs(page, 'model as it came 6.6 N', '+ Coulomb friction 0.88 N')
-    shows(page, 'h1', '1.5 times the noise')
+    shows(page, 'h1', 'close to the noise of these data')
     settled(page, pictures, '3_added')
 
     taken = {}

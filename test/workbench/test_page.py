@@ -74,7 +74,7 @@ async def test_the_first_view_says_what_to_click(user):
 
 
 async def test_the_story_from_example_to_better_model(user):
-    """6.6 N, what is missing?, Coulomb friction, add, 1.5 times the noise, undo."""
+    """6.6 N, what is missing?, Coulomb friction, add, close to the noise, undo."""
     await open_first(user)
     await sees(user, 'Where the model fails')
     user.find(marker='diagnose').click()
@@ -83,7 +83,7 @@ async def test_the_story_from_example_to_better_model(user):
     await user.should_see('probability')
     await user.should_see('loops of a constant width')
     user.find(marker='next-add').click()
-    await sees(user, '1.5 times the noise')
+    await sees(user, 'close to the noise of these data')
     with user.scope('rung:1'):
         await user.should_see('+ Coulomb friction')
         # all rows count, also the 13 with which trials are entered: 0.60 N without them

@@ -73,12 +73,11 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
 def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     """Return a sheet's table, or None, and how many of its columns are known."""
     values = frame.to_numpy(object)
-    head = [[_text(cell) for cell in row] for row in values[:_SNIFFED]]
+    decimal = ',' if any(map(_has_decimal_comma, values[:_SNIFFED].T)) else '.'
+    head = [[_text(cell, decimal) for cell in row] for row in values[:_SNIFFED]]
     # columns that are blank from top to bottom are margins
     used = [j for j in range(values.shape[1]) if any(row[j].strip() for row in head)]
     head = [[row[j] for j in used] for row in head]
-    decimal = max('.,', key=lambda sign: sum(layout.is_number(cell, sign)
-                                             for row in head for cell in row) + (sign == '.'))
     filled = [i for i, row in enumerate(head) if any(cell.strip() for cell in row)]
     first, width = layout.find_data([head[i] for i in filled], decimal)
     if first < 0:
@@ -100,12 +99,22 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
                  blanks=partial(_word, words)), known
 
 
+def _has_decimal_comma(column: np.ndarray) -> bool:
+    """Return whether cells are text with decimal commas: '1,5', not '1,013.5' nor '1,013'."""
+    cells = [cell for cell in column if isinstance(cell, str)]
+    found = [cell for cell in cells if ',' in cell and layout.is_number(cell, ',')]
+    return bool(found) and not layout.in_groups(cells, ',') and not any(
+        layout.is_number(cell) and '.' in cell for cell in cells)
+
+
 def _word(words: dict[tuple[str, int], str], header: str, row: int) -> str:
     """Return the blank word of a cell: a function of the module, so that a table can be sent."""
     return words.get((header, row), '')
 
 
-def _text(cell: Any) -> str:
+def _text(cell: Any, decimal: str = '.') -> str:
+    if isinstance(cell, float) and cell == cell:
+        return str(cell).replace('.', decimal)
     return '' if cell is None or cell != cell else str(cell)
 
 
