@@ -46,7 +46,8 @@ def log():
         pressure = np.column_stack([top * share, top * share / 2]) + offset
         return SimpleNamespace(data=build('log', np.tile(way, 2), pressure,
                                           np.tile(200.0 - 600.0 * way, 2), np.repeat([0, 1], 100),
-                                          np.arange(200) * 0.1))
+                                          np.arange(200) * 0.1,
+                                          max_pressure=max(2.0 * top, 1e6)))
     return make
 
 
@@ -61,6 +62,12 @@ def test_every_experiment_can_be_measured_and_keeps_to_the_data(bundle, log, tmp
         low, high = protocol.limits.strain
         assert low >= 0.02 - 1e-9
         assert high <= 0.2 + (0.08 if 'past its free strain' in protocol.name else 0.0) + 1e-9
+
+
+def test_a_hydraulic_muscle_has_a_next_experiment_at_its_own_pressures(bundle, log):
+    """Data up to 5 MPa: what is proposed goes as far as they do, whatever is usual for air."""
+    tests = menu(log(top=5e6), bundle)
+    assert max(tests[0].highest) == pytest.approx(5e6, rel=0.02)
 
 
 def test_menu_has_what_tells_speed_memory_range_and_units_apart(bundle, log):

@@ -67,6 +67,15 @@ def test_rubber_is_at_rest_at_zero_strain():
         assert_allclose(tube.force(0.0, [0.0]), 0.0, atol=1e-9)
 
 
+def test_ogden_s_rubber_of_exponent_two_is_neo_hooke_s():
+    """W = mu/2 (I1 - 3) in either name, so that c10 = mu/2 and c01 = 0."""
+    strain, tube = np.linspace(0.0, 0.3, 9), Bundle('tube', units(1), [mesh()])
+    ogden = tube.with_effect('bladder_ogden', modulus=200e3, exponent=2.0)
+    hooke = tube.with_effect('bladder_elasticity', c10=100e3, c01=0.0)
+    pressure = np.full((9, 1), 2e5)
+    assert_allclose(ogden.force(strain, pressure), hooke.force(strain, pressure), rtol=1e-9)
+
+
 def test_bladder_force_is_the_slope_of_its_energy():
     """The printed dW/dl is the derivative of the Mooney-Rivlin energy (virtual work)."""
     strain = np.linspace(0.02, 0.3, 9)

@@ -53,6 +53,15 @@ def test_between_points_it_adds_no_overshoot(table):
     assert inside.max() <= corners.max() + 1e-9
 
 
+@pytest.mark.parametrize(('strain', 'pressure'), [(-0.02, 2e5), (0.32, 2e5), (0.1, -1e3),
+                                                  (0.1, 9e5)])
+def test_each_side_of_the_table_is_an_outside(table, strain, pressure):
+    """Shorter or longer, less or more pressure than was measured: a warning for each."""
+    _, surface = table
+    with pytest.warns(UserWarning, match='asked outside'):
+        surface.force(strain, [pressure])
+
+
 def test_extrapolation_warns_once_and_holds_the_edge(table):
     """A table does not know what lies outside it."""
     _, surface = table

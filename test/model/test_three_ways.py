@@ -13,6 +13,7 @@ import pytest
 from fam_bundle_ros import kernels
 from fam_bundle_ros.model import Bundle, catalogue, loads_model, Motion, Place
 from fam_bundle_ros.model.laws.mesh import mesh
+from fam_bundle_ros.model.vocabulary import bound
 
 from .conftest import units
 
@@ -55,6 +56,15 @@ def through(force, unit, strain, rate, pressure, time, dt, start, shape, paramet
     """Call a model's force as a control loop does."""
     return force(unit, strain, rate, pressure, time, dt, start, shape, parameters, tables, memory,
                  after)
+
+
+@pytest.mark.parametrize('mode', ['arrays', 'floats'])
+def test_the_sign_of_nothing_is_none(mode):
+    """sign(0) is 0 and that of a number is +1 or -1, on arrays and plain numbers."""
+    def direction(rate):
+        return np.sign(rate)
+
+    assert [float(bound(direction, mode)(rate)) for rate in (-0.2, 0.0, 3.0)] == [-1.0, 0.0, 1.0]
 
 
 @cache
