@@ -9,6 +9,7 @@ from random import Random
 import pytest
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
+from fam_bundle_ros.control.dead_band import begin_readings, DeadBandState, learn_dead_band
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
@@ -77,6 +78,21 @@ def test_a_step_with_a_dead_band_wider_than_told_does_not_overshoot(chamber):
                    config=PidConfig(flow_lag=21.8e-3, volume=10e-6), gains=PidGains(22.0, 61.0))
     loop.volume_told = 10e-6
     assert max(p for _, p, _ in loop.run(340e3, 1.5)) < 1.03 * 340e3
+
+
+def test_what_is_learnt_of_venting_is_the_mirror_of_filling():
+    """Half of what is due comes, the integral makes up for some: both sides learn the same."""
+    taken = {}
+    for side in (1.0, -1.0):
+        band = DeadBandState()
+        begin_readings(band, 200e3)
+        taken[side] = [learn_dead_band(
+            band, 0.05, 200e3 + side * 1e3 * k, side * 2e3 * k, side * 2e-3 * k, side * 1e5,
+            900e3, 900e3, 0.05, 2e-3) for k in range(1, 200)]
+        assert (band.fill if side > 0 else band.vent) > 0.005
+        assert (band.vent if side > 0 else band.fill) == 0.0
+    assert sum(taken[1.0]) > 1e3
+    assert taken[-1.0] == pytest.approx([-each for each in taken[1.0]])
 
 
 def test_of_a_dead_band_that_is_as_told_nothing_else_is_learnt(chamber):

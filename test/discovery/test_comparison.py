@@ -74,6 +74,14 @@ def test_a_held_muscle_is_told_of_in_filling_and_venting(paper_muscle):
     assert shape.expression is None  # a formula knows no way of the pressure
 
 
+def test_only_the_isobar_that_is_off_is_beyond_the_noise(sweeps, paper_muscle):
+    """A quarter of its error more than noise, over 160 rows: more than three of its deviations."""
+    data = sweeps(extra=lambda strain, pressure, way, time: 0.9 * (pressure > 4e5) * way)
+    rows = compare(paper_muscle, data).tables['pressure']
+    assert [row['beyond_noise'] for row in rows] == [False] * 5 + [True]
+    assert rows[-1]['error_N'] == pytest.approx(np.hypot(0.9, 0.6), abs=0.1)
+
+
 def test_one_trial_that_went_wrong_is_named_alone(sweeps):
     """Its rows and no others; an error that all trials share is no trial's."""
     data = sweeps()
