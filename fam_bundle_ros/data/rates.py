@@ -250,7 +250,8 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     and by most within its window. What is missed with the corner counts as noise: a jump is none.
     Corners are taken from the signal before it is smoothed, and given back.
 
-    The sample next to a tip has no slope: which of both it has is not known well enough.
+    The sample next to a tip has no slope: which of both it has is not known well enough. Nor has
+    a slope within the window of a corner that is not beyond the error of its change.
     """
     local = _locally(time, value, parts, half)
     noise = np.maximum(local.missed, max(noise, np.finfo(float).tiny))
@@ -275,7 +276,10 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     smooth = _locally(time, value - ramp, parts, half)
     before += smooth.slope
     turns = before * (before + bend) < 0.0
-    return smooth.value + ramp, np.where(turns, 0.0, before + np.where(passed, bend, 0.0))
+    rate = np.where(turns, 0.0, before + np.where(passed, bend, 0.0))
+    # an error of the change is half on either side of it, and fades within the window
+    error = maximum_filter1d(np.where(corner, 0.5 * local.bend_sd * noise, 0.0), 2 * half + 1)
+    return smooth.value + ramp, np.where(np.abs(rate) < 3.0 * error, 0.0, rate)
 
 
 def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
