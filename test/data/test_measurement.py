@@ -280,7 +280,7 @@ def test_a_tip_on_a_sample_has_the_mean_of_both_rates():
 
 @pytest.mark.parametrize('share', [0.0, 0.3, 0.5])
 def test_a_muscle_that_stops_between_two_samples_is_at_rest_then(share):
-    """Trapezoids with rests of 1 s: ninety-nine rows of a hundred at rest move at less than 2 %."""
+    """Trapezoids with rests of 1 s: 99 of 100 rows at rest move at less than 2 %."""
     time = 0.01 * np.arange(4000)
     corners = 0.01 * share + np.cumsum(np.tile([2.4, 1.0], 12))
     strain = np.interp(time, np.append(0.01 * share, corners),

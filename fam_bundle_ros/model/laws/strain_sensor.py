@@ -19,7 +19,7 @@ def strain_sensor_offset(offset):
 
 @law('sensor', changes='strain', family='strain_sensor_lag', leaves=('speed',),
      remedy='log strain and force by one clock and with the same filters',
-     off={'lag': 0.0}, look=('olive', 'dash'),
+     off={'lag': 0.0}, look=('olive', 'longdash'),
      summary='strain and force that are not logged at one time',
      source='first-order lag of a gauge, y + tau dy/dt = u; exact for what is read',
      signature='the error goes with the strain rate, and with the slope of the force over strain',
