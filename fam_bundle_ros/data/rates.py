@@ -117,8 +117,8 @@ def _parts(time: np.ndarray, trial: np.ndarray) -> list[np.ndarray]:
     """
     Return the rows of each stretch that windows stay in: a trial, up to a pause of the log.
 
-    A pause is longer than the widest window. Fitted across one of hours, running sums would have
-    no digits left.
+    A pause is longer than the widest window. Fitted across one of hours, the rows on either side
+    of it would be at one time.
     """
     pause = np.diff(time) > _WINDOWS[-1] * usual_step(time, trial)
     return np.split(np.arange(len(time)), np.flatnonzero(pause | (np.diff(trial) != 0)) + 1)
