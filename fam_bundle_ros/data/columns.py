@@ -10,6 +10,7 @@ gauge, and lengths strain.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 import re
 
 import numpy as np
@@ -30,7 +31,7 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.guesses import guess_unit, time_unit
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.vocabulary import is_unit, recognise, Unit
+from fam_bundle_ros.data.vocabulary import is_unit, recognise, rest_length_of, Unit
 from fam_bundle_ros.errors import InputError
 
 #: By how much a rest length may be another than the file says.
@@ -88,7 +89,19 @@ class _Reader:
     @property
     def rest_length(self) -> float | None:
         """The rest length, m: as told, else as the file says."""
-        return self.recipe.rest_length or self.table.rest_length
+        return self.recipe.rest_length or self._told_length
+
+    @cached_property
+    def _told_length(self) -> float | None:
+        """What the file says of the rest length, above the table or in a column that stays."""
+        if self.table.rest_length is not None:
+            return self.table.rest_length
+        for header, column in self.table.columns.items():
+            name = f"{header} {self.table.units.get(header, '')}".strip()
+            told = rest_length_of(f'{name}={column[0]}') if len(column) else None
+            if told is not None and (column == column[0]).all():
+                return told
+        return None
 
     def _numbers(self) -> dict[str, np.ndarray]:
         """Return the readings of each quantity as floats; a word among readings is an error."""
@@ -244,7 +257,7 @@ class _Reader:
             raise InputError(
                 f"{self.table.name}: '{shown}' is a length; expected a strain, or the rest length "
                 f'to make one (--rest-length, rest_length, or a model){longest}')
-        told = self.table.rest_length
+        told = self._told_length
         if in_lengths and rest and told and abs(told / rest - 1.0) > _SAME_LENGTH:
             self.notes.append(f'read with a rest length of {1e3 * rest:.4g} mm; the file says '
                               f'{1e3 * told:.4g} mm (--rest-length)')
@@ -272,7 +285,7 @@ class _Reader:
     def _length_fits(self, share: np.ndarray, rest: float) -> None:
         longest = float(np.nanmax(share)) if np.isfinite(share).any() else 1.0
         if not 0.5 < longest < 1.2:
-            told = self.table.rest_length
+            told = self._told_length
             says = f'; the file says {1e3 * told:.4g} mm' if told else ''
             raise InputError(
                 f'{self.table.name}: lengths up to {1e3 * rest * longest:.4g} mm beside a rest '

@@ -150,6 +150,16 @@ def test_the_direction_of_a_displacement_is_said(log):
     assert 'positive when longer, as the force tells' in taken_words(data)
 
 
+def test_a_column_that_repeats_the_rest_length_tells_it(log):
+    """A specimen's length beside each reading counts; one that changes is no rest length."""
+    data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
+    data['L0 [mm]'] = np.full(len(log[1]), 250)
+    assert np.allclose(read_measurement(data).strain, log[1])
+    data['L0 [mm]'][-1] = 300
+    with pytest.raises(InputError, match='expected a strain, or the rest length'):
+        read_measurement(data)
+
+
 def test_lengths_need_a_rest_length_that_fits(log):
     """None, or that of another muscle, is an error that shows the lengths."""
     data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
