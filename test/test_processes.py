@@ -29,5 +29,5 @@ def test_it_gets_ctrl_c_when_its_input_is_closed(before):
     process = subprocess.Popen([sys.executable, '-c', program], stdin=subprocess.PIPE,
                                stderr=subprocess.DEVNULL,
                                preexec_fn=lambda: signal.signal(signal.SIGINT, before))
-    process.communicate(timeout=30)
+    process.communicate(timeout=60)
     assert process.returncode == -signal.SIGINT

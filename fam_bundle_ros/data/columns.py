@@ -293,6 +293,9 @@ class _Reader:
                 f'(--rest-length, rest_length, or its model){says}')
         if longest < 0.9:
             self.notes.append(f'never longer than {longest:.2f} of the rest length')
+        if longest > 1.1:
+            self.notes.append(f'up to {longest:.2f} of the rest length: expected the length '
+                              'without fittings')
 
     def _sign_of_shift(self, ratio: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> int:
         """

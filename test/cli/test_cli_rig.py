@@ -48,7 +48,7 @@ def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundl
     assert again.returncode == 2
     assert 'bag' in again.stderr
     running_bundle.send_signal(signal.SIGINT)
-    _, stderr = running_bundle.communicate(timeout=10)
+    _, stderr = running_bundle.communicate(timeout=60)
     assert running_bundle.returncode == 0, stderr
     # A strain was asked for: the rig has a load that moves.
     strain = [float(row.split(',')[2]) for row in rows[1:]]
@@ -135,7 +135,7 @@ def test_ctrl_c_leaves_nothing_half_done(repository, domain_id, tmp_path):
             break
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=30)
+    _, stderr = process.communicate(timeout=60)
     assert process.returncode == 1
     assert stderr.splitlines()[-1] == 'fam_bundle: stopped'
     assert list(tmp_path.iterdir()) == []

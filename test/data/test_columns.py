@@ -169,6 +169,16 @@ def test_lengths_need_a_rest_length_that_fits(log):
         read_measurement(data, rest_length='127 mm')
 
 
+@pytest.mark.parametrize(('fittings', 'said'), [(-40.0, 'never longer than 0.84'), (0.0, ''),
+                                                (45.0, 'up to 1.18')])
+def test_a_length_that_is_another_than_the_muscle_s_is_told(log, fittings, said):
+    """With its fittings, or between its clamps: the strain is off by as much."""
+    data = read_measurement(table(log, strain=('length [mm]', 250 * (1 - log[1]) + fittings)),
+                            rest_length=0.25)
+    assert said in ' '.join(data.notes)
+    assert bool(said) == ('of the rest length' in ' '.join(data.notes))
+
+
 def test_a_displacement_with_an_offset_is_noticed(log):
     """A position that never is near zero is no contraction from the rest length."""
     data = read_measurement(table(log, strain=('contraction [mm]', 25 + 125 * log[1])),

@@ -109,6 +109,9 @@ TEXTS = {
         [HEAD + ',note'], [[*row, 'ok 1 2 3 4 5 6 7'] for row in cells(log)]),
     'a header for each run': lambda log: text(
         [HEAD], [*cells(log)[:120], HEAD.split(','), *cells(log)[120:]]),
+    'a preamble for each run, wider than the table': lambda log: text(
+        [HEAD.replace(',', '\t')], [*cells(log)[:120], ['Acquisition', 'Timed', '', 'Time', '7.95', 'Sec'],
+                     ['Station', 'muscle.cfg'], HEAD.split(','), *cells(log)[120:]], '\t'),
     'comment lines': lambda log: text(
         ['# rig 3', f'# {HEAD}'], [*cells(log)[:100], ['# pause'], *cells(log)[100:]]),
     'blanks': lambda log: text(

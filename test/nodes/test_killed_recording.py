@@ -80,7 +80,7 @@ def test_a_recording_that_was_held_up_warns_of_it(graph, quiet, tmp_path):
             graph.spin()
         process.send_signal(signal.SIGCONT)
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=20)
+        _, errors = process.communicate(timeout=60)
     finally:
         process.kill()
         process.wait()

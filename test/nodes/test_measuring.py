@@ -169,7 +169,7 @@ def rig(repository, domain_id, tmp_path):
         env={**os.environ, 'PYTHONPATH': str(repository)})
     yield process
     process.send_signal(signal.SIGINT)
-    process.wait(timeout=10)
+    process.wait(timeout=60)
 
 
 def test_a_running_rig_is_enabled_measured_and_left_vented(rig, domain_id, tmp_path, paper_bundle):

@@ -85,7 +85,7 @@ def test_node_that_cannot_stop_leaves_the_others_vented(ros_context):
 def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text, start):
     """What was given, what is expected, nothing else; for every executable."""
     process = start(node, '--ros-args', '-p', argument)
-    _, errors = process.communicate(timeout=20)
+    _, errors = process.communicate(timeout=60)
     assert process.returncode == 2
     assert len(errors.strip().splitlines()) == 1
     assert errors.startswith(f'{node}: ')
@@ -95,7 +95,7 @@ def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text,
 def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path, start):
     """A file that is not there, or no YAML."""
     process = start('pressure_pid', '--ros-args', '--params-file', str(tmp_path / 'none.yaml'))
-    _, errors = process.communicate(timeout=20)
+    _, errors = process.communicate(timeout=60)
     assert process.returncode == 2
     assert 'none.yaml' in errors
     assert 'Traceback' not in errors
@@ -104,14 +104,14 @@ def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path, start)
 def test_unknown_argument_is_refused(domain_id, start):
     """A parameter without --ros-args would be ignored in silence."""
     process = start('pressure_pid', 'motor_unit:=2')
-    _, errors = process.communicate(timeout=20)
+    _, errors = process.communicate(timeout=60)
     assert (process.returncode, 'given as --ros-args' in errors) == (2, True)
 
 
 def test_help_lists_the_parameters(domain_id, start):
     """--help says what the node is for, and every parameter with its range."""
     process = start('pressure_pid', '--help')
-    text, _ = process.communicate(timeout=20)
+    text, _ = process.communicate(timeout=60)
     assert process.returncode == 0
     assert 'gains.p = 54.0 [0..1000] (changes while running)' in text
 

@@ -39,7 +39,7 @@ def simulator(graph, start):
         'valve.delay': 0.008}.items() for item in ('-p', f'{name}:={value}')))
     yield lambda **values: graph.set('plant_simulator', **values)
     process.terminate()
-    process.communicate(timeout=10)
+    process.communicate(timeout=60)
 
 
 def failed(probe):

@@ -242,7 +242,7 @@ def test_one_process_gives_what_six_give(domain_id):
                 break
         for process in running:
             process.terminate()
-        statuses = [process.wait(10) for process in running]
+        statuses = [process.wait(60) for process in running]
         spinner.close()
         context.try_shutdown()
         assert hasher.done(), f'{processes} processes, not found {missing}, {len(hasher.rows)}'
@@ -259,7 +259,7 @@ def running_bundle(domain_id, repository):
         'sys.exit(main())'])
     yield process
     process.terminate()
-    assert process.wait(10) == 0
+    assert process.wait(60) == 0
 
 
 def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id, tmp_path):
@@ -307,7 +307,7 @@ def check_driver(domain_id, force, strain, stamp, pressure, **options):
         return check_rig('driver', 1.0, domain=domain_id, **{'patience': 15.0, **options})
     finally:
         process.terminate()
-        process.wait(10)
+        process.wait(60)
 
 
 def test_check_rig_says_what_is_wrong(domain_id):

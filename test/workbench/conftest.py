@@ -128,7 +128,7 @@ def serving(folder, repository, *arguments):
         yield address
     finally:
         process.send_signal(signal.SIGINT)
-        status = process.wait(20)
+        status = process.wait(60)
         log.close()
     assert status == 0, 'Ctrl-C must end the workbench with status 0'
 

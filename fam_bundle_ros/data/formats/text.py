@@ -101,7 +101,7 @@ def _read(path: Path, encoding: str) -> Table:
     names = unique(dialect.layout.names)
     with open(path, encoding=encoding, errors=errors) as stream:
         blank = dialect.separator == _BLANK
-        rows = _Rows(_lines(path.name, stream), skipped, ' ' if blank else dialect.separator)
+        rows = _Rows(_lines(path.name, stream), skipped, dialect)
         decimal = '.' if dialect.decimal == dialect.separator else dialect.decimal
         thousands: str | None = {',': '.', '.': ','}[dialect.decimal]
         if thousands == dialect.separator or blank or decimal != dialect.decimal:
@@ -205,9 +205,11 @@ def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
 class _Rows(io.TextIOBase):
     """The rows of data of a text file, for pandas: without head, comments and blank lines."""
 
-    def __init__(self, lines: Iterator[str], first: int, separator: str):
+    def __init__(self, lines: Iterator[str], first: int, dialect: Dialect):
         self._lines, self._at, self._first, self._rest = lines, 0, first, ''
-        self._end = separator + ' \t\r\n'
+        self._dialect = dialect
+        self._separator = ' ' if dialect.separator == _BLANK else dialect.separator
+        self._end = self._separator + ' \t\r\n'
         #: Line number of each row handed on.
         self.numbers = array('q')
 
@@ -224,13 +226,25 @@ class _Rows(io.TextIOBase):
                 continue
             self.numbers.append(self._at)
             # blank cells at the end are left to pandas, which takes more cells for a mistake
-            parts.append(line.rstrip(self._end) + '\n')
+            parts.append(self._narrow(line.rstrip(self._end)) + '\n')
             length += len(parts[-1])
             if length >= wanted:
                 break
         text = self._rest + ''.join(parts)
         self._rest = text[wanted:]
         return text[:wanted]
+
+    def _narrow(self, line: str) -> str:
+        """Cut a line of words between the data, such as the head of a next test, to the columns."""
+        width = self._dialect.layout.width
+        if line.count(self._separator) < width:
+            return line
+        cells = split(line, self._dialect.separator)
+        if len(cells) <= width or any(layout.is_number(cell, self._dialect.decimal)
+                                      for cell in cells[:width]):
+            return line
+        return self._separator.join(cell.replace('"', '').replace(self._separator, ' ')
+                                    for cell in cells[:width])
 
 
 def _is_comment(line: str) -> bool:
