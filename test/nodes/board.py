@@ -121,6 +121,8 @@ class FakeBoard:
         self.force = 12.5
         self.supply_text = '600.0'
         self.over_pressure = False
+        #: s without a valid command after which it cuts the air.
+        self.patience = 0.2
         self.begin()
 
     def begin(self):
@@ -146,7 +148,7 @@ class FakeBoard:
             *lines, self._rest = (self._rest + self.port.read()).split(b'\n')
             for each in filter(None, lines):
                 self._take(each, now)
-        if now - self._valid > 0.2:
+        if now - self._valid > self.patience:
             self._cut(2)
         self._flow(min(now - self._last, 0.02))
         self._last = now

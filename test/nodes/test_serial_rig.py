@@ -281,6 +281,7 @@ def test_stale_command_is_refused(graph, port):
 def test_supply_enable_cuts_and_dumps(graph, port, enable, why):
     """False, or silence for 0.5 s: supply shut and all exhaust though valves are to fill."""
     loop = Loop(graph, FakeBoard(port))
+    loop.board.patience = 10.0  # that the machine is held up is another reason
     loop.filled()
     loop.enable = enable
     loop.vented()
