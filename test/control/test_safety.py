@@ -312,8 +312,8 @@ def ramp(time):
     return min(100e3 * time, 330e3), min(30e3 * time, 330e3)
 
 
-@pytest.mark.parametrize('conductance', [0.7, 1.0, 1.3])
-@pytest.mark.parametrize('delay', [0, 1, 2])
+@pytest.mark.parametrize('conductance', [0.7, 1.3])
+@pytest.mark.parametrize('delay', [0, 2])
 @pytest.mark.parametrize('setpoint', [sine(0.2), sine(2.0), steps, ramp])
 def test_no_false_alarm_in_normal_work(setpoint, delay, conductance):
     """Noise doubled, sines, jumps, a valve 30 % off, late commands, a moving muscle: silence."""

@@ -24,7 +24,7 @@ from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recording import record
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
-from fam_bundle_ros.nodes.rig_check import _judge_latency, check_rig
+from fam_bundle_ros.nodes.rig_check import _judge_latency, _judge_values, check_rig
 from fam_bundle_ros.nodes.rig_parameters import LOAD, pressure_parameters, RIG, rig_config
 from fam_bundle_ros.nodes.session import _parameters, run_trajectory
 from fam_bundle_ros.plant import Dynamometer, MassSpring, Rig, rig_for, SensorConfig
@@ -344,17 +344,21 @@ def test_check_rig_shows_latency_and_whether_the_clocks_agree(latency, verdict, 
     (101.4e3, True, 'FAIL', 'looks absolute'),
     (101.4e3, False, 'ok', '101.4 kPa absolute'),
 ])
-def test_check_rig_tells_gauge_from_absolute_and_from_kpa(domain_id, pressure, gauge, verdict,
-                                                          text):
+def test_check_rig_tells_gauge_from_absolute_and_from_kpa(pressure, gauge, verdict, text):
     """A gauge driver that is set up as one passes; what rest does not show is left to you."""
-    findings = {f.what: f for f in check_driver(domain_id, 2.0, 0.0, 1, pressure, gauge=gauge)}
-    found = findings['mu1/pressure unit']
+    found = _judge_values('mu1/pressure', np.full(50, pressure), 101325.0, gauge)
     assert found.verdict == verdict
     assert text in found.detail
     assert ('pressure_is_gauge' in found.detail) == (text in ('pressure_is_gauge',
                                                               'looks absolute'))
-    for name in ('force unit and sign', 'strain unit and sign', 'force noise'):
-        assert findings[name].verdict == 'note'
+
+
+def test_check_rig_leaves_a_force_and_a_strain_at_rest_to_you():
+    """Near zero neither unit nor sign can be told; further off both can."""
+    for name, rest, work, wrong in (('force', 2.0, 80.0, -80.0), ('strain', 0.0, 0.1, 12.0)):
+        verdicts = [_judge_values(name, np.full(50, value), 101325.0, False).verdict
+                    for value in (rest, work, wrong)]
+        assert verdicts == ['note', 'note' if name == 'force' else 'ok', 'FAIL']
 
 
 def test_record_without_a_bundle_fails(domain_id, tmp_path, monkeypatch):
