@@ -85,7 +85,7 @@ def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
 # Recruited ahead of need, and then the demand stops: at rest it counts as needed all the same.
 @example(units=6, strain=0.125, shares=[0.0, 0.03125], rate=40.0)
 @example(units=6, strain=0.125, shares=[0.0, 0.001953125], rate=126.0)
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=10)
 def test_monotone_demand_gives_monotone_recruitment(bundles, units, strain, shares, rate):
     """A demand that only rises never releases, one that only falls never recruits."""
     bench = Bench(bundles[units], strain, outer=OPEN)
@@ -101,7 +101,7 @@ def test_monotone_demand_gives_monotone_recruitment(bundles, units, strain, shar
 
 @given(strain=st.floats(0.0, 0.2), targets=st.lists(st.floats(0.0, 1.0), min_size=3, max_size=8),
        rate=st.floats(40.0, 200.0))
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=10)
 def test_release_never_leaves_a_demand_unmet(bundles, strain, targets, rate):
     """After a release the state below can give the demand, whatever came before."""
     bench = Bench(bundles[3], strain, outer=OPEN)
@@ -120,7 +120,7 @@ def test_release_never_leaves_a_demand_unmet(bundles, strain, targets, rate):
 
 @given(strain=st.floats(0.06, 0.2), targets=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=6),
        rate=st.floats(30.0, 200.0), policy=st.sampled_from(['hysteresis', 'reversal_aware']))
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=10)
 def test_falling_branch_is_crossed_never_held(bundles, strain, targets, rate, policy):
     """No unit stays between empty and the bottom of its branch for more than 0.3 s."""
     bench = Bench(bundles[3], strain, policy=policy, outer=OPEN)

@@ -73,26 +73,6 @@ async def test_the_first_view_says_what_to_click(user):
         await user.should_see(example.title)
 
 
-async def test_the_story_from_example_to_better_model(user):
-    """6.6 N, what is missing?, Coulomb friction, add, close to the noise, undo."""
-    await open_first(user)
-    await sees(user, 'Where the model fails')
-    user.find(marker='diagnose').click()
-    await sees(user, 'Cancel')
-    await sees(user, 'Found: Coulomb friction.', 150.0)
-    await user.should_see('probability')
-    await user.should_see('loops of a constant width')
-    user.find(marker='next-add').click()
-    await sees(user, 'close to the noise of these data')
-    with user.scope('rung:1'):
-        await user.should_see('+ Coulomb friction')
-        # all rows count, also the 13 with which trials are entered: 0.60 N without them
-        await user.should_see('0.88 N')
-    user.find(marker='undo').click()
-    await user.should_not_see('rung:1')
-    await user.should_see('Found: Coulomb friction.')
-
-
 async def test_cancel_leaves_everything_as_it_was(user):
     """After cancel the question can be asked again, and nothing was learned."""
     await open_first(user)
