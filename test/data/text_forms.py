@@ -110,8 +110,9 @@ TEXTS = {
     'a header for each run': lambda log: text(
         [HEAD], [*cells(log)[:120], HEAD.split(','), *cells(log)[120:]]),
     'a preamble for each run, wider than the table': lambda log: text(
-        [HEAD.replace(',', '\t')], [*cells(log)[:120], ['Acquisition', 'Timed', '', 'Time', '7.95', 'Sec'],
-                     ['Station', 'muscle.cfg'], HEAD.split(','), *cells(log)[120:]], '\t'),
+        [HEAD.replace(',', '\t')],
+        [*cells(log)[:120], ['Acquisition', 'Timed', '', 'Time', '7.95', 'Sec'],
+         ['Station', 'muscle.cfg'], HEAD.split(','), *cells(log)[120:]], '\t'),
     'comment lines': lambda log: text(
         ['# rig 3', f'# {HEAD}'], [*cells(log)[:100], ['# pause'], *cells(log)[100:]]),
     'blanks': lambda log: text(

@@ -235,7 +235,7 @@ class _Rows(io.TextIOBase):
         return text[:wanted]
 
     def _narrow(self, line: str) -> str:
-        """Cut a line of words between the data, such as the head of a next test, to the columns."""
+        """Cut a line of words, such as the head of a next test, to as many cells as columns."""
         width = self._dialect.layout.width
         if line.count(self._separator) < width:
             return line
