@@ -122,20 +122,21 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
             _written(model, other, estimates(other, posterior)), other, beside,
             held_out(fitter, other, beside).of_rows(beyond), fitter)
         recommended = min(recommended, likewise, key=lambda each: each.held_out_N)
-    residual = data.force - predict(best, data)
+    noise = noise_floor(data, data.force - predict(best, data))
     shapes = describe(cells, final)
     alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))
     doubts = () if finding.verdict == 'unexplained' else not_named(posterior, chosen, alike)
     further = next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes)
     return Diagnosis(
         verdict=finding.verdict, model=model, measurement=comparison.measurement,
-        summary=summarise(finding, answer, found, ties, trades, base, shapes, error),
+        summary=summarise(finding, answer, found, ties, trades, base, shapes,
+                          {**error, 'noise': noise.value}),
         comparison=comparison,
         effects=tuple(change.label for change in answer if not change.old),
         shapes=tuple(change.new for change in answer if not change.old),
         replaced={change.old: change.new for change in answer if change.old and change.new},
         removed=tuple(change.old for change in answer if not change.new),
-        error_N=error, noise=noise_floor(data, residual),
+        error_N=error, noise=noise,
         ranking=_ranking(search, posterior, answer, final, finding, beyond), tied=ties,
         located=comparison.located,
         next_experiment=further.words, next_protocol=further.protocol,

@@ -69,7 +69,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     shapes : sequence of Template
         What the error looks like.
     error : mapping of str to float
-        Rms errors ``recalibrated`` and ``best``, N.
+        Rms errors ``recalibrated`` and ``best``, and the floor of the ``noise``, N.
     """
     if finding.verdict == 'adequate':
         return 'the model explains the data down to their noise'
@@ -96,6 +96,9 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     elif finding.after.rough > settings.VISIBLE * error['best']:
         text += (f' explain{s} the error down to {error["best"]:.3g} N: more than the noise, but '
                  f'without a smooth shape and below {settings.SMALL:.0%} of the largest force')
+    elif error['best'] ** 2 - error['noise'] ** 2 > (settings.VISIBLE * error['best']) ** 2:
+        text += (f' explain{s} all of the error that has a shape; {error["best"]:.3g} N rms are '
+                 f'left without one, {error["best"] / error["noise"]:.2g} times the noise floor')
     else:
         text += f' explain{s} the error down to the noise'
     if ties or trades:

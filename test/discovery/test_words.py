@@ -43,13 +43,15 @@ def test_a_trial_that_was_taken_out_breaks_no_order():
     assert not ascends(data.select(data.trial < 2))
 
 
-@pytest.mark.parametrize(('rough', 'told'), [(0.1, 'down to the noise'), (1.3, 'down to 1.36 N')])
-def test_what_is_left_without_a_shape_is_not_called_noise(rough, told):
-    """Stick and slip three times as large as the noise, though as good as none for a rig."""
+@pytest.mark.parametrize(('rough', 'noise', 'told'), [
+    (0.1, 1.3, 'down to the noise'), (0.1, 0.4, '3.4 times the noise floor'),
+    (1.3, 0.4, 'down to 1.36 N')])
+def test_what_is_left_without_a_shape_is_not_called_noise(rough, noise, told):
+    """Stick and slip, in cells or between them, though as good as none for a rig."""
     finding = Finding('missing_effect', Left(3.1, 0.2), Left(0.0, rough), 0.8)
     friction = [Change('', 'coulomb_friction')]
-    said = summarise(finding, friction, friction, (), (), None, (), {'recalibrated': 3.1,
-                                                                     'best': 1.36})
+    said = summarise(finding, friction, friction, (), (), None, (), {
+        'recalibrated': 3.1, 'best': 1.36, 'noise': noise})
     assert told in said
     assert ('1% of the largest' in said) == (rough > 1.0)
 
