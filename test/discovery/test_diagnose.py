@@ -22,7 +22,7 @@ from fam_bundle_ros.discovery import (
     Specimen,
 )
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import catalogue, dumps_model, load_model, loads_model, Motion
+from fam_bundle_ros.model import catalogue, dumps_model, load_model, Motion
 
 NAMES = [f'p{k:02d}' for k in range(1, 11)]
 
