@@ -98,9 +98,11 @@ class _Reader:
             return self.table.rest_length
         for header, column in self.table.columns.items():
             name = f"{header} {self.table.units.get(header, '')}".strip()
-            told = rest_length_of(f'{name}={column[0]}') if len(column) else None
-            if told is not None and (column == column[0]).all():
-                return told
+            if rest_length_of(f'{name}=1') is not None:
+                readings = numbers(column)[0]
+                told = np.unique(readings[np.isfinite(readings)])
+                if len(told) == 1:
+                    return rest_length_of(f'{name}={told[0]}')
         return None
 
     def _numbers(self) -> dict[str, np.ndarray]:

@@ -151,11 +151,12 @@ def test_the_direction_of_a_displacement_is_said(log):
 
 
 def test_a_column_that_repeats_the_rest_length_tells_it(log):
-    """A specimen's length beside each reading counts; one that changes is no rest length."""
+    """A specimen's length beside each reading or the first; one that changes is no rest length."""
     data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
-    data['L0 [mm]'] = np.full(len(log[1]), 250)
-    assert np.allclose(read_measurement(data).strain, log[1])
-    data['L0 [mm]'][-1] = 300
+    for further in (250.0, np.nan):
+        data['L0 [mm]'] = np.append(250.0, np.full(len(log[1]) - 1, further))
+        assert np.allclose(read_measurement(data).strain, log[1])
+    data['L0 [mm]'][-1] = 300.0
     with pytest.raises(InputError, match='expected a strain, or the rest length'):
         read_measurement(data)
 
