@@ -98,7 +98,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
                  f'without a smooth shape and below {settings.SMALL:.0%} of the largest force')
     elif error['best'] ** 2 - error['noise'] ** 2 > (settings.VISIBLE * error['best']) ** 2:
         text += (f' explain{s} all of the error that has a shape; {error["best"]:.3g} N rms are '
-                 f'left without one, {error["best"] / error["noise"]:.2g} times the noise floor')
+                 f'left without one, above the noise floor of {error["noise"]:.3g} N')
     else:
         text += f' explain{s} the error down to the noise'
     if ties or trades:

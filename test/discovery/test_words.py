@@ -44,7 +44,7 @@ def test_a_trial_that_was_taken_out_breaks_no_order():
 
 
 @pytest.mark.parametrize(('rough', 'noise', 'told'), [
-    (0.1, 1.3, 'down to the noise'), (0.1, 0.4, '3.4 times the noise floor'),
+    (0.1, 1.3, 'down to the noise'), (0.1, 0.0, '1.36 N rms are left without one'),
     (1.3, 0.4, 'down to 1.36 N')])
 def test_what_is_left_without_a_shape_is_not_called_noise(rough, noise, told):
     """Stick and slip, in cells or between them, though as good as none for a rig."""
