@@ -227,6 +227,8 @@ def recognise(header: str, unit_text: str = '') -> Match:
     >>> recognise('pressure_psi_mu2').part
     'mu2'
     """
+    if rest_length_of(f'{header} {unit_text}=1') is not None:
+        return Match('', why='the rest length')
     best = Match('')
     for name, unit in _splits(header, unit_text):
         found = _named(name)._replace(absolute=_absolute(name))

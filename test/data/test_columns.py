@@ -155,7 +155,9 @@ def test_a_column_that_repeats_the_rest_length_tells_it(log):
     data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
     for further in (250.0, np.nan):
         data['L0 [mm]'] = np.append(250.0, np.full(len(log[1]) - 1, further))
-        assert np.allclose(read_measurement(data).strain, log[1])
+        read = read_measurement(data)
+        assert np.allclose(read.strain, log[1])
+        assert "not used: 'L0 [mm]' (the rest length)" in taken_words(read)
     data['L0 [mm]'][-1] = 300.0
     with pytest.raises(InputError, match='expected a strain, or the rest length'):
         read_measurement(data)
