@@ -105,8 +105,9 @@ _PANEL = 'How the data are read'
 _READING: dict[str, Any] = {
     'columns': Annotated[list[str] | None, typer.Option(
         '--columns', metavar='QUANTITY=COLUMN', rich_help_panel=_PANEL, help='What a column is: '
-        '"length=L \\[mm]", "force=-F \\[N]" to turn the sign, "pressure=300 kPa" for a constant, '
-        '"time=100 Hz", "trial=none" for no column. May be given several times.')],
+        '"length=L \\[mm]", "force=-F \\[N]" to turn the sign, "force=AI1 * 50 N - 2 N" with a '
+        'calibration, "pressure=300 kPa" for a constant, "time=100 Hz", "trial=none" for no '
+        'column. May be given several times.')],
     'rest_length': Annotated[str | None, typer.Option(
         '--rest-length', metavar='LENGTH', rich_help_panel=_PANEL, help='Rest length, "127 mm", '
         'where the data have lengths; by default that of the model.')],

@@ -18,14 +18,13 @@ import numpy as np
 from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import Taken
+from fam_bundle_ros.data.telling import Choice, name_of, told_column
 from fam_bundle_ros.data.vocabulary import (
     dimension_of,
     likes,
     Match,
-    QUANTITIES,
     recognise,
     STRAINS,
-    Unit,
     unit_of,
     unit_text_of,
 )
@@ -37,36 +36,10 @@ _ENOUGH = 2
 NONE = 'none'
 #: Quantity: the unit in examples of messages.
 _EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
+#: Units of readings that need a calibration.
+_ELECTRIC = ('V', 'mV', 'uV', '\u00b5V', 'mV/V', 'A', 'mA', 'counts', 'count', 'digits', 'ADC')
 #: More trials than rows over this: the column counts rows.
 _ROWS_PER_TRIAL = 2
-
-
-@dataclass
-class Choice:
-    """
-    A column that is used, or a constant.
-
-    Attributes
-    ----------
-    header : str or None
-        None for a constant.
-    unit : Unit or None
-    sign : int
-        By which readings are multiplied.
-    value : float
-        Of a constant, SI.
-    absolute : bool or None
-        What header and unit say of a pressure.
-    why : str
-        Where it comes from, in words.
-    """
-
-    header: str | None
-    unit: Unit | None = None
-    sign: int = 1
-    value: float = 0.0
-    absolute: bool | None = None
-    why: str = ''
 
 
 @dataclass
@@ -83,7 +56,7 @@ class Choices:
         self.without = {_family(key) for key, text in told.items() if text.strip() == NONE}
         for key, text in told.items():
             if text.strip() != NONE:
-                choice = self._find(key, text.strip())
+                choice = told_column(self.table, key, text.strip())
                 twice = [other for other, made in self.chosen.items()
                          if made.header is not None and made.header == choice.header]
                 if twice:
@@ -114,71 +87,6 @@ class Choices:
                            ('pressure', self.pressures)):
             if not there:
                 raise InputError(self._missing(key))
-
-    def _find(self, key: str, text: str) -> Choice:
-        """Return the column that a user's words mean, or a constant."""
-        base = key.partition('.')[0]
-        for sign, words in ((1, text), (-1, text[1:].strip() if text.startswith('-') else '')):
-            header, unit_text = self._header(words)
-            if not header:
-                continue
-            match = recognise(header, self.table.units.get(header, ''))
-            unit = match.unit
-            if unit_text is None and (unit is None or unit.like not in likes(base)):
-                unit_text = self.table.units.get(header) or _bracketed(header)
-            if unit_text is not None and base != 'trial':
-                unit = self._fitting(base, unit_text, header)
-            if unit is not None and base != 'trial' and unit.like not in likes(base):
-                unit = None
-            absolute = match.absolute if unit is None or unit.absolute is None else unit.absolute
-            # an elongation lengthens the muscle: its sign is turned for a strain
-            sign = -sign if base == 'elongation' else sign
-            return Choice(header, unit, sign, absolute=absolute, why='as told')
-        number = re.fullmatch(r'([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\S.*)?', text)
-        if number and base != 'trial' and (number[2] or base == 'strain'):
-            like = '1/s' if base == 'time' and unit_of(number[2] or '', 's') is None else None
-            if like and (number[2] or '').strip() in ('Hz', 'kHz', 'Sa/s', '1/s'):
-                rate = float(number[1]) * (1e3 if number[2].strip() == 'kHz' else 1.0)
-                if rate > 0:
-                    return Choice(None, Unit('s', 1.0, 's'), value=1.0 / rate, why='as told')
-            unit = self._fitting(base, number[2] or '', text)
-            return Choice(None, unit, value=float(number[1]) * unit.factor, why='as told')
-        have = ', '.join(f"'{header}'" for header in self.table.columns)
-        raise InputError(f"{self.table.name}: no column '{text}' for {key}; expected one of "
-                         f'{have}, or its number')
-
-    def _fitting(self, base: str, text: str, header: str) -> Unit:
-        for like in likes(base):
-            unit = unit_of(text, like)
-            if unit is not None:
-                return unit
-        raise InputError(f"{self.table.name}: column '{header}': unit '{text}' does not fit; "
-                         f'expected a unit like {QUANTITIES[base]}')
-
-    def _header(self, words: str) -> tuple[str, str | None]:
-        """Return the header that words mean and the unit that they tell; '' for none."""
-        headers = list(self.table.columns)
-        if not words:
-            return '', None
-        same = ' '.join(words.split())
-        if same in headers:
-            return same, None
-        match = re.fullmatch(r'(.*?)\s*\[([^\[\]]*)\]', same)
-        name, unit = (match[1], match[2]) if match else (same, None)
-        if name in headers:
-            return name, unit
-        for plain in (str.casefold, _without_brackets):
-            alike = [header for header in headers if plain(header) == plain(same if plain is
-                                                                          str.casefold else name)]
-            if len(alike) == 1:
-                return alike[0], unit if plain is _without_brackets else None
-            if len(alike) > 1:
-                raise InputError(f"{self.table.name}: '{words}' may be "
-                                 f"{' or '.join(repr(header) for header in alike)}; expected the "
-                                 'whole header')
-        if name.isdigit() and 1 <= int(name) <= len(headers):
-            return headers[int(name) - 1], unit
-        return '', None
 
     def _recognised(self) -> None:
         used = {choice.header for choice in self.chosen.values()}
@@ -353,24 +261,30 @@ class Choices:
                 continue
             told = _shown(match.quantity) + (f'.{match.part}' if match.part else '')
             unit = _EXAMPLES.get(match.quantity, 'mm')
-            other = (self._examples(key) or [f'... [{_EXAMPLES[key]}]'])[0]
+            other = (self._examples(key, header) or [f'... [{_EXAMPLES[key]}]'])[0]
             return (f"column '{header}': '{text}' is not a unit of {key}; if its numbers are in "
-                    f'another unit, tell it, for example --columns "{told}={_name_of(header)} '
-                    f'[{unit}]"; if another column has it, --columns "{key}={other}"')
+                    f'another unit, tell it, for example --columns "{told}={name_of(header)} '
+                    f'[{unit}]", or what one {text} is worth, --columns "{told}={name_of(header)} '
+                    f'* 50 {unit} - 2 {unit}"; if another column has it, --columns '
+                    f'"{key}={other}"')
         return ''
 
-    def _examples(self, key: str) -> list[str]:
-        """Return how a user may tell the columns that are left: those whose unit fits, if any."""
-        fitting, without = [], []
+    def _examples(self, key: str, besides: str = '') -> list[str]:
+        """Return how a user may tell the columns that are left, those whose unit fits first."""
+        fitting: list[str] = []
+        without: list[str] = []
+        electric: list[str] = []
         for header, column in self.table.columns.items():
-            if header not in self.refused or is_text(column):
+            if header not in self.refused or header == besides or is_text(column):
                 continue
             text = self.table.units.get(header) or unit_text_of(header)
             if text is None:
-                without.append(f'{_name_of(header)} [{_EXAMPLES[key]}]')
+                without.append(f'{name_of(header)} [{_EXAMPLES[key]}]')
             elif any(unit_of(text, like) for like in likes(key)):
                 fitting.append(header)
-        return fitting or without
+            elif text.strip() in _ELECTRIC and _family(recognise(header).quantity) in ('', key):
+                electric.append(f'{name_of(header)} * 50 {_EXAMPLES[key]}')
+        return fitting or without or electric
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:
@@ -387,16 +301,3 @@ def _family(key: str) -> str:
 
 def _shown(key: str) -> str:
     return 'contraction' if key == 'shift' else key
-
-
-def _bracketed(header: str) -> str | None:
-    match = re.search(r'\[([^\[\]]*)\]\s*$', header)
-    return match[1] if match else None
-
-
-def _name_of(header: str) -> str:
-    return re.sub(r'\s*[\[({<][^\[({<]*[\])}>]\s*$', '', header).strip()
-
-
-def _without_brackets(header: str) -> str:
-    return _name_of(header).casefold()

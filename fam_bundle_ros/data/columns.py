@@ -59,7 +59,8 @@ class _Reader:
         for key in ('force', *pressures, *strains, *(['strain_rate'] if 'strain_rate' in values
                                                      else [])):
             unit = self._unit(key, values[key])
-            values[key] = values[key] * unit.factor * self.choices.chosen[key].sign
+            choice = self.choices.chosen[key]
+            values[key] = values[key] * unit.factor * choice.sign + choice.offset
             given[key] = (unit.text, unit.factor)
         pressure = np.stack([values[key] - self._ambient(key) for key in pressures], -1)
         strain = self._strain(strains[0], values, pressure)

@@ -43,8 +43,9 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
     columns : mapping of str to str, optional
         Quantity (time, trial, strain, contraction, elongation, length, pressure,
         pressure.<motor unit>, force, strain_rate) to column: the header, its name with a unit,
-        ``'-F [N]'`` to turn the sign, its number, a constant (``'300 kPa'``, ``'100 Hz'``), or
-        ``'none'`` where no column is to be taken for it.
+        ``'-F [N]'`` to turn the sign, its number, any of these with a calibration
+        (``'AI1 * 50 N - 2 N'``), a constant (``'300 kPa'``, ``'100 Hz'``), or ``'none'`` where no
+        column is to be taken for it.
     rest_length : float (m) or str ('250 mm'), optional
         Needed where the data give a length instead of a strain.
     gauge : bool, optional

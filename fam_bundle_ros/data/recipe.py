@@ -31,7 +31,8 @@ class Recipe:
     columns : mapping of str to str
         Quantity to column, ``{'length': 'L [mm]', 'force': '-F [N]'}``: the header as it stands
         or its name, with another unit in brackets if need be, a minus where the sign is to be
-        turned round, or the column's number. A quantity that no column has may be a constant:
+        turned round, or the column's number; behind it a calibration, ``'AI1 * 50 N - 2 N'``.
+        A quantity that no column has may be a constant:
         ``{'pressure': '300 kPa'}``, ``{'time': '100 Hz'}``. ``{'trial': 'none'}``: no column is
         that. What is not named is recognised.
     rest_length : float, m, optional

@@ -22,6 +22,15 @@ def muscle():
 
 
 @pytest.fixture
+def log(muscle):
+    """Return time, strain, pressure (Pa) and force of a log, SI."""
+    time = 0.05 * np.arange(240)
+    strain = 0.1 - 0.1 * np.cos(2 * np.pi * time / 4.0)
+    pressure = np.repeat([150e3, 280e3, 410e3], 80)
+    return time, strain, pressure, muscle(strain, pressure)
+
+
+@pytest.fixture
 def sweeps():
     """Return a function that makes isobar sweeps with noise of 0.6 N by default."""
     def make(noise=0.6, seed=0, cycles=2, speed=0.024, friction=0.0):

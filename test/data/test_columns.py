@@ -13,16 +13,7 @@ from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.units import si_factor
 
-ROWS = 240
-
-
-@pytest.fixture
-def log(muscle):
-    """Return time, strain, pressure (Pa) and force of a log, SI."""
-    time = 0.05 * np.arange(ROWS)
-    strain = 0.1 - 0.1 * np.cos(2 * np.pi * time / 4.0)
-    pressure = np.repeat([150e3, 280e3, 410e3], ROWS // 3)
-    return time, strain, pressure, muscle(strain, pressure)
+ROWS = 240  # of the log of conftest.py
 
 
 def table(log, **renamed):
@@ -318,23 +309,6 @@ def test_a_length_may_be_a_ratio_to_that_at_rest(log, header):
     scale = 100.0 if '%' in header else 1.0
     data = read_measurement(table(log, strain=(header, scale * (1.0 - log[1]))))
     assert np.allclose(data.strain, log[1])
-
-
-@pytest.mark.parametrize(('columns', 'right'), [
-    ({'force': 'Kanal 3 [N]'}, 1.0), ({'force': 'kanal 3 [mN]'}, 1e-3),
-    ({'force': '-Kanal 3'}, -1.0), ({'force': '4'}, 1.0)])
-def test_columns_can_be_told(log, columns, right):
-    """By header, with a unit, with the sign turned, or by number."""
-    data = read_measurement(table(log, force=('Kanal 3', log[3])), columns=columns)
-    assert np.allclose(data.force, right * log[3])
-
-
-def test_what_is_told_counts_more_than_what_would_be_recognised(log):
-    """A told column is used though another has the plainer name."""
-    data = read_measurement({**table(log), 'Kanal 3': 2.0 * log[3], 'L [mm]': log[1]},
-                            columns={'force': 'Kanal 3 [N]', 'strain': 'strain'})
-    assert np.allclose(data.force, 2.0 * log[3])
-    assert "'force [N]' (force was told)" in taken_words(data)
 
 
 def test_a_name_among_other_words_needs_a_unit(log):

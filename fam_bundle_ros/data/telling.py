@@ -1,0 +1,199 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a user's words for a quantity mean: a column, a column with its calibration, a constant.
+
+``L [mm]``, ``-Kanal 3 [N]``, ``AI1 [V] * 50 N - 2 N``, ``position [mm] - 12 mm``, ``300 kPa``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import re
+
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.vocabulary import (
+    likes,
+    QUANTITIES,
+    recognise,
+    Unit,
+    unit_of,
+    unit_text_of,
+)
+from fam_bundle_ros.errors import InputError
+
+_NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
+_CONSTANT = re.compile(rf'({_NUMBER})\s*(\S.*)?')
+#: A column, what one of its counts is worth, and what is added.
+_CALIBRATED = re.compile(rf'(?P<words>.*?\S)(?:\s*\*\s*(?P<scale>{_NUMBER})(?:\s*(?P<unit>'
+                         rf'[^\s\d+*-]\S*))?)?(?:\s+(?P<sign>[-+])\s*(?P<zero>{_NUMBER})'
+                         rf'(?:\s*(?P<zero_unit>[^\s\d+*-]\S*))?)?')
+
+
+@dataclass
+class Choice:
+    """
+    A column that is used, or a constant.
+
+    Attributes
+    ----------
+    header : str or None
+        None for a constant.
+    unit : Unit or None
+        Its factor is that of a calibration, where one is told.
+    sign : int
+        By which readings are multiplied.
+    offset : float
+        Added to readings that are in SI units and have their sign.
+    value : float
+        Of a constant, SI.
+    absolute : bool or None
+        What header and unit say of a pressure.
+    why : str
+        Where it comes from, in words.
+    """
+
+    header: str | None
+    unit: Unit | None = None
+    sign: int = 1
+    offset: float = 0.0
+    value: float = 0.0
+    absolute: bool | None = None
+    why: str = ''
+
+
+def told_column(table: Table, key: str, text: str) -> Choice:
+    """
+    Return the column of a table that a user's words mean, or a constant.
+
+    Parameters
+    ----------
+    table : Table
+    key : str
+        Quantity, ``pressure.<motor unit>`` for one of several pressures.
+    text : str
+        A header, or its name, or its number; with a unit in brackets, a minus before it where
+        the sign is to be turned round, and a calibration behind it: ``* 50 N``, ``- 12 mm``, or
+        both in this order. Or a number with a unit.
+
+    Raises
+    ------
+    InputError
+        Where no column or more than one is meant, and where a unit does not fit.
+    """
+    base = key.partition('.')[0]
+    plain = _column(table, base, text)
+    if plain is not None:
+        return plain
+    calibrated = _CALIBRATED.fullmatch(text)
+    if calibrated and (calibrated['scale'] or calibrated['zero']) and base != 'trial':
+        choice = _column(table, base, calibrated['words'],
+                         _worth(table, base, calibrated) if calibrated['scale'] else None)
+        if choice is not None:
+            return _shifted(table, base, choice, calibrated)
+    number = _CONSTANT.fullmatch(text)
+    if number and base != 'trial' and (number[2] or base == 'strain'):
+        unit_text = (number[2] or '').strip()
+        if base == 'time' and unit_text in ('Hz', 'kHz', 'Sa/s', '1/s'):
+            rate = float(number[1]) * (1e3 if unit_text == 'kHz' else 1.0)
+            if rate > 0:
+                return Choice(None, Unit('s', 1.0, 's'), value=1.0 / rate, why='as told')
+        unit = _fitting(table, base, unit_text, text)
+        return Choice(None, unit, value=float(number[1]) * unit.factor, why='as told')
+    have = ', '.join(f"'{header}'" for header in table.columns)
+    raise InputError(f"{table.name}: no column '{text}' for {key}; expected one of {have}, or its "
+                     'number')
+
+
+def name_of(header: str) -> str:
+    """Return a header without the brackets at its end."""
+    return re.sub(r'\s*[\[({<][^\[({<]*[\])}>]\s*$', '', header).strip()
+
+
+def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Choice | None:
+    """Return the choice of a column, its unit as given, told, or as the header says."""
+    for sign, words in ((1, text), (-1, text[1:].strip() if text.startswith('-') else '')):
+        header, unit_text = _header(table, words)
+        if not header:
+            continue
+        match = recognise(header, table.units.get(header, ''))
+        if unit is None:
+            unit = match.unit
+            if unit_text is None and (unit is None or unit.like not in likes(base)):
+                unit_text = table.units.get(header) or _bracketed(header)
+            if unit_text is not None and base != 'trial':
+                unit = _fitting(table, base, unit_text, header)
+            if unit is not None and base != 'trial' and unit.like not in likes(base):
+                unit = None
+        absolute = match.absolute if unit is None or unit.absolute is None else unit.absolute
+        # an elongation lengthens the muscle: its sign is turned for a strain
+        sign = -sign if base == 'elongation' else sign
+        return Choice(header, unit, sign, absolute=absolute, why='as told')
+    return None
+
+
+def _worth(table: Table, base: str, told: re.Match[str]) -> Unit:
+    """Return what one count of a column is worth: '* 50 N', or '* 50 N/V' of a column in V."""
+    text, header = told['unit'] or '', _header(table, told['words'].removeprefix('-').strip())[0]
+    own = table.units.get(header) or unit_text_of(header) or ''
+    if own and text.endswith(f'/{own}'):
+        text = text.removesuffix(f'/{own}')
+    unit = _fitting(table, base, text, told['words'])
+    return unit._replace(factor=float(told['scale']) * unit.factor)
+
+
+def _shifted(table: Table, base: str, choice: Choice, told: re.Match[str]) -> Choice:
+    """Return a choice with the zero of its calibration, and the calibration in words."""
+    if told['zero']:
+        zero = _fitting(table, base, told['zero_unit'] or '', told['words'])
+        if choice.unit is not None and choice.unit.like != zero.like:
+            raise InputError(f"{table.name}: column '{choice.header}' is in {choice.unit.text}, "
+                             f"and {zero.text or 'a plain number'} is added; expected units of "
+                             'one kind')
+        offset = float(told['zero']) * zero.factor * (-1.0 if told['sign'] == '-' else 1.0)
+        choice.offset = -offset if base == 'elongation' else offset
+    choice.why = 'as told: ' + told.string.removeprefix(told['words']).strip()
+    return choice
+
+
+def _fitting(table: Table, base: str, text: str, header: str) -> Unit:
+    for like in likes(base):
+        unit = unit_of(text, like)
+        if unit is not None:
+            return unit
+    raise InputError(f"{table.name}: column '{header}': unit '{text}' does not fit; expected a "
+                     f'unit like {QUANTITIES[base]}')
+
+
+def _header(table: Table, words: str) -> tuple[str, str | None]:
+    """Return the header that words mean and the unit that they tell; '' for none."""
+    headers = list(table.columns)
+    if not words:
+        return '', None
+    same = ' '.join(words.split())
+    if same in headers:
+        return same, None
+    match = re.fullmatch(r'(.*?)\s*\[([^\[\]]*)\]', same)
+    name, unit = (match[1], match[2]) if match else (same, None)
+    if name in headers:
+        return name, unit
+    for plain, wanted in ((str.casefold, same), (_without_brackets, name)):
+        alike = [header for header in headers if plain(header) == plain(wanted)]
+        if len(alike) == 1:
+            return alike[0], unit if plain is _without_brackets else None
+        if len(alike) > 1:
+            raise InputError(f"{table.name}: '{words}' may be "
+                             f"{' or '.join(repr(header) for header in alike)}; expected the "
+                             'whole header')
+    if name.isdigit() and 1 <= int(name) <= len(headers):
+        return headers[int(name) - 1], unit
+    return '', None
+
+
+def _bracketed(header: str) -> str | None:
+    match = re.search(r'\[([^\[\]]*)\]\s*$', header)
+    return match[1] if match else None
+
+
+def _without_brackets(header: str) -> str:
+    return name_of(header).casefold()

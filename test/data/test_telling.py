@@ -1,0 +1,110 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a user tells of a column: its name, unit, sign and calibration."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data import preview, read_measurement, taken_words
+from fam_bundle_ros.data.recipe import load_recipe, Recipe, recipe_of, save_recipe
+from fam_bundle_ros.errors import InputError
+
+CALIBRATION = {'pressure': 'AI0 [V] * 200 kPa', 'force': 'AI1 * 50 N - 5 N',
+               'contraction': 'AI2 * 0.025 mm - 10 mm'}
+
+
+def written(log, force):
+    """Return the log as columns, the force under this header."""
+    time, strain, pressure, values = log
+    return {'time [s]': time, 'strain': strain, 'pressure [kPa]': pressure / 1e3, force: values}
+
+
+@pytest.fixture
+def volts(log):
+    """Return the log as an analog card reads it: 200 kPa/V, 50 N/V of a cell at 0.1 V, 25 mm/V."""
+    time, strain, pressure, force = log
+    return {'time [s]': time, 'AI0 [V]': pressure / 200e3, 'AI1 [V]': force / 50.0 + 0.1,
+            'AI2 [mV]': 1e3 * (0.25 * strain + 0.01) / 25e-3}
+
+
+@pytest.mark.parametrize(('columns', 'right'), [
+    ({'force': 'Kanal 3 [N]'}, 1.0), ({'force': 'kanal 3 [mN]'}, 1e-3),
+    ({'force': '-Kanal 3'}, -1.0), ({'force': '4'}, 1.0)])
+def test_columns_can_be_told(log, columns, right):
+    """By header, with a unit, with the sign turned, or by number."""
+    data = read_measurement(written(log, 'Kanal 3'), columns=columns)
+    assert np.allclose(data.force, right * log[3])
+
+
+def test_what_is_told_counts_more_than_what_would_be_recognised(log):
+    """A told column is used though another has the plainer name."""
+    more = {**written(log, 'force [N]'), 'Kanal 3': 2.0 * log[3], 'L [mm]': log[1]}
+    data = read_measurement(more, columns={'force': 'Kanal 3 [N]', 'strain': 'strain'})
+    assert np.allclose(data.force, 2.0 * log[3])
+    assert "'force [N]' (force was told)" in taken_words(data)
+
+
+def test_volts_are_read_with_the_calibration_of_each_sensor(log, volts):
+    """Scale and zero stand behind the column, and are told of in the first line."""
+    data = read_measurement(volts, columns=CALIBRATION, rest_length='250 mm')
+    assert np.allclose(data.strain, log[1])
+    assert np.allclose(data.pressure[:, 0], log[2])
+    assert np.allclose(data.force, log[3])
+    assert "force 'AI1 [V]' (as told: * 50 N - 5 N)" in taken_words(data)
+
+
+def test_a_calibration_may_name_the_unit_that_it_takes_away(log, volts):
+    """50 N/V of a column in V is 50 N; N/mV of it is refused."""
+    data = read_measurement(volts, columns={**CALIBRATION, 'force': 'AI1 * 50 N/V - 5 N'},
+                            rest_length='250 mm')
+    assert np.allclose(data.force, log[3])
+    with pytest.raises(InputError, match=r"unit 'N/mV' does not fit; expected a unit like N"):
+        read_measurement(volts, columns={**CALIBRATION, 'force': 'AI1 * 50 N/mV'},
+                         rest_length='250 mm')
+
+
+@pytest.mark.parametrize(('told', 'shift'), [
+    ({'contraction': 'position [mm] - 12 mm'}, 1.0),
+    ({'contraction': '-back [mm] + 88 mm'}, 1.0),
+    ({'elongation': 'longer [mm] + 2 cm'}, 1.0),
+    ({'length': 'calliper [mm] + 30 mm'}, 1.0)])
+def test_a_position_may_count_from_anywhere(log, told, shift):
+    """Its zero is taken off or added, also where its sign is turned."""
+    position = 250.0 * log[1]
+    columns = {'time [s]': log[0], 'pressure [kPa]': log[2] / 1e3, 'force [N]': log[3],
+               'position [mm]': position + 12.0, 'back [mm]': 88.0 - position,
+               'longer [mm]': -position - 20.0, 'calliper [mm]': 220.0 - position}
+    assert np.allclose(read_measurement(columns, columns=told, rest_length=0.25).strain, log[1])
+
+
+def test_a_zero_in_another_unit_than_its_column_is_refused(log):
+    """Millimetres are not taken off a strain in percent."""
+    columns = {**written(log, 'force [N]'), 'epsilon [%]': 100 * log[1]}
+    with pytest.raises(InputError, match="'epsilon .%.' is in %, and mm is added; expected units"):
+        read_measurement(columns, columns={'strain': 'epsilon [%] - 3 mm'}, rest_length=0.25)
+    with pytest.raises(InputError, match="unit 'kPa' does not fit; expected a unit like N"):
+        read_measurement(columns, columns={'force': 'force - 3 kPa'})
+
+
+def test_a_calibration_goes_into_a_recipe_and_comes_back(log, volts, tmp_path):
+    """What was told is saved as it was told."""
+    told = Recipe(CALIBRATION, rest_length=0.25)
+    data = read_measurement(volts, recipe=told)
+    save_recipe(recipe_of(data, told), tmp_path / 'lab.yaml')
+    again = read_measurement(volts, recipe=load_recipe(tmp_path / 'lab.yaml'))
+    assert np.array_equal(again.force, data.force)
+    assert np.array_equal(again.strain, data.strain)
+
+
+def test_a_column_in_volts_asks_for_its_calibration(volts):
+    """The message shows how one is told, and of which column."""
+    problem = preview({**volts, 'load cell [V]': volts['AI1 [V]']}, rest_length=0.25).problem
+    example = problem.partition('for example')[2]
+    assert 'AI0 * 50 %' in example
+    assert 'load cell' not in example
+
+
+def test_a_header_that_looks_like_a_calibration_is_a_header(log):
+    """A column 'F - 2 N' is found by its name before anything is taken off."""
+    columns = {**written(log, 'F - 2 N'), 'F': 7.0 + log[3]}
+    assert np.allclose(read_measurement(columns, columns={'force': 'F - 2 N'}).force, log[3])
