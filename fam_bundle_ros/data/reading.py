@@ -13,6 +13,7 @@ from fam_bundle_ros.data.bagfile import read_bag
 from fam_bundle_ros.data.columns import described, read_columns
 from fam_bundle_ros.data.formats import is_bag, read_table, Table
 from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
+from fam_bundle_ros.data.formats.stacking import unstacked
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
 from fam_bundle_ros.data.recipe import load_recipe, Recipe
 from fam_bundle_ros.errors import InputError
@@ -190,12 +191,15 @@ def _path(source: Any) -> Path | None:
 def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> Table:
     if path is not None:
         table = read_table(path, recipe.sheet)
-        return table if name is None else replace(table, name=name)
-    if isinstance(source, Table):
-        return source if name is None else replace(source, name=name)
-    if isinstance(source, Mapping):
-        return of_arrays(name or 'arrays', 'arrays', source)
-    return of_frame(source, name or 'frame')
+    elif isinstance(source, Table):
+        table = source
+    elif isinstance(source, Mapping):
+        table = of_arrays(name or 'arrays', 'arrays', source)
+    else:
+        table = of_frame(source, name or 'frame')
+    if not recipe.columns:  # what is told names the columns of the file
+        table = unstacked(table)
+    return table if name is None else replace(table, name=name)
 
 
 def _cell(value: Any) -> str:

@@ -151,7 +151,7 @@ def test_a_workbook_that_unpacks_to_gigabytes_fails(tmp_path, monkeypatch):
 
 
 def test_sheets_are_chosen_by_name_or_by_what_they_hold(log, tmp_path):
-    """The first sheet with most known columns; others are named; a wrong name lists them."""
+    """Those with most known columns; runs are trials; a wrong name lists what there is."""
     pytest.importorskip('openpyxl')
     path = tmp_path / 'runs.xlsx'
     with pandas.ExcelWriter(path) as writer:
@@ -160,11 +160,24 @@ def test_sheets_are_chosen_by_name_or_by_what_they_hold(log, tmp_path):
         frame(log).to_excel(writer, sheet_name='Run 1')
         frame(log)[::2].to_excel(writer, sheet_name='Run 2')
     data = read_measurement(path, rest_length=REST)
-    assert len(data) == ROWS
-    assert any('Run 2' in note for note in data.notes)
+    assert data.trial_names == ('Run 1', 'Run 2')
+    assert np.bincount(data.trial).tolist() == [ROWS, ROWS // 2]
+    assert any('Run 1, Run 2' in note for note in data.notes)
     assert len(read_measurement(path, rest_length=REST, sheet='Run 2')) == ROWS // 2
     with pytest.raises(InputError, match='Info, Run 1, Run 2'):
         read_measurement(path, sheet='Run 3')
+
+
+def test_a_second_sheet_of_another_name_is_told_and_not_read(log, tmp_path):
+    """'raw' and 'filtered' may be one log twice."""
+    pytest.importorskip('openpyxl')
+    path = tmp_path / 'twice.xlsx'
+    with pandas.ExcelWriter(path) as writer:
+        frame(log).to_excel(writer, sheet_name='raw')
+        frame(log).to_excel(writer, sheet_name='filtered')
+    data = read_measurement(path, rest_length=REST)
+    assert len(data) == ROWS
+    assert 'not read: sheet filtered (tell the sheet)' in data.notes
 
 
 def test_rows_and_columns_of_a_sheet_are_those_that_excel_shows(log, tmp_path):

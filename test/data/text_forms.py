@@ -231,6 +231,11 @@ TEXTS = {
     'a name and a unit beside each value': lambda log: ''.join(
         f't:{r[0]}s,contraction:{r[1]}mm,p:{p / 6894.757:.7f}psi,F:{r[3]}N\r\n'
         for p, r in zip(log['pressure'], cells(log))),
+    'a clock in brackets, and names': lambda log: ''.join(
+        f'[{r[0]}] contraction={r[1]}mm p={r[2]}kPa F={r[3]}N\n' for r in cells(log)),
+    'the clock of a serial monitor, and names': lambda log: ''.join(
+        f'{r[0]} -> contraction_mm:{r[1]}, p_kPa:{r[2]}, F_N:{r[3]}\n'
+        for r in cells(log, time=day_time)),
     'dates with strokes': lambda log: stamped(log, '%d/%m/%Y %H:%M:%S.%f'),
     'dates of America': lambda log: stamped(log, '%m/%d/%Y %H:%M:%S.%f'),
     'dates of MATLAB': lambda log: stamped(log, '%d-%b-%Y %H:%M:%S.%f'),

@@ -1,6 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Lines of a microcontroller in which each value has its name: 't:12 L:120.5 p:250 F:31.2'."""
+"""
+Lines of a microcontroller in which each value has its name: 't:12 L:120.5 p:250 F:31.2'.
+
+A clock without a name before them is kept: '[0.050] p=...', '10:15:42.123 -> p: ...'.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +15,13 @@ import re
 import numpy as np
 
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import is_unit
+from fam_bundle_ros.data.vocabulary import is_unit, recognise
 
 _PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)\s*[:=]\s*'
                    r'([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[Nn]a[Nn]|inf)'
                    r'(?:\s*([A-Za-z%\u00b0]+[/\w\u00b2^]*)(?![\w:=]|\s*[:=]))?')
+#: What a terminal writes before each line.
+_CLOCK = re.compile(r'\s*[\[(]?\s*(\d[\d.:]*)\s*[\])]?\s*(?:->|[:,;>|])?\s*(?=[^\W\d])')
 
 
 def labelled(name: str, lines: Sequence[str]) -> Table | None:
@@ -33,6 +39,8 @@ def labelled(name: str, lines: Sequence[str]) -> Table | None:
     >>> table = labelled('log', ['p:1.5bar F:2', 'p:1.6bar F:3', 'p:1.7bar F:4'])
     >>> table.columns['F'], table.units
     (array([2., 3., 4.]), {'p': 'bar'})
+    >>> list(labelled('log', ['[0.1] p=1 F=2', '[0.2] p=1 F=3', '[0.3] p=1 F=4']).columns['time'])
+    ['0.1', '0.2', '0.3']
     """
     pairs = [_PAIR.findall(line) for line in lines]
     counts = Counter(tuple(key for key, _, _ in found) for found in pairs if len(found) > 1)
@@ -46,5 +54,8 @@ def labelled(name: str, lines: Sequence[str]) -> Table | None:
     values = np.array([[float(value) for _, value, _ in pairs[k]] for k in rows])
     units = {key: unit for key, (_, _, unit) in zip(keys, pairs[rows[0]])
              if unit and is_unit(unit)}
-    return Table(name, 'text with a name beside each value',
-                 dict(zip(keys, values.T)), units, np.array(rows) + 1)
+    columns = dict(zip(keys, values.T))
+    clock = [_CLOCK.match(lines[k]) for k in rows]
+    if all(clock) and not any(recognise(key).quantity == 'time' for key in keys):
+        columns = {'time': np.array([found[1] for found in clock if found], object), **columns}
+    return Table(name, 'text with a name beside each value', columns, units, np.array(rows) + 1)

@@ -13,6 +13,7 @@ import zipfile
 import numpy as np
 
 from fam_bundle_ros.data.formats import arrays, layout
+from fam_bundle_ros.data.formats.stacking import one_below_the_other
 from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique, unreadable
 from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
 from fam_bundle_ros.errors import InputError
@@ -44,6 +45,8 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     """
     Return a sheet's table: the one that is named, else the one with most known columns.
 
+    Sheets of the same columns whose names differ in numbers alone are trials: one table.
+
     Raises
     ------
     InputError
@@ -65,7 +68,11 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
         raise InputError(f'{path.name}: no rows of numbers in {", ".join(names)}; expected a '
                          'table (formulas need the values that Excel saves with them)')
     table, known = max(found, key=lambda pair: pair[1])
-    others = [other.kind for other, also in found if other is not table and also >= known]
+    alike = {other.kind.removeprefix('sheet '): other for other, also in found if also >= known}
+    whole = one_below_the_other(alike)
+    if whole is not None:
+        return whole
+    others = [other.kind for other in alike.values() if other is not table]
     notes = (f'not read: {", ".join(others)} (tell the sheet)',) if others else ()
     return replace(table, notes=notes)
 

@@ -1,0 +1,171 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Tables in which several trials lie side by side, or on several sheets, as one below the other.
+
+Three forms: the same columns again and again (Run 1 beside Run 2), one column of force per
+pressure or strain ('1 bar', '2 bar', ... beside the strain), and sheets of the same columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.vocabulary import recognise, STRAINS, unit_of
+
+#: The name of a second column of one name.
+_AGAIN = re.compile(r'.* \(\d+\)')
+#: A reading in a name: '1.5 bar', 'F at 200 kPa [N]'.
+_LEVEL = re.compile(r'(?<![\w.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?abs\b\.?)?|%)(?!\w)')
+
+
+class _Level(NamedTuple):
+    """
+    A level that stands in a name: which quantity, how much, and the rest of the name.
+
+    What has no other name is a force.
+    """
+
+    quantity: str
+    value: float
+    unit: str
+    rest: str
+
+
+def unstacked(table: Table) -> Table:
+    """Return a table with trials that lie side by side one below the other; others as they are."""
+    return _blocks(table) or _levels(table) or table
+
+
+def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:
+    """
+    Return tables of the same columns as one, by name; None where they are no trials of one kind.
+
+    They are where their names differ in nothing but numbers. A pressure that only the names tell
+    ('1 bar') becomes a column.
+    """
+    first, *others = tables.values()
+    if not others or len({re.sub(r'\d+(?:[.,]\d+)?', '#', name).strip() for name in tables}
+                         ) > 1 or any(list(other.columns) != list(first.columns)
+                                      or other.units != first.units for other in others):
+        return None
+    columns = {header: _joined([table.columns[header] for table in tables.values()])
+               for header in first.columns}
+    lengths = [len(table.rows) for table in tables.values()]
+    columns, units = _with_levels(columns, dict(first.units), list(tables), lengths)
+    return replace(first, columns=columns, units=units, blanks=None,
+                   rows=np.concatenate([table.rows for table in tables.values()]),
+                   notes=(*first.notes, f'read one below the other: {", ".join(tables)}'))
+
+
+def _blocks(table: Table) -> Table | None:
+    """Return columns that are there again and again, each time in the same order, as trials."""
+    headers = [header for header, cells in table.columns.items()
+               if not re.fullmatch(r'column \d+', header) or _filled(cells).any()]
+    width = next((at for at, header in enumerate(headers) if _AGAIN.fullmatch(header)), 0)
+    first = headers[:width]
+    blocks = [headers[at:at + width] for at in range(0, len(headers), width or len(headers))]
+    if len(blocks) < 2 or any(block != [f'{header} ({count})' for header in first]
+                              for count, block in enumerate(blocks[1:], 2)):
+        return None
+    known = {recognise(header, table.units.get(header, '')).quantity for header in first}
+    if 'force' not in known or not known & set(STRAINS) or any(
+            table.units.get(again, table.units.get(header)) != table.units.get(header)
+            for block in blocks[1:] for header, again in zip(first, block)):
+        return None
+    parts = []
+    for block in blocks:
+        rows = np.flatnonzero(np.any([_filled(table.columns[header]) for header in block], axis=0))
+        parts.append(rows[:0] if not len(rows) else np.arange(rows[0], rows[-1] + 1))
+    columns = {header: _joined([table.columns[block[at]][rows]
+                                for block, rows in zip(blocks, parts)])
+               for at, header in enumerate(first)}
+    if 'trial' not in known:
+        columns['trial'] = np.repeat(np.arange(1.0, len(blocks) + 1.0), list(map(len, parts)))
+    return replace(table, columns=columns, blanks=None, rows=table.rows[np.concatenate(parts)],
+                   units={header: table.units[header] for header in first
+                          if header in table.units},
+                   notes=(*table.notes, f'{len(blocks)} trials side by side: read one below the '
+                          'other'))
+
+
+def _levels(table: Table) -> Table | None:
+    """Return columns of force at a level each, '1 bar', '2 bar', ..., as one column of each."""
+    levels, forces = {}, {}
+    for header in table.columns:
+        level = _level(header)
+        force = recognise(level.rest, table.units.get(header, '')) if level else None
+        if level and force and force.quantity == 'force' and force.score:
+            levels[header], forces[header] = level, force
+    kinds = {(level.quantity, level.unit) for level in levels.values()}
+    if len(kinds) != 1 or len({level.value for level in levels.values()}) != len(levels) > 1:
+        return None
+    (quantity, unit), = kinds
+    rest = [header for header in table.columns if header not in levels]
+    known = {header: recognise(header, table.units.get(header, '')).quantity for header in rest}
+    beside = set(STRAINS) if quantity == 'pressure' else {'pressure'}
+    if 'force' in known.values() or not beside & set(known.values()):
+        return None
+    count = len(table.rows)
+    columns = {header: _joined([table.columns[header]] * len(levels)) for header in rest}
+    columns[quantity] = np.repeat([level.value for level in levels.values()], count)
+    columns['force'] = _joined([table.columns[header] for header in levels])
+    if 'trial' not in known.values():
+        columns['trial'] = np.repeat(np.array(list(levels), object), count)
+    units = {header: table.units[header] for header in rest if header in table.units}
+    units[quantity] = unit
+    units.update({'force': force.unit.text for force in forces.values() if force.unit})
+    # a level that was not measured everywhere has blank cells, and no rows there
+    kept = _filled(columns['force'])
+    return replace(table, columns={header: cells[kept] for header, cells in columns.items()},
+                   units=units, blanks=None, rows=np.tile(table.rows, len(levels))[kept],
+                   notes=(*table.notes, f'{len(levels)} columns are the force at a {quantity} '
+                          'each: read one below the other'))
+
+
+def _with_levels(columns: dict[str, np.ndarray], units: dict[str, str], names: Sequence[str],
+                 lengths: Sequence[int]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return columns with the trial, and with the pressure where only the names tell it."""
+    known = {recognise(header, units.get(header, '')).quantity for header in columns}
+    levels = [level for name in names if (level := _level(name)) and level.quantity == 'pressure']
+    if 'pressure' not in known and len(levels) == len(names) and len(
+            {level.unit for level in levels}) == 1:
+        columns = {**columns, 'pressure': np.repeat([level.value for level in levels], lengths)}
+        units = {**units, 'pressure': levels[0].unit}
+    if 'trial' not in known:
+        columns = {**columns, 'trial': np.repeat(np.array(names, object), lengths)}
+    return columns, units
+
+
+def _level(name: str) -> _Level | None:
+    """Return the pressure or strain that stands in a name, None for none."""
+    for match in _LEVEL.finditer(name):
+        quantity = 'pressure' if unit_of(match[2], 'Pa') else 'strain' if match[2] == '%' else ''
+        if quantity:
+            before = re.sub(r'(^|[\s_])(at|bei|p)$', '', name[:match.start()].strip(' @=,:'))
+            rest = before + ' ' + name[match.end():]
+            named = re.sub(r'[\[(<][^\])>]*[\])>]', '', rest).strip()
+            return _Level(quantity, float(match[1].replace(',', '.')), match[2],
+                          rest.strip() if named else f'force {rest.strip()}'.strip())
+    return None
+
+
+def _filled(cells: np.ndarray) -> np.ndarray:
+    """Return which cells hold something."""
+    if cells.dtype.kind == 'f':
+        return np.isfinite(cells)
+    if cells.dtype.kind in 'mM':
+        return ~np.isnat(cells)
+    return np.array([cell == cell and str(cell or '').strip() != '' for cell in cells], bool)
+
+
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Return columns one below the other, as text where one of them is."""
+    kinds = {part.dtype.kind for part in parts}
+    return np.concatenate([part if len(kinds) == 1 else part.astype(object) for part in parts])

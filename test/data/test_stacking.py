@@ -1,0 +1,102 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Trials that lie side by side or on several sheets, as spreadsheets have them."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data import read_measurement
+
+LEVELS = (100e3, 250e3, 400e3)
+
+
+@pytest.fixture
+def trials(muscle):
+    """Return one trial per level: time, strain, pressure, force, SI."""
+    time = 0.05 * np.arange(60)
+    strain = 0.1 - 0.1 * np.cos(2 * np.pi * time / 3.0)
+    return [(time, strain, np.full(60, level), muscle(strain, level)) for level in LEVELS]
+
+
+def same(data, trials):
+    """Raise where a measurement is not these trials, one below the other."""
+    _, strain, pressure, force = (np.concatenate(parts) for parts in zip(*trials))
+    assert np.allclose(data.strain, strain, atol=1e-6)
+    assert np.allclose(data.pressure[:, 0], pressure)
+    assert np.allclose(data.force, force, atol=1e-3)
+
+
+def test_runs_side_by_side_are_trials_one_below_the_other(trials, tmp_path):
+    """The same columns again and again, with a blank column between, and one run shorter."""
+    trials[1] = tuple(values[:40] for values in trials[1])
+    lines = ['Run 1,,,,,Run 2,,,,,Run 3,,,', ',,'.join(3 * ['time [s],strain,p [bar],F [N]'])]
+    for k in range(60):
+        lines.append(',,'.join(f'{t[k]:.3f},{e[k]:.7f},{p[k] / 1e5:.4f},{f[k]:.4f}'
+                               if k < len(t) else ',,,' for t, e, p, f in trials))
+    path = tmp_path / 'runs.csv'
+    path.write_text('\n'.join(lines) + '\n')
+    data = read_measurement(path)
+    same(data, trials)
+    assert np.bincount(data.trial).tolist() == [60, 40, 60]
+    assert '3 trials side by side: read one below the other' in data.notes
+
+
+@pytest.mark.parametrize('name', ['{} bar', '{}bar', 'F at {} bar [N]', 'p = {} bar',
+                                  'Kraft bei {} bar (N)', 'Force @ {} bar'])
+def test_a_column_of_force_per_pressure_is_a_static_map(trials, name):
+    """The way in which data sheets and papers print isobars."""
+    table = {'contraction [%]': 100 * trials[0][1],
+             **{name.format(f'{p[0] / 1e5:g}'): f for _, _, p, f in trials}}
+    data = read_measurement(table)
+    same(data, trials)
+    assert data.is_static
+    assert len(data.trial_names) == 3
+
+
+def test_a_column_of_force_per_strain_is_a_static_map(muscle):
+    """The same the other way round; cells that were not measured are no rows."""
+    pressure = np.linspace(50e3, 500e3, 20)
+    table = {'p [kPa]': pressure / 1e3}
+    for percent in (0, 5, 10, 20):
+        table[f'{percent} %'] = muscle(percent / 100, pressure)
+    table['20 %'][:8] = np.nan
+    data = read_measurement(table)
+    assert len(data) == 72
+    assert sorted(set(data.strain.round(4))) == [0.0, 0.05, 0.1, 0.2]
+    assert np.allclose(data.force, muscle(data.strain, data.pressure[:, 0]))
+
+
+@pytest.mark.parametrize('names', [('1 bar', '2.5 bar', '4 bar'), ('100 kPa', '250 kPa', '400 kPa')])
+def test_a_pressure_that_only_the_sheets_tell_is_that_of_their_rows(trials, names, tmp_path):
+    """One sheet per isobar, none with a column of pressure."""
+    pandas = pytest.importorskip('pandas')
+    pytest.importorskip('openpyxl')
+    path = tmp_path / 'isobars.xlsx'
+    with pandas.ExcelWriter(path) as writer:
+        for name, (time, strain, _, force) in zip(names, trials):
+            pandas.DataFrame({'t (s)': time, 'strain': strain, 'Kraft (N)': force}).to_excel(
+                writer, sheet_name=name, index=False)
+    data = read_measurement(path)
+    same(data, trials)
+    assert data.trial_names == names
+
+
+@pytest.mark.parametrize('extra', ['F filtered 2 bar', 'temperature at 2 bar'])
+def test_levels_in_other_names_change_nothing(trials, extra):
+    """A file that has a pressure and a force of its own is read as it is."""
+    time, strain, pressure, force = trials[0]
+    table = {'time [s]': time, 'strain': strain, 'pressure [kPa]': pressure / 1e3,
+             'force [N]': force, '1 bar': 0 * force, extra: 0 * force}
+    same(read_measurement(table), trials[:1])
+
+
+def test_columns_that_are_told_are_those_of_the_file(trials):
+    """The second of two runs can be asked for."""
+    (time, strain, pressure, force), other = trials[0], trials[2]
+    names = ('time [s]', 'strain', 'p [kPa]', 'F [N]')
+    table = {**dict(zip(names, (time, strain, pressure / 1e3, force))),
+             **{f'{name} (2)': values for name, values in zip(
+                 names, (other[0], other[1], other[2] / 1e3, other[3]))}}
+    told = {key: f'{name} (2)' for key, name in zip(('time', 'strain', 'pressure', 'force'), names)}
+    same(read_measurement(table), [trials[0], other])
+    same(read_measurement(table, columns=told), [other])
