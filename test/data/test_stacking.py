@@ -66,7 +66,8 @@ def test_a_column_of_force_per_strain_is_a_static_map(muscle):
     assert np.allclose(data.force, muscle(data.strain, data.pressure[:, 0]))
 
 
-@pytest.mark.parametrize('names', [('1 bar', '2.5 bar', '4 bar'), ('100 kPa', '250 kPa', '400 kPa')])
+@pytest.mark.parametrize('names', [('1 bar', '2.5 bar', '4 bar'),
+                                   ('100 kPa', '250 kPa', '400 kPa')])
 def test_a_pressure_that_only_the_sheets_tell_is_that_of_their_rows(trials, names, tmp_path):
     """One sheet per isobar, none with a column of pressure."""
     pandas = pytest.importorskip('pandas')
@@ -97,6 +98,7 @@ def test_columns_that_are_told_are_those_of_the_file(trials):
     table = {**dict(zip(names, (time, strain, pressure / 1e3, force))),
              **{f'{name} (2)': values for name, values in zip(
                  names, (other[0], other[1], other[2] / 1e3, other[3]))}}
-    told = {key: f'{name} (2)' for key, name in zip(('time', 'strain', 'pressure', 'force'), names)}
+    told = {key: f'{name} (2)'
+            for key, name in zip(('time', 'strain', 'pressure', 'force'), names)}
     same(read_measurement(table), [trials[0], other])
     same(read_measurement(table, columns=told), [other])

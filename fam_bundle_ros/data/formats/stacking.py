@@ -120,7 +120,9 @@ def _levels(table: Table) -> Table | None:
         columns['trial'] = np.repeat(np.array(list(levels), object), count)
     units = {header: table.units[header] for header in rest if header in table.units}
     units[quantity] = unit
-    units.update({'force': force.unit.text for force in forces.values() if force.unit})
+    force_unit = next((force.unit.text for force in forces.values() if force.unit), '')
+    if force_unit:
+        units['force'] = force_unit
     # a level that was not measured everywhere has blank cells, and no rows there
     kept = _filled(columns['force'])
     return replace(table, columns={header: cells[kept] for header, cells in columns.items()},
