@@ -23,7 +23,7 @@ from fam_bundle_ros.data.vocabulary import (
 from fam_bundle_ros.errors import InputError
 
 _NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
-_CONSTANT = re.compile(rf'({_NUMBER})\s*(\S.*)?')
+_CONSTANT = re.compile(rf'({_NUMBER})\s*([^\s\[].*)?')
 #: A column, what one of its counts is worth, and what is added.
 _CALIBRATED = re.compile(rf'(?P<words>.*?\S)(?:\s*\*\s*(?P<scale>{_NUMBER})(?:\s*(?P<unit>'
                          rf'[^\s\d+*-]\S*))?)?(?:\s+(?P<sign>[-+])\s*(?P<zero>{_NUMBER})'

@@ -236,6 +236,10 @@ TEXTS = {
     'the clock of a serial monitor, and names': lambda log: ''.join(
         f'{r[0]} -> contraction_mm:{r[1]}, p_kPa:{r[2]}, F_N:{r[3]}\n'
         for r in cells(log, time=day_time)),
+    'the clock of a serial monitor': lambda log: ''.join(
+        f'{clock} -> {line}\n' for clock, line in zip(
+            ['10:00:00.000', *(r[0] for r in cells(log, time=day_time))],
+            ['contraction_mm,p_kPa,F_N', *(','.join(r[1:]) for r in cells(log))])),
     'dates with strokes': lambda log: stamped(log, '%d/%m/%Y %H:%M:%S.%f'),
     'dates of America': lambda log: stamped(log, '%m/%d/%Y %H:%M:%S.%f'),
     'dates of MATLAB': lambda log: stamped(log, '%d-%b-%Y %H:%M:%S.%f'),

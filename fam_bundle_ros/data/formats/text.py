@@ -39,6 +39,8 @@ _SEPARATORS = (',', ';', '\t', '|', _BLANK)
 _GROUPS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f](?=\\d{3}(?!\\d))")
 #: A quote that begins a cell and does not end on its line, and the most lines of such a header.
 _OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
+#: What the serial monitor of the Arduino IDE writes before each line.
+_MONITOR = re.compile(r'(\d{1,2}:\d\d:\d\d[.,]\d+) -> ')
 _COMMENTS = ('#', '%', '//', '!')
 _BOMS = ((codecs.BOM_UTF8, 'utf-8-sig'), (codecs.BOM_UTF32_LE, 'utf-32'),
          (codecs.BOM_UTF32_BE, 'utf-32'), (codecs.BOM_UTF16_LE, 'utf-16'),
@@ -194,12 +196,22 @@ def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
             return
         if "'" in line or not line.isascii():
             line = _GROUPS.sub('', line)
+        if ' -> ' in line:
+            line = _MONITOR.sub(_clock_cell, line, count=1)
         if '\0' in line:
             raise InputError(f'{name}: not a text file; expected a table with a header')
         if len(line) >= _LONGEST and not line.endswith('\n'):
             raise InputError(f'{name}: a line of more than {_LONGEST} characters; expected one '
                              'row per line')
         yield line
+
+
+def _clock_cell(clock: re.Match[str]) -> str:
+    """Return the clock of a serial monitor as a cell before the others, a blank one over names."""
+    rest = clock.string[clock.end():]
+    separator = next((sign for sign in '\t;,' if sign in rest), ' ')
+    names = rest[:1].isalpha() and not any(sign in rest for sign in ':=')
+    return ('' if names else clock[1]) + separator
 
 
 class _Rows(io.TextIOBase):
