@@ -197,8 +197,10 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
         table = of_arrays(name or 'arrays', 'arrays', source)
     else:
         table = of_frame(source, name or 'frame')
-    if not recipe.columns:  # what is told names the columns of the file
-        table = unstacked(table)
+    below = unstacked(table)
+    gone = [header for header in table.columns if header not in below.columns]
+    if not any(header in text for header in gone for text in recipe.columns.values()):
+        table = below  # nobody asks for a column that is no longer there
     return table if name is None else replace(table, name=name)
 
 

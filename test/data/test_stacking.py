@@ -102,3 +102,11 @@ def test_columns_that_are_told_are_those_of_the_file(trials):
             for key, name in zip(('time', 'strain', 'pressure', 'force'), names)}
     same(read_measurement(table), [trials[0], other])
     same(read_measurement(table, columns=told), [other])
+
+
+def test_what_is_told_of_the_column_beside_leaves_the_levels_as_they_are(trials):
+    """A position with its zero beside one column of force per pressure."""
+    table = {'position [mm]': 12.0 + 250.0 * trials[0][1],
+             **{f'{p[0] / 1e5:g} bar': f for _, _, p, f in trials}}
+    same(read_measurement(table, columns={'contraction': 'position - 12 mm'}, rest_length=0.25),
+         trials)
