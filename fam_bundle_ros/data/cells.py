@@ -129,7 +129,8 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
         values[filled] = clock + _DAY * np.cumsum(np.diff(clock, prepend=clock[:1]) < -_DAY / 2)
         return values
     pandas = library('pandas', f'{name}: reading it')
-    cells = [re.sub(r'(?<=\d),(?=\d)', '.', text[i]) for i in filled]
+    # 10:15:42,123 and 10:15:42:123
+    cells = [re.sub(r'(?<=\d),(?=\d)|(?<=:\d\d):(?=\d{3}$)', '.', text[i]) for i in filled]
     for how in ({'format': 'ISO8601'}, {'dayfirst': _day_first(cells)},
                 {'format': 'mixed', 'dayfirst': _day_first(cells)}):
         try:

@@ -20,7 +20,9 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.telling import Choice, name_of, told_column
 from fam_bundle_ros.data.vocabulary import (
+    absolute_of,
     dimension_of,
+    ELECTRIC,
     likes,
     Match,
     recognise,
@@ -36,8 +38,6 @@ _ENOUGH = 2
 NONE = 'none'
 #: Quantity: the unit in examples of messages.
 _EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
-#: Units of readings that need a calibration.
-_ELECTRIC = ('V', 'mV', 'uV', '\u00b5V', 'mV/V', 'A', 'mA', 'counts', 'count', 'digits', 'ADC')
 #: More trials than rows over this: the column counts rows.
 _ROWS_PER_TRIAL = 2
 
@@ -136,8 +136,10 @@ class Choices:
             # a displacement comes near zero, a length never does: no muscle shortens by half
             key = family if family != 'strain' else 'length' if (
                 values.min() > 0.5 * values.max()) else 'shift'
-            self.chosen[key] = Choice(header, unit, absolute=unit.absolute,
-                                      why='by its unit alone')
+            absolute = absolute_of(header) if unit.absolute is None else unit.absolute
+            gauge = ', as gauge' if family == 'pressure' and absolute is None else ''
+            self.chosen[key] = Choice(header, unit, absolute=absolute,
+                                      why=f'by its unit alone{gauge}')
             del self.refused[header]
 
     def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
@@ -282,9 +284,11 @@ class Choices:
                 without.append(f'{name_of(header)} [{_EXAMPLES[key]}]')
             elif any(unit_of(text, like) for like in likes(key)):
                 fitting.append(header)
-            elif text.strip() in _ELECTRIC and _family(recognise(header).quantity) in ('', key):
+            elif text.strip() in ELECTRIC and _family(recognise(header).quantity) in ('', key):
                 electric.append(f'{name_of(header)} * 50 {_EXAMPLES[key]}')
-        return fitting or without or electric
+        found = fitting or without or electric
+        # what may be this quantity before what may be none
+        return sorted(found, key=lambda text: _family(recognise(text).quantity) != key)
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:

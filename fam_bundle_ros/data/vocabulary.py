@@ -163,6 +163,8 @@ _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref referenc
     vakuum unterdruck preload vorlast theoretical theo theoretisch estimated estimate""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
                      r'kontraktion)$')
+#: What a pressure counts from, in brackets of its own: 'Druck in bar (\u00dcberdruck)'.
+_GAUGE_WORD = re.compile(r'(?<=\w)\s*\((\u00fcberdruck|ueberdruck|gauge|relativ\w*|absol\w*)\)\s*$', re.I)
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')
 
 
@@ -230,8 +232,10 @@ def recognise(header: str, unit_text: str = '') -> Match:
     if rest_length_of(f'{header} {unit_text}=1') is not None:
         return Match('', why='the rest length')
     best = Match('')
-    for name, unit in _splits(header, unit_text):
-        found = _named(name)._replace(absolute=_absolute(name))
+    if header.startswith('/'):
+        return _of_topic(header, unit_text)
+    for name, unit in _splits(_GAUGE_WORD.sub('', header), unit_text):
+        found = _named(name)._replace(absolute=absolute_of(header))
         if not found.quantity:
             best = found if found.why != 'not known' else best
             continue
@@ -242,6 +246,20 @@ def recognise(header: str, unit_text: str = '') -> Match:
     return best if best.quantity or clock is None else Match('time', 2, clock)
 
 
+def _of_topic(path: str, unit_text: str) -> Match:
+    """Return what a field of a ROS topic is, by its last names: '/cell/wrench/force/z'."""
+    names = path.strip('/').split('/')
+    unit = max((mu for name in names for mu in re.findall(r'^mu\d+$', name)), default='')
+    for tail in (names[-1:], names[-2:]):
+        found = recognise(' '.join(tail), unit_text)
+        if found.quantity and found.score:
+            return found._replace(part=unit if found.quantity == 'pressure' else found.part)
+    return Match('')
+
+
+#: Units of readings that need a calibration.
+ELECTRIC = frozenset(('V', 'Volt', 'Volts', 'mV', 'uV', '\u00b5V', 'mV/V', 'A', 'mA', 'counts', 'count',
+                      'digits', 'ADC'))
 #: Units that columns of other things carry too: masses, a share, an acceleration.
 _VAGUE = frozenset(('g', 'kg', 'lb', 'lbs', 'at', 'd', 'h', 'nm', 'um', '-', '', '1', '%'))
 
@@ -375,12 +393,21 @@ def _named(name: str) -> Match:
     return Match('')
 
 
-def _absolute(name: str) -> bool | None:
+def absolute_of(name: str) -> bool | None:
+    """
+    Return whether a name says that a pressure is absolute, gauge (False) or neither (None).
+
+    Examples
+    --------
+    >>> absolute_of('Pression absolue (bar)'), absolute_of('p_rel'), absolute_of('Pressione')
+    (True, False, None)
+    """
     words = ' '.join(words_of(name))
-    # the field of ROS's FluidPressure, which is absolute
-    if re.search(r'\babs|absolut', words) or re.search(r'\bfluid_pressure\b', name):
+    # fluid_pressure is the field of ROS's FluidPressure, which is absolute
+    if re.search(r'\babs|absol|\bass(olut\w*)?\b|bezwzgl|\u7d76\u5bfe|\u7edd\u5bf9', words) or re.search(
+            r'\bfluid_pressure\b', name):
         return True
-    return False if re.search(r'\b(gauge|rel|relativ\w*|ueberdruck)\b', words) else None
+    return False if re.search(r'\b(gauge|rel|relat\w*|ueberdruck|manometric\w*)\b', words) else None
 
 
 def _last_of(word: str) -> str:

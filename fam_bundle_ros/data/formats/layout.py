@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.vocabulary import is_unit, recognise
+from fam_bundle_ros.data.vocabulary import ELECTRIC, is_unit, recognise
 
 #: Cells that stand for no reading, in any case: blanks, what is no number in C and in Excel, and
 #: what instruments write beyond their range.
@@ -196,4 +196,5 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
 
 def _units_in(row: Sequence[str]) -> bool:
     cells = [cell for cell in row if cell.strip()]
-    return bool(cells) and sum(is_unit(cell) for cell in cells) > 0.6 * len(cells)
+    return bool(cells) and sum(is_unit(cell) or cell.strip().strip('[](){}<>') in ELECTRIC
+                               for cell in cells) > 0.6 * len(cells)

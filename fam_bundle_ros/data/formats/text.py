@@ -27,7 +27,7 @@ from fam_bundle_ros.data.formats import layout
 from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import check_size, Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
-from fam_bundle_ros.data.vocabulary import rest_length_of
+from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
@@ -304,7 +304,11 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                                         'no rows of numbers were found')
                          + '; expected a table with columns for strain (or length), pressure and '
                          'force')
-    width = dialect.layout.width
+    # a column of remarks may be blank in the rows that were looked at
+    width = max([dialect.layout.width, *(len(names) for names in (
+        layout.trimmed(split(line, dialect.separator)) for line in head[:line_at]
+        if dialect.separator != _BLANK and not _is_comment(line)) if sum(recognise(cell).score > 1 for cell in names) > 2
+        and layout.may_name(names, len(names)))])
     above = [i for i, line in enumerate(head[:line_at]) if line.strip()]
     cells = {i: _header_cells(head[i], dialect, width) for i in above}
     own = {i: len(split(head[i], dialect.separator)) for i in above}

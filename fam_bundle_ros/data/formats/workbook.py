@@ -83,7 +83,7 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     decimal = ',' if any(map(_has_decimal_comma, values[:_SNIFFED].T)) else '.'
     head = [[_text(cell, decimal) for cell in row] for row in values[:_SNIFFED]]
     # columns that are blank from top to bottom are margins
-    used = [j for j in range(values.shape[1]) if any(row[j].strip() for row in head)]
+    used = [j for j in range(values.shape[1]) if any(_text(cell).strip() for cell in values[:, j])]
     head = [[row[j] for j in used] for row in head]
     filled = [i for i, row in enumerate(head) if any(cell.strip() for cell in row)]
     first, width = layout.find_data([head[i] for i in filled], decimal)
