@@ -16,6 +16,7 @@ import re
 import numpy as np
 
 from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
+from fam_bundle_ros.data.clocks import same_name
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.telling import Choice, name_of, told_column
@@ -207,7 +208,10 @@ class Choices:
             same = next((other for other, known in kept if known.unit == match.unit
                          and (key != 'force' or known.part == match.part)
                          and _equal(self.table.columns[other], cells)), None)
-            if same is None:
+            first = next((other for other, _ in kept if same_name(other, header)), None)
+            if same is None and key == 'time' and first is not None:
+                self.refused[header] = f"called as '{first}'"
+            elif same is None:
                 kept.append(entry)
             else:
                 self.refused[header] = f"the same as '{same}'"

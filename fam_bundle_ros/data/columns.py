@@ -15,7 +15,7 @@ import re
 
 import numpy as np
 
-from fam_bundle_ros.data import checks
+from fam_bundle_ros.data import checks, clocks
 from fam_bundle_ros.data.cells import (
     blank,
     is_text,
@@ -31,6 +31,7 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.guesses import guess_unit, time_unit
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
+from fam_bundle_ros.data.telling import Choice
 from fam_bundle_ros.data.vocabulary import is_unit, recognise, rest_length_of, Unit
 from fam_bundle_ros.errors import InputError
 
@@ -54,7 +55,7 @@ class _Reader:
         self.choices.complete()
         strains, pressures = self.choices.strains, self.choices.pressures
         values = self._numbers()
-        time = self._time(values)
+        values, time = self._together(values, self._time(values))
         given: dict[str, tuple[str, float]] = {}
         for key in ('force', *pressures, *strains, *(['strain_rate'] if 'strain_rate' in values
                                                      else [])):
@@ -220,20 +221,46 @@ class _Reader:
             return None
         if choice.header is None:
             return choice.value * np.arange(len(self.table.rows))
-        column, rows = self.table.columns[choice.header], self._with_readings(values)
+        return self._seconds(choice, choice.header, self._with_readings(values))
+
+    def _seconds(self, choice: Choice, header: str, rows: np.ndarray) -> np.ndarray:
+        """Return a clock, (T,), s: the one that was chosen, or one that is called as it is."""
+        column, chosen = self.table.columns[header], self.table.columns[str(choice.header)]
         if looks_like_time(column):
+            if header != choice.header and not np.array_equal(column, chosen):
+                raise InputError(f"{self.table.name}: '{header}' shows other times than "
+                                 f"'{choice.header}'; expected one clock, or clocks in seconds")
             choice.unit = None
-            if column.dtype == object:
-                column = np.where(rows, column, '')
-            return choice.sign * seconds(self.table.name, choice.header, column, self.table.rows)
+            if chosen.dtype == object:
+                chosen = np.where(rows, chosen, '')
+            return choice.sign * seconds(self.table.name, str(choice.header), chosen,
+                                         self.table.rows)
         clock, words = numbers(column)
-        self._refuse_words(choice.header, words & rows)
+        self._refuse_words(header, words & rows)
         if choice.unit is None:
             choice.unit, choice.why = time_unit(clock)
-        known = clock[np.isfinite(clock)]
         # digits of a clock that counts since 1970 are worth more than its origin
+        first = numbers(chosen)[0]
+        known = first[np.isfinite(first)]
         origin = known[0] if len(known) and np.abs(known).max() > 1e8 else 0.0
         return (clock - origin) * choice.unit.factor * choice.sign
+
+    def _together(self, values: dict[str, np.ndarray], time: np.ndarray | None,
+                  ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+        """Return readings and times of rows in which all quantities stand together."""
+        choice = self.choices.chosen.get('time')
+        if time is None or choice is None or choice.header is None:
+            return values, time
+        rows = self._with_readings(values)
+        found = clocks.bring_together(
+            self.table, choice.header,
+            {key: each.header for key in values if (each := self.choices.chosen[key]).header},
+            values, lambda header: self._seconds(choice, header, rows))
+        if found is None:
+            return values, time
+        moved, time, note = found
+        self.notes.append(note)
+        return {**values, **moved}, time
 
     def _unit(self, key: str, values: np.ndarray) -> Unit:
         choice = self.choices.chosen[key]

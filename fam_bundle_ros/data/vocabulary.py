@@ -249,11 +249,15 @@ def recognise(header: str, unit_text: str = '') -> Match:
 def _of_topic(path: str, unit_text: str) -> Match:
     """Return what a field of a ROS topic is, by its last names: '/cell/wrench/force/z'."""
     names = path.strip('/').split('/')
-    unit = max((mu for name in names for mu in re.findall(r'^mu\d+$', name)), default='')
+    part = max((name for name in names if re.fullmatch(r'mu\d+', name)), default='')
+    if names[-1] == 'fluid_pressure':
+        return Match('pressure', 3, unit_of('Pa', 'Pa'), part, absolute=True)
+    if names[-2:-1] == ['force']:
+        return Match('force', 3, unit_of('N', 'N'))
     for tail in (names[-1:], names[-2:]):
         found = recognise(' '.join(tail), unit_text)
         if found.quantity and found.score:
-            return found._replace(part=unit if found.quantity == 'pressure' else found.part)
+            return found
     return Match('')
 
 

@@ -1,0 +1,128 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Channels that were sampled at times of their own, brought to the times of the slowest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import re
+
+import numpy as np
+
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.errors import about, InputError
+
+
+def same_name(header: str, other: str) -> bool:
+    """
+    Return whether two headers differ in nothing but a count.
+
+    Examples
+    --------
+    >>> same_name('Time (s)', 'Time (s).1'), same_name('Time', 'Time (2)'), same_name('t', 'time')
+    (True, True, False)
+    """
+    first, second = (re.sub(r'[ ._]*(\(\d+\)|\d+)$', '', name).casefold()
+                     for name in (header, other))
+    return first == second
+
+
+def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str, str]:
+    """
+    Return the clock of each quantity: the nearest column on its left that is called as the clock.
+
+    Parameters
+    ----------
+    table : Table
+    clock : str
+        Header of the time.
+    headers : dict of str to str
+        Quantity to header.
+    """
+    order = list(table.columns)
+    clocks = [header for header in order if header == clock or same_name(header, clock)
+              and recognise(header, table.units.get(header, '')).quantity == 'time']
+    return {key: max((one for one in clocks if order.index(one) < order.index(header)),
+                     key=order.index, default=clock) for key, header in headers.items()}
+
+
+def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray],
+                ) -> tuple[dict[str, np.ndarray], str] | None:
+    """
+    Return readings at the times of the slowest channel, nan beyond those of another, and which.
+
+    None where the channels have the same times in each row: nothing is to be done.
+
+    Parameters
+    ----------
+    values, times : dict of str to ndarray, shape (T,)
+        Readings and times of each quantity, nan where there is none.
+
+    Raises
+    ------
+    InputError
+        Where a clock that is not that of the others goes back.
+
+    Notes
+    -----
+    Between two readings a channel is taken as linear. The slowest, that with the fewest readings,
+    is interpolated nowhere, so that no reading is made up where none was taken.
+    """
+    known = {key: np.isfinite(values[key]) & np.isfinite(times[key]) for key in values}
+    first = next(iter(times.values()))
+    together = np.all(list(known.values()), axis=0)
+    if all(_equal(first, time) for time in times.values()) and together.any() or any(
+            rows.sum() < 2 for rows in known.values()):
+        return None
+    for key, time in times.items():
+        if (np.diff(time[known[key]]) < 0.0).any():
+            raise InputError(f'the times of {key} go back, and are not those of the other '
+                             'readings; expected one clock for all, or one trial per file')
+    slowest = min(values, key=lambda key: (int(known[key].sum()), list(values).index(key)))
+    at = np.where(known[slowest], times[slowest], np.nan)
+    moved: dict[str, np.ndarray] = {}
+    for key, own in values.items():
+        rows = known[key]
+        moved[key] = own if key == slowest else np.interp(
+            at, times[key][rows], own[rows], left=np.nan, right=np.nan)
+    return moved, slowest
+
+
+def _equal(one: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two clocks show the same wherever both show something."""
+    both = np.isfinite(one) & np.isfinite(other)
+    return bool(both.any()) and np.array_equal(one[both], other[both])
+
+
+def bring_together(table: Table, clock: str, headers: Mapping[str, str],
+                   values: Mapping[str, np.ndarray], seconds: Callable[[str], np.ndarray],
+                   ) -> tuple[dict[str, np.ndarray], np.ndarray, str] | None:
+    """
+    Return readings and times of rows in which all quantities stand together, and a note.
+
+    None where they do as they are.
+
+    Parameters
+    ----------
+    table : Table
+    clock : str
+        Header of the time.
+    headers : dict of str to str
+        Quantity to header, without the time.
+    values : dict of str to ndarray, shape (T,)
+        Readings of these.
+    seconds : callable
+        Returns a clock, (T,), s, by its header.
+    """
+    clocks = own_clocks(table, clock, headers)
+    times = {header: seconds(header) for header in dict.fromkeys(clocks.values())}
+    with about(table.name):
+        found = at_one_time({key: values[key] for key in headers},
+                            {key: times[clocks[key]] for key in headers})
+    if found is None:
+        return None
+    moved, slowest = found
+    return moved, times[clocks[slowest]], (
+        f"channels with times of their own: read at those of '{headers[slowest]}', the slowest, "
+        'linear between')
