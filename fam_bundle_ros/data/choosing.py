@@ -129,6 +129,9 @@ class Choices:
                 if unit is not None and unit.like == like and column.dtype.kind == 'f' and (
                         why == 'not known' or why.startswith('may be ')):
                     found.append((header, unit, column[np.isfinite(column)]))
+            gauge = [entry for entry in found if absolute_of(entry[0]) is False]
+            if family == 'pressure' and len(gauge) == 1:
+                found = gauge  # beside the absolute one
             if len(found) != 1:
                 continue
             (header, unit, values), = found
@@ -250,11 +253,12 @@ class Choices:
         examples = self._examples(key)
         # without a column left it is a constant, or it is not in this file
         constant = ', a constant' if key == 'pressure' and not examples else ''
-        example = f'--columns "{key}=' + (examples[0] if examples else '300 kPa' if constant else
-                                          f'... [{_EXAMPLES[key]}]') + '"'
+        example = f'--columns "' + (examples[0] if examples else f'{key}=300 kPa' if constant else
+                                    f'{key}=... [{_EXAMPLES[key]}]') + '"'
         if key == 'pressure' and len(examples) > 1:
             example += ', or of motor units ' + ' '.join(
-                f'--columns "pressure.mu{i}={one}"' for i, one in enumerate(examples[:2], 1))
+                f'--columns "pressure.mu{i}={one.partition("=")[2]}"'
+                for i, one in enumerate(examples[:2], 1))
         return (f"{self.table.name}: column '{key}' is missing{found}; tell it{constant}, "
                 f'for example {example}')
 
@@ -267,12 +271,12 @@ class Choices:
                 continue
             told = _shown(match.quantity) + (f'.{match.part}' if match.part else '')
             unit = _EXAMPLES.get(match.quantity, 'mm')
-            other = (self._examples(key, header) or [f'... [{_EXAMPLES[key]}]'])[0]
+            other = (self._examples(key, header) or [f'{key}=... [{_EXAMPLES[key]}]'])[0]
             return (f"column '{header}': '{text}' is not a unit of {key}; if its numbers are in "
                     f'another unit, tell it, for example --columns "{told}={name_of(header)} '
                     f'[{unit}]", or what one {text} is worth, --columns "{told}={name_of(header)} '
                     f'* 50 {unit} - 2 {unit}"; if another column has it, --columns '
-                    f'"{key}={other}"')
+                    f'"{other}"')
         return ''
 
     def _examples(self, key: str, besides: str = '') -> list[str]:
@@ -283,16 +287,18 @@ class Choices:
         for header, column in self.table.columns.items():
             if header not in self.refused or header == besides or is_text(column):
                 continue
+            meant = recognise(header, self.table.units.get(header, '')).quantity
+            alike = _family(meant) == key
+            told = _shown(meant) if alike else key
             text = self.table.units.get(header) or unit_text_of(header)
             if text is None:
-                without.append(f'{name_of(header)} [{_EXAMPLES[key]}]')
+                example = f'{told}={name_of(header)} [{_EXAMPLES.get(told, "mm")}]'
+                without.insert(0 if alike else len(without), example)
             elif any(unit_of(text, like) for like in likes(key)):
-                fitting.append(header)
-            elif text.strip() in ELECTRIC and _family(recognise(header).quantity) in ('', key):
-                electric.append(f'{name_of(header)} * 50 {_EXAMPLES[key]}')
-        found = fitting or without or electric
-        # what may be this quantity before what may be none
-        return sorted(found, key=lambda text: _family(recognise(text).quantity) != key)
+                fitting.insert(0 if alike else len(fitting), f'{told}={header}')
+            elif text.strip() in ELECTRIC and (alike or not meant):
+                electric.append(f'{told}={name_of(header)} * 50 {_EXAMPLES.get(told, "mm")}')
+        return fitting or without or electric
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:

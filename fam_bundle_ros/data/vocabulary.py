@@ -165,6 +165,8 @@ _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verk
                      r'kontraktion)$')
 #: What a pressure counts from, in brackets of its own: 'Druck in bar (\u00dcberdruck)'.
 _GAUGE_WORD = re.compile(r'(?<=\w)\s*\((\u00fcberdruck|ueberdruck|gauge|relativ\w*|absol\w*)\)\s*$', re.I)
+#: What ControlDesk puts around a name: 'Model Root/Force/Out1'.
+_DSPACE = re.compile(r'^.*\bModel Root/|(?<=\w)/(Out|In)\d*$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')
 
 
@@ -231,6 +233,7 @@ def recognise(header: str, unit_text: str = '') -> Match:
     """
     if rest_length_of(f'{header} {unit_text}=1') is not None:
         return Match('', why='the rest length')
+    header = _DSPACE.sub('', header)
     best = Match('')
     if header.startswith('/'):
         return _of_topic(header, unit_text)

@@ -100,13 +100,47 @@ def flattened(values: Mapping[str, Any], prefix: str = '', depth: int = 4) -> di
                 isinstance(entry, Mapping) for entry in value):
             value = _channels(list(value)) or _joined(list(value))
         channels = _channels([value]) if isinstance(value, Mapping) else {}
-        if channels and not flat.keys() & channels:
+        series = _series(value) if isinstance(value, Mapping) else None
+        if series is not None:
+            clock, flat[name], unit = series
+            _insert_clock(flat, name, clock)
+            if unit:
+                flat[f'{name}_unit'] = unit
+        elif channels and not flat.keys() & channels:
             flat.update(channels)
         elif isinstance(value, Mapping) and depth:
             flat.update(flattened(value, name, depth - 1))
         else:
             flat[name] = value
     return flat
+
+
+#: Fields of a struct that holds one channel and its times, as Simulink's timeseries.
+_SERIES = ('time', 't', 'times'), ('data', 'y', 'value', 'values', 'signal')
+
+
+def _series(entry: Mapping[str, Any]) -> tuple[Any, Any, str] | None:
+    """Return the times, the readings and the unit of a struct of one channel; else None."""
+    fields = {key.casefold(): value for key, value in entry.items()}
+    clock, values = (next((fields[key] for key in keys if isinstance(
+        fields.get(key), (list, np.ndarray))), ()) for keys in _SERIES)
+    if not 1 < np.size(clock) == np.size(values):
+        return None
+    info = fields.get('datainfo')
+    inner = {key.casefold(): value for key, value in info.items()} if isinstance(
+        info, Mapping) else {}
+    unit = next((found for found in (fields.get('units'), fields.get('unit'), inner.get('units'))
+                 if isinstance(found, str)), '')
+    return np.ravel(clock), np.ravel(values), unit
+
+
+def _insert_clock(flat: dict[str, Any], name: str, clock: np.ndarray) -> None:
+    """Put a channel's times before it, unless those of the last channel are the same."""
+    clocks = [key for key in flat if key == 'time' or key.startswith('time ')]
+    if not clocks or not np.array_equal(flat[clocks[-1]], clock):
+        values = flat.pop(name)
+        flat[f'time {len(clocks) + 1}' if clocks else 'time'] = clock
+        flat[name] = values
 
 
 #: Fields of a struct that holds one channel, as dSPACE and Simulink write them: name, unit.
