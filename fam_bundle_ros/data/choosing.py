@@ -253,7 +253,7 @@ class Choices:
         examples = self._examples(key)
         # without a column left it is a constant, or it is not in this file
         constant = ', a constant' if key == 'pressure' and not examples else ''
-        example = f'--columns "' + (examples[0] if examples else f'{key}=300 kPa' if constant else
+        example = '--columns "' + (examples[0] if examples else f'{key}=300 kPa' if constant else
                                     f'{key}=... [{_EXAMPLES[key]}]') + '"'
         if key == 'pressure' and len(examples) > 1:
             example += ', or of motor units ' + ' '.join(

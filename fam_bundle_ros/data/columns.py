@@ -35,6 +35,9 @@ from fam_bundle_ros.data.telling import Choice
 from fam_bundle_ros.data.vocabulary import is_unit, recognise, rest_length_of, Unit
 from fam_bundle_ros.errors import InputError
 
+#: What calls a row at the end a statistic of those above.
+_STATISTIC = re.compile(r'(mean|average|avg|max|min|std|st\.? ?dev|sd|sigma|median|sum|total|'
+                        r'range|mittelwert|mittel|summe|standardabw|moyenne|media)\b', re.I)
 #: By how much a rest length may be another than the file says.
 _SAME_LENGTH = 0.02
 
@@ -171,14 +174,17 @@ class _Reader:
         """
         Return the rows at the end that are no samples: statistics, or another small table.
 
-        They begin with a word, below rows that do not, or the clock first goes back below a row
-        of words.
+        They begin with a word, below rows that do not, or a column of remarks calls them
+        statistics, or the clock first goes back below a row of words.
         """
         column = next(iter(self.table.columns.values()))
         _, words = numbers(column)
         footer = np.cumprod(words[::-1])[::-1].astype(bool)
         if looks_like_time(column) or footer.mean() > 0.1 or words[~footer].mean() > 0.5:
             footer[:] = False
+        for remarks in filter(is_text, self.table.columns.values()):
+            footer |= np.cumprod([bool(_STATISTIC.match(str(cell).strip()))
+                                  for cell in remarks[::-1]])[::-1].astype(bool)
         clock = self.choices.chosen.get('time')
         if clock is not None and clock.header and not looks_like_time(
                 self.table.columns[clock.header]):
@@ -191,8 +197,9 @@ class _Reader:
         if footer.mean() > 0.1 or not footer.any():
             return np.zeros(len(column), bool)
         at = int(np.argmax(footer))
+        begin = next(cell for cell in self._cells(at) if cell)
         self.notes.append(f"left out from row {self.table.rows[at]} on: it begins with "
-                          f"'{str(column[at])[:40]}'")
+                          f"'{begin[:40]}'")
         return footer
 
     def _with_readings(self, values: dict[str, np.ndarray]) -> np.ndarray:

@@ -164,7 +164,8 @@ _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref referenc
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
                      r'kontraktion)$')
 #: What a pressure counts from, in brackets of its own: 'Druck in bar (\u00dcberdruck)'.
-_GAUGE_WORD = re.compile(r'(?<=\w)\s*\((\u00fcberdruck|ueberdruck|gauge|relativ\w*|absol\w*)\)\s*$', re.I)
+_GAUGE_WORD = re.compile(
+    r'(?<=\w)\s*\((\u00fcberdruck|ueberdruck|gauge|relativ\w*|absol\w*)\)\s*$', re.IGNORECASE)
 #: What ControlDesk puts around a name: 'Model Root/Force/Out1'.
 _DSPACE = re.compile(r'^.*\bModel Root/|(?<=\w)/(Out|In)\d*$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')
@@ -254,7 +255,7 @@ def _of_topic(path: str, unit_text: str) -> Match:
     names = path.strip('/').split('/')
     part = max((name for name in names if re.fullmatch(r'mu\d+', name)), default='')
     if names[-1] == 'fluid_pressure':
-        return Match('pressure', 3, unit_of('Pa', 'Pa'), part, absolute=True)
+        return Match('pressure', 3, Unit('Pa', 1.0, 'Pa', absolute=True), part, absolute=True)
     if names[-2:-1] == ['force']:
         return Match('force', 3, unit_of('N', 'N'))
     for tail in (names[-1:], names[-2:]):
@@ -265,8 +266,8 @@ def _of_topic(path: str, unit_text: str) -> Match:
 
 
 #: Units of readings that need a calibration.
-ELECTRIC = frozenset(('V', 'Volt', 'Volts', 'mV', 'uV', '\u00b5V', 'mV/V', 'A', 'mA', 'counts', 'count',
-                      'digits', 'ADC'))
+ELECTRIC = frozenset(('V', 'Volt', 'Volts', 'mV', 'uV', '\u00b5V', 'mV/V', 'A', 'mA', 'counts',
+                      'count', 'digits', 'ADC'))
 #: Units that columns of other things carry too: masses, a share, an acceleration.
 _VAGUE = frozenset(('g', 'kg', 'lb', 'lbs', 'at', 'd', 'h', 'nm', 'um', '-', '', '1', '%'))
 
@@ -400,6 +401,11 @@ def _named(name: str) -> Match:
     return Match('')
 
 
+#: Words for absolute and gauge, of European languages and Chinese characters.
+_IS_ABSOLUTE = re.compile(r'\babs|absol|\bass(olut\w*)?\b|bezwzgl|\u7d76\u5bfe|\u7edd\u5bf9')
+_IS_GAUGE = re.compile(r'\b(gauge|rel|relat\w*|ueberdruck|manom\w*)\b')
+
+
 def absolute_of(name: str) -> bool | None:
     """
     Return whether a name says that a pressure is absolute, gauge (False) or neither (None).
@@ -411,10 +417,9 @@ def absolute_of(name: str) -> bool | None:
     """
     words = ' '.join(words_of(name))
     # fluid_pressure is the field of ROS's FluidPressure, which is absolute
-    if re.search(r'\babs|absol|\bass(olut\w*)?\b|bezwzgl|\u7d76\u5bfe|\u7edd\u5bf9', words) or re.search(
-            r'\bfluid_pressure\b', name):
+    if _IS_ABSOLUTE.search(words) or re.search(r'\bfluid_pressure\b', name):
         return True
-    return False if re.search(r'\b(gauge|rel|relat\w*|ueberdruck|manometric\w*)\b', words) else None
+    return False if _IS_GAUGE.search(words) else None
 
 
 def _last_of(word: str) -> str:

@@ -311,6 +311,51 @@ def test_a_length_may_be_a_ratio_to_that_at_rest(log, header):
     assert np.allclose(data.strain, log[1])
 
 
+@pytest.mark.parametrize('header', [
+    'Absolutdruck (bar)', 'Pression absolue (bar)', 'Pressione assoluta (bar)',
+    'Pressione ass. (bar)', 'Presi\u00f3n absoluta (bar)', 'Absolute druk (bar)',
+    'Ci\u015bnienie bezwzgl\u0119dne (bar)', '\u7d76\u5bfe\u5727(bar)',
+    '\u7edd\u5bf9\u538b\u529b(bar)', 'P abs (bar)'])
+def test_a_pressure_that_is_called_absolute_is_read_as_such(log, header):
+    """In languages of which nothing else is understood too."""
+    data = read_measurement(table(log, pressure=(header, log[2] / 1e5 + 1.01325)))
+    assert np.allclose(data.pressure[:, 0], log[2])
+    assert 'absolute' in taken_words(data)
+
+
+@pytest.mark.parametrize('header', ['Druck in bar (\u00dcberdruck)', 'Pression relative (bar)',
+                                    'Presi\u00f3n manom\u00e9trica (bar)', 'p rel (bar)'])
+def test_a_gauge_pressure_is_taken_beside_the_absolute_one(log, header):
+    """Which of the two is meant is not asked where the name tells."""
+    data = read_measurement({**table(log, pressure=(header, log[2] / 1e5)),
+                             'Pression absolue (bar)': log[2] / 1e5 + 1.01325})
+    assert np.allclose(data.pressure[:, 0], log[2])
+
+
+def test_a_pressure_known_by_its_unit_alone_is_said_to_be_gauge(log):
+    """Nobody knows it from the name."""
+    renamed = table(log, pressure=('Ci\u015bnienie (bar)', log[2] / 1e5))
+    assert '(by its unit alone, as gauge)' in taken_words(read_measurement(renamed))
+
+
+def test_fields_of_topics_are_recognised_by_their_last_names(log):
+    """As PlotJuggler writes them; units are those of the messages."""
+    data = read_measurement({
+        '__time': 1.71e9 + log[0], '/cell/wrench/force/z': log[3],
+        '/cell/wrench/torque/z': 0 * log[0],
+        '/slide/strain': log[1], '/mu1/pressure/fluid_pressure': log[2] + 101325.0,
+        '/mu2/pressure/fluid_pressure': log[2] / 2 + 101325.0})
+    assert np.allclose(data.pressure, np.stack([log[2], log[2] / 2], -1))
+    assert np.allclose(data.force, log[3])
+
+
+def test_a_message_offers_the_column_that_is_most_like_what_is_missing(log):
+    """Not the first one that is left."""
+    with pytest.raises(InputError) as caught:
+        read_measurement(table(log, force=('MAIN.load_1', log[3]), time=('counter', log[0])))
+    assert 'for example --columns "force=MAIN.load_1 [N]"' in str(caught.value)
+
+
 def test_a_name_among_other_words_needs_a_unit(log):
     """'left spring load' may be anything; with N it is a force."""
     with pytest.raises(InputError, match='may be force, but for its other words'):

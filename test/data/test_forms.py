@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import read_measurement
+from fam_bundle_ros.data import read_measurement, taken_words
 from fam_bundle_ros.data.formats.layout import BLANKS
 from fam_bundle_ros.errors import InputError
 
@@ -515,3 +515,56 @@ def test_a_mat_file_without_vectors_fails(tmp_path):
     savemat(tmp_path / 'a.mat', {'operator': 'KM'})
     with pytest.raises(InputError, match='expected arrays of equal length'):
         read_measurement(tmp_path / 'a.mat')
+
+
+def test_rows_that_remarks_call_statistics_are_no_samples(log, tmp_path):
+    """In a last column, and in a first one without a header, of text and of a workbook."""
+    lines = ['time [s],contraction [mm],pressure [kPa],force [N],Remark', *(
+        ','.join(row) for row in cells(log))]
+    lines += ['24.9,25.0,250.0,60.0,Mean', '49.9,50.0,400.0,160.0,Max']
+    path = tmp_path / 'log.csv'
+    path.write_text('\n'.join(lines) + '\n')
+    same(read_measurement(path, rest_length=REST), log)
+    pytest.importorskip('openpyxl')
+    rows = [line.split(',') for line in lines]
+    book = pandas.DataFrame([[row[4] if k > ROWS else '', *(
+        row[:4] if k == 0 else map(float, row[:4]))] for k, row in enumerate(rows)])
+    book.to_excel(tmp_path / 'log.xlsx', header=False, index=False)
+    data = read_measurement(tmp_path / 'log.xlsx', rest_length=REST)
+    same(data, log)
+    assert any("begins with 'Mean'" in note for note in data.notes)
+
+
+def test_a_remark_far_down_is_no_cell_too_many(tmp_path):
+    """The header names its column; no row of the first hundreds has one."""
+    path = tmp_path / 'log.csv'
+    path.write_text('time [s],strain,pressure [kPa],force [N],Remark\n' + ''.join(
+        f'{0.1 * k:.1f},{0.0002 * k:.4f},200.0,{300 - 0.2 * k:.1f},'
+        f'{"valve clicked" if k == 700 else ""}\n' for k in range(900)))
+    data = read_measurement(path)
+    assert len(data) == 900
+    assert data.force[-1] == pytest.approx(120.2)
+
+
+def test_a_row_of_electrical_units_is_no_header(tmp_path, log):
+    """'s,V,V,V' below the names, as cards for analog inputs write."""
+    path = tmp_path / 'volts.csv'
+    path.write_text('\n'.join(['Time,AI0,AI1,AI2', 's,V,V,V', *(
+        f'{t:.3f},{p / 1e5:.6f},{f / 50:.6f},{e * 10:.7f}' for t, p, f, e in zip(
+            log['time'], log['pressure'], log['force'], log['strain']))]))
+    same(read_measurement(path, columns={'pressure': 'AI0 * 1 bar', 'force': 'AI1 * 50 N/V',
+                                         'strain': 'AI2 * 10 %'}), log)
+
+
+@pytest.mark.parametrize('names', [('Time', 'Data'), ('time', 'values'), ('t', 'y')])
+def test_structs_of_times_and_readings_are_channels(names, tmp_path, log):
+    """Simulink's timeseries, with or without units beside them, saved by MATLAB."""
+    savemat = pytest.importorskip('scipy.io').savemat
+    channels = {'contraction': (1e3 * 0.25 * log['strain'], 'mm'),
+                'pressure': (log['pressure'] / 1e5, 'bar'), 'force': (log['force'], 'N')}
+    structs = {key: {names[0]: log['time'], names[1]: values, 'DataInfo': {'Units': unit}}
+               for key, (values, unit) in channels.items()}
+    savemat(tmp_path / 'log.mat', structs)
+    data = read_measurement(tmp_path / 'log.mat', rest_length='250 mm')
+    same(data, log)
+    assert 'guessed' not in taken_words(data)

@@ -304,11 +304,7 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                                         'no rows of numbers were found')
                          + '; expected a table with columns for strain (or length), pressure and '
                          'force')
-    # a column of remarks may be blank in the rows that were looked at
-    width = max([dialect.layout.width, *(len(names) for names in (
-        layout.trimmed(split(line, dialect.separator)) for line in head[:line_at]
-        if dialect.separator != _BLANK and not _is_comment(line)) if sum(recognise(cell).score > 1 for cell in names) > 2
-        and layout.may_name(names, len(names)))])
+    width = max([dialect.layout.width, *_named_columns(head[:line_at], dialect.separator)])
     above = [i for i, line in enumerate(head[:line_at]) if line.strip()]
     cells = {i: _header_cells(head[i], dialect, width) for i in above}
     own = {i: len(split(head[i], dialect.separator)) for i in above}
@@ -328,6 +324,15 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                and layout.is_row(split(head[i], dialect.separator), width, dialect.decimal)]
     return dialect._replace(layout=layout.Layout(names, units, first, width)
                             ), min([line_at, *unsound])
+
+
+def _named_columns(above: list[str], separator: str) -> Iterator[int]:
+    """Yield how many columns a header names: remarks may be blank in all rows looked at."""
+    for line in above if separator != _BLANK else ():
+        names = layout.trimmed(split(line, separator))
+        if not _is_comment(line) and layout.may_name(names, len(names)) and sum(
+                recognise(cell).score > 1 for cell in names) > 2:
+            yield len(names)
 
 
 def _decimals(rows: list[list[str]], decimal: str) -> float:

@@ -1,0 +1,94 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Channels that were sampled at times of their own."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data import read_measurement
+from fam_bundle_ros.errors import InputError
+
+TIME = 0.05 * np.arange(400)
+
+
+def strain(time):
+    """Return a sweep of the strain."""
+    return 0.1 - 0.1 * np.cos(2 * np.pi * time / 10.0)
+
+
+def pressure(time):
+    """Return a pressure that rises, kPa."""
+    return 100.0 + 15.0 * time
+
+
+def force(time, muscle):
+    """Return the force of the muscle at these times, N."""
+    return muscle(strain(time), 1e3 * pressure(time))
+
+
+def padded(values):
+    """Return values with blanks to the length of the table."""
+    return np.concatenate([values, np.full(len(TIME) - len(values), np.nan)])
+
+
+@pytest.mark.parametrize('names', [('Time (s)', 'Time (s).1', 'Time (s).2'),
+                                   ('t [s]', 't [s] (2)', 't [s] (3)'),
+                                   ('time', 'time_1', 'time_2')])
+def test_a_slower_channel_is_read_at_its_own_times(names, muscle):
+    """A load cell at half the rate, its rows at the top of the table, blanks below."""
+    slow = padded(TIME[::2])
+    data = read_measurement({
+        names[0]: TIME, 'strain': strain(TIME), names[1]: TIME, 'p [kPa]': pressure(TIME),
+        names[2]: slow, 'F [N]': force(slow, muscle)})
+    assert len(data) == 200
+    assert np.allclose(data.time, TIME[::2])
+    assert np.allclose(data.strain, strain(data.time), atol=1e-6)
+    assert np.allclose(data.pressure[:, 0] / 1e3, pressure(data.time), atol=1e-6)
+    assert np.allclose(data.force, force(data.time, muscle))
+    assert any("read at those of 'F [N]', the slowest" in note for note in data.notes)
+
+
+def test_a_channel_that_began_later_is_shifted_back(muscle):
+    """Times beyond those of another channel are left out, not made up."""
+    later = TIME + 0.5
+    data = read_measurement({
+        'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+        'time [s] (2)': later, 'F [N]': force(later, muscle)})
+    assert len(data) == 390
+    assert data.time[0] == pytest.approx(0.5)
+    assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
+
+
+def test_rows_of_one_channel_each_are_brought_together(muscle):
+    """As PlotJuggler exports topics: no row has all readings."""
+    stamps = np.sort(np.concatenate([TIME, TIME + 0.001, TIME + 0.002]))
+    turn = np.arange(len(stamps)) % 3
+
+    def only(k, values):
+        return np.where(turn == k, values, np.nan)
+
+    data = read_measurement({
+        '__time': 1.71e9 + stamps, '/cell/wrench/force/z': only(0, force(stamps, muscle)),
+        '/strain/data': only(1, strain(stamps)),
+        '/mu1/pressure/fluid_pressure': only(2, 1e3 * pressure(stamps) + 101325.0)})
+    assert len(data) >= 398
+    at = data.time - data.time[0] + 0.05
+    assert np.allclose(data.force, force(at, muscle), atol=0.5)
+    assert np.allclose(data.pressure[:, 0] / 1e3, pressure(at), atol=0.1)
+
+
+def test_equal_clocks_change_nothing(muscle):
+    """A clock per channel that shows the same time."""
+    data = read_measurement({
+        'time [s]': TIME, 'strain': strain(TIME), 'time [s] (2)': TIME, 'p [kPa]': pressure(TIME),
+        'F [N]': force(TIME, muscle)})
+    assert len(data) == len(TIME)
+    assert not any('times of their own' in note for note in data.notes)
+
+
+def test_other_times_that_go_back_are_refused(muscle):
+    """Runs of one channel cannot be told from those of another."""
+    twice = np.concatenate([TIME[:200], TIME[:200]])
+    with pytest.raises(InputError, match='the times of force go back'):
+        read_measurement({'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+                          'time [s] (2)': twice, 'F [N]': force(twice, muscle)})
