@@ -129,9 +129,9 @@ class Choices:
                 if unit is not None and unit.like == like and column.dtype.kind == 'f' and (
                         why == 'not known' or why.startswith('may be ')):
                     found.append((header, unit, column[np.isfinite(column)]))
-            gauge = [entry for entry in found if absolute_of(entry[0]) is False]
-            if family == 'pressure' and len(gauge) == 1:
-                found = gauge  # beside the absolute one
+            relative = [entry for entry in found if absolute_of(entry[0]) is False]
+            if family == 'pressure' and len(relative) == 1:
+                found = relative  # beside the absolute one
             if len(found) != 1:
                 continue
             (header, unit, values), = found
