@@ -357,6 +357,8 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     notes = list(notes)
     strain, force = named['strain'], named['force']
     pressure = np.stack([named[label] for label in labels], -1)
+    if trial is None:
+        notes += _short_trials(trials.of_row, rows)
     notes += _what_does_not_change(name, strain, pressure)
     notes += checks.odd_signs(strain, pressure, force)
     if time is None:
@@ -402,6 +404,14 @@ def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarr
             dropped['that repeat the row before'] = int(again.sum())
             keep[kept[1:][again]] = False
     return keep, dropped, first
+
+
+def _short_trials(of_row: np.ndarray, rows: np.ndarray) -> list[str]:
+    """Return what to look at where the clock goes back for a few rows: another small table."""
+    counts = np.bincount(of_row).tolist()
+    return [f'the clock goes back at row {rows[np.argmax(of_row == k)]} for '
+            f'{counted(count, "row")}: read as a trial'
+            for k, count in enumerate(counts) if k and count < MIN_ROWS]
 
 
 def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:

@@ -535,6 +535,14 @@ def test_rows_that_remarks_call_statistics_are_no_samples(log, tmp_path):
     assert any("begins with 'Mean'" in note for note in data.notes)
 
 
+def test_a_clock_that_goes_back_for_a_few_rows_is_told(log, tmp_path):
+    """Statistics without a label below a blank line: nothing says that they are none."""
+    path = tmp_path / 'log.csv'
+    path.write_text(text([HEAD], [*cells(log), ['9.0', '25.0', '250.0', '60.0']]))
+    data = read_measurement(path, rest_length=REST)
+    assert f'the clock goes back at row {ROWS + 2} for 1 row: read as a trial' in data.notes
+
+
 def test_a_remark_far_down_is_no_cell_too_many(tmp_path):
     """The header names its column; no row of the first hundreds has one."""
     path = tmp_path / 'log.csv'

@@ -240,6 +240,9 @@ TEXTS = {
         f'{clock} -> {line}\n' for clock, line in zip(
             ['10:00:00.000', *(r[0] for r in cells(log, time=day_time))],
             ['contraction_mm,p_kPa,F_N', *(','.join(r[1:]) for r in cells(log))])),
+    'the date of the test above channels and formulas': lambda log: text(
+        ['03/11/2024 10:15:42 AM', 'Ch\tAIN0\tAIN1', HEAD.replace(',', '\t')], cells(log),
+        '\t'),
     'dates with strokes': lambda log: stamped(log, '%d/%m/%Y %H:%M:%S.%f'),
     'dates of America': lambda log: stamped(log, '%m/%d/%Y %H:%M:%S.%f'),
     'dates of MATLAB': lambda log: stamped(log, '%d-%b-%Y %H:%M:%S.%f'),

@@ -126,7 +126,8 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     data = (np.abs(width - usual_width) <= 1) & (numbers >= 2) & (numbers + blanks >= usual)
     data |= (width <= usual_width) & (numbers >= 1) & (numbers + usual_width - width >= usual)
     share = np.cumsum(data[::-1])[::-1] / np.arange(len(data), 0, -1)
-    good = np.flatnonzero(data & (share >= 0.8))
+    # a line of one reading above the names is the date of the test
+    good = np.flatnonzero(data & (share >= 0.8) & (numbers >= min(usual, 2)))
     if not len(good):
         return -1, 0
     first = int(good[0])
