@@ -136,7 +136,7 @@ def _worth(table: Table, base: str, told: re.Match[str]) -> Unit:
     """Return what one count of a column is worth: '* 50 N', or '* 50 N/V' of a column in V."""
     text, header = told['unit'] or '', _header(table, told['words'].removeprefix('-').strip())[0]
     own = table.units.get(header) or unit_text_of(header) or ''
-    if own and text.endswith(f'/{own}'):
+    if own:
         text = text.removesuffix(f'/{own}')
     unit = _fitting(table, base, text, told['words'])
     return unit._replace(factor=float(told['scale']) * unit.factor)

@@ -77,6 +77,19 @@ def test_rows_of_one_channel_each_are_brought_together(muscle):
     assert np.allclose(data.pressure[:, 0] / 1e3, pressure(at), atol=0.1)
 
 
+def test_structs_with_other_times_keep_them(muscle, tmp_path):
+    """Simulink's timeseries of two devices, as many samples but begun apart."""
+    savemat = pytest.importorskip('scipy.io').savemat
+    later = TIME + 0.5
+    savemat(tmp_path / 'log.mat', {
+        'strain': {'Time': TIME, 'Data': strain(TIME)},
+        'p_kPa': {'Time': TIME, 'Data': pressure(TIME)},
+        'F_N': {'Time': later, 'Data': force(later, muscle)}})
+    data = read_measurement(tmp_path / 'log.mat')
+    assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
+    assert np.allclose(data.pressure[:, 0] / 1e3, pressure(data.time), atol=0.01)
+
+
 def test_equal_clocks_change_nothing(muscle):
     """A clock per channel that shows the same time."""
     data = read_measurement({

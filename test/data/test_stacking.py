@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement
+from fam_bundle_ros.data.formats.stacking import one_below_the_other, unstacked
+from fam_bundle_ros.data.formats.table import Table
 
 LEVELS = (100e3, 250e3, 400e3)
 
@@ -62,6 +64,7 @@ def test_a_column_of_force_per_strain_is_a_static_map(muscle):
     table['20 %'][:8] = np.nan
     data = read_measurement(table)
     assert len(data) == 72
+    assert not data.dropped
     assert sorted(set(data.strain.round(4))) == [0.0, 0.05, 0.1, 0.2]
     assert np.allclose(data.force, muscle(data.strain, data.pressure[:, 0]))
 
@@ -110,3 +113,38 @@ def test_what_is_told_of_the_column_beside_leaves_the_levels_as_they_are(trials)
              **{f'{p[0] / 1e5:g} bar': f for _, _, p, f in trials}}
     same(read_measurement(table, columns={'contraction': 'position - 12 mm'}, rest_length=0.25),
          trials)
+
+
+def test_a_pressure_that_was_measured_twice_has_two_columns(trials):
+    """Up and down under one name: the second is counted by whoever reads the file."""
+    (_, strain, _, force), other = trials[0], trials[2]
+    data = read_measurement({'strain': strain, '1 bar': force, '1 bar (2)': force,
+                             '4 bar': other[3]})
+    same(data, [trials[0], trials[0], other])
+
+
+def test_columns_that_repeat_without_a_force_are_left_as_they_are():
+    """Thermocouples with two columns each are no trials of a muscle."""
+    ones = np.ones(20)
+    table = Table('log', 'arrays', {'T': ones, 'U': ones, 'T (2)': ones, 'U (2)': ones})
+    assert unstacked(table) is table
+
+
+@pytest.mark.parametrize(('second', 'units'), [
+    ('Run 2', {'F': 'lbf'}), ('filtered', {'F': 'N'}), ('Run 2', {'F': 'N', 'G': 'N'})])
+def test_sheets_that_differ_are_no_trials_of_one_kind(second, units):
+    """In units, columns, or more than a number in the name."""
+    def sheet(units):
+        return Table('log', 'sheet', {header: np.ones(20) for header in units}, units)
+    tables = {'Run 1': sheet({'F': 'N'}), second: sheet(units)}
+    assert one_below_the_other(tables) is None
+    assert one_below_the_other({'Run 1': sheet({'F': 'N'}), 'Run 2': sheet({'F': 'N'})})
+
+
+def test_a_pressure_in_a_column_counts_more_than_the_names_of_sheets(trials):
+    """'1 bar' is what was set, the column what was measured."""
+    tables = {f'{p[0] / 1e5:g} bar': Table('log', 'sheet', {
+        'strain': e, 'p [bar]': p / 1e5 + 0.03, 'F [N]': f}) for _, e, p, f in trials}
+    whole = one_below_the_other(tables)
+    assert list(whole.columns) == ['strain', 'p [bar]', 'F [N]', 'trial']
+    assert np.allclose(read_measurement(whole).pressure[:, 0], np.repeat(LEVELS, 60) + 3e3)

@@ -104,7 +104,7 @@ def _levels(table: Table) -> Table | None:
         if level and force and force.quantity == 'force' and force.score:
             levels[header], forces[header] = level, force
     kinds = {(level.quantity, level.unit) for level in levels.values()}
-    if len(kinds) != 1 or len({level.value for level in levels.values()}) != len(levels) > 1:
+    if len(kinds) != 1 or len(levels) < 2:
         return None
     (quantity, unit), = kinds
     rest = [header for header in table.columns if header not in levels]
