@@ -131,14 +131,17 @@ def test_columns_that_repeat_without_a_force_are_left_as_they_are():
 
 
 @pytest.mark.parametrize(('second', 'units'), [
-    ('Run 2', {'F': 'lbf'}), ('filtered', {'F': 'N'}), ('Run 2', {'F': 'N', 'G': 'N'})])
+    ('Run 2', {'F': 'lbf'}), ('filtered', {'F': 'N'}), ('1 bar', {'F': 'N'}),
+    ('Run 2', {'F': 'N', 'G': 'N'})])
 def test_sheets_that_differ_are_no_trials_of_one_kind(second, units):
-    """In units, columns, or more than a number in the name."""
+    """In units, columns, or more than a number in the name; two muscles are no trials either."""
     def sheet(units):
         return Table('log', 'sheet', {header: np.ones(20) for header in units}, units)
     tables = {'Run 1': sheet({'F': 'N'}), second: sheet(units)}
     assert one_below_the_other(tables) is None
-    assert one_below_the_other({'Run 1': sheet({'F': 'N'}), 'Run 2': sheet({'F': 'N'})})
+    same_columns = [sheet({'F': 'N'}), sheet({'F': 'N'})]
+    assert one_below_the_other(dict(zip(('Muscle 1', 'Muscle 2'), same_columns))) is None
+    assert one_below_the_other(dict(zip(('Run 1', 'Run 2'), same_columns)))
 
 
 def test_a_pressure_in_a_column_counts_more_than_the_names_of_sheets(trials):

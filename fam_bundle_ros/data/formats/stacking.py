@@ -47,13 +47,16 @@ def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:
     """
     Return tables of the same columns as one, by name; None where they are no trials of one kind.
 
-    They are where their names differ in nothing but numbers. A pressure that only the names tell
-    ('1 bar') becomes a column.
+    They are where their names are pressures ('1 bar'), or words for trials that differ in a number
+    ('Run 1'). A pressure that only the names tell becomes a column.
     """
     first, *others = tables.values()
-    if not others or len({re.sub(r'\d+(?:[.,]\d+)?', '#', name).strip() for name in tables}
-                         ) > 1 or any(list(other.columns) != list(first.columns)
-                                      or other.units != first.units for other in others):
+    kinds = {'level' if _level(name) else re.sub(r'[\d\s_.-]+', ' ', name).strip()
+             for name in tables}
+    if not others or len(kinds) > 1 or any(
+            kind != 'level' and recognise(kind).quantity != 'trial' for kind in kinds) or any(
+            list(other.columns) != list(first.columns) or other.units != first.units
+            for other in others):
         return None
     columns = {header: _joined([table.columns[header] for table in tables.values()])
                for header in first.columns}

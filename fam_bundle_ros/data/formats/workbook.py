@@ -45,7 +45,7 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     """
     Return a sheet's table: the one that is named, else the one with most known columns.
 
-    Sheets of the same columns whose names differ in numbers alone are trials: one table.
+    Sheets of the same columns that are called as trials or as pressures are one table.
 
     Raises
     ------
