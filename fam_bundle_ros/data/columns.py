@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import takewhile
 import re
 
 import numpy as np
@@ -183,8 +184,8 @@ class _Reader:
         if looks_like_time(column) or footer.mean() > 0.1 or words[~footer].mean() > 0.5:
             footer[:] = False
         for remarks in filter(is_text, self.table.columns.values()):
-            footer |= np.cumprod([bool(_STATISTIC.match(str(cell).strip()))
-                                  for cell in remarks[::-1]])[::-1].astype(bool)
+            count = sum(1 for _ in takewhile(_is_statistic, remarks[::-1]))
+            footer[len(footer) - count:] = True
         clock = self.choices.chosen.get('time')
         if clock is not None and clock.header and not looks_like_time(
                 self.table.columns[clock.header]):
@@ -355,6 +356,10 @@ class _Reader:
                               'does not tell')
         choice.why = f'{choice.why}, {said}'.removeprefix(', ')
         return choice.sign
+
+
+def _is_statistic(cell: object) -> bool:
+    return _STATISTIC.match(str(cell).strip()) is not None
 
 
 def _plain(header: str) -> str:
