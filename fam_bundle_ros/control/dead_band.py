@@ -15,11 +15,13 @@ from typing import Any
 
 #: A dead band may be off by this share of itself and by this much more of the full command.
 DOUBT_SHARE, DOUBT = 0.5, 0.02
-#: A conductance may be off by this share of itself. From openings wider than the doubt of the dead
-#: band over this share it would be the conductance that is learnt.
+#: A conductance may be off by this share of itself.
 CONDUCTANCE_DOUBT = 0.3
-#: s: over which a side that is open learns.
+#: s: over which a side that is open learns; at first it takes the mean of all that it has seen.
 _LEARN_TIME = 0.1
+#: It learns over so many times of the lag at least: a reading is late by the lag of the loop and by
+#: the filter, which is as long, and an integrator with that dead time is stable up to pi/2 of it.
+_LEAST_LAGS = 2.0
 
 
 @dataclass
@@ -34,11 +36,13 @@ class DeadBandState:
     reading, due : float, Pa
         In the tick before: reading, and the pressure that was to be there by what was sent.
     open, seen : float, s
-        Time that small openings to fill have lasted, less that of those to exhaust: so far, and
-        as far as the reading before showed it.
+        Time that openings to fill have lasted, each weighted by `worth`, less that of those to
+        exhaust: so far, and as far as the reading before showed it.
     missing, came, share : float, Pa/s, Pa/s and 1
-        Filtered: rate that is missing, that of the reading, and time with small openings to fill
-        less to exhaust.
+        Filtered: rate that is missing, that of the reading, and time with openings to fill less
+        to exhaust.
+    fill_time, vent_time : float, s
+        For how long each side has learnt.
     wide : float
         Size of the opening, as far as the spool may still be on its way back from it.
     """
@@ -52,12 +56,30 @@ class DeadBandState:
     missing: float = 0.0
     came: float = 0.0
     share: float = 0.0
+    fill_time: float = 0.0
+    vent_time: float = 0.0
     wide: float = 0.0
 
 
 def dead_band_doubt(dead_band: float) -> float:
     """Return by how much the dead band of a valve may be off, in commands."""
     return DOUBT_SHARE * dead_band + DOUBT
+
+
+def worth(wide: float, doubt: float) -> float:
+    """
+    Return how much of a rate that is missing is the dead band's, 0 to 1.
+
+    Of errors that are independent each takes its variance's share: the doubt of the dead band, and
+    that of the conductance times the opening ``wide``.
+
+    Examples
+    --------
+    >>> worth(0.0, 0.04), round(worth(0.4, 0.04), 2)
+    (1.0, 0.1)
+    """
+    other = CONDUCTANCE_DOUBT * wide / doubt
+    return 1.0 / (1.0 + other * other)
 
 
 def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_then: float,
@@ -92,8 +114,15 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
     band.came = kept * band.came + (1.0 - kept) * (pressure - band.reading) / dt
     band.share = kept * band.share + (1.0 - kept) * (open_then - band.seen) / dt
     band.reading, band.due, band.seen = pressure, due, open_then
+    side = abs(band.share)
+    if band.share > 0.0:
+        band.fill_time += side * dt
+    else:
+        band.vent_time += side * dt
+    learnt = band.fill_time if band.share > 0.0 else band.vent_time
+    over = min(max(learnt, _LEAST_LAGS * time), max(_LEARN_TIME, _LEAST_LAGS * time))
     # A dead band that is wider by x takes the share x of the fully open valve's rate.
-    step = dt / _LEARN_TIME * band.share * band.missing
+    step = dt / over * band.share * band.missing
     # A pressure that stands still may have met a fault: only what has come was made up for.
     made_up = min(slow / band.missing, band.came / band.missing) if band.missing != 0.0 else 0.0
     made_up = min(max(made_up, 0.0), 1.0)

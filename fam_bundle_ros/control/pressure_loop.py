@@ -15,10 +15,10 @@ from typing import Any
 from fam_bundle_ros.control.dead_band import (
     begin_readings,
     command_of,
-    CONDUCTANCE_DOUBT,
     dead_band_doubt,
     DeadBandState,
     learn_dead_band,
+    worth,
 )
 from fam_bundle_ros.model.pneumatics import (
     flow_for,
@@ -184,7 +184,7 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     error = error_beyond_noise(settings, state, pressure, dt)
     doubt = dead_band_doubt(settings.valve.dead_band)
     given = learn_dead_band(state.band, doubt, pressure, state.sent - state.coming, open_then,
-                            state.integral, full, drift - slowest, _GONE * lag, dt)
+                            state.integral, full, drift - slowest, lag, dt)
     if given * state.integral > 0.0:
         state.integral -= math.copysign(min(abs(given), abs(state.integral)), given)
     if setpoint <= 0.0 and state.followed <= _EMPTY:
@@ -212,10 +212,8 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     band = state.band
     # The spool follows late: what a wide opening let in besides says nothing of the dead band.
     band.wide = max(abs(opening), band.wide * math.exp(-dt / (_GONE * lag)))
-    small = 0.0
-    if opening != 0.0 and band.wide < doubt / CONDUCTANCE_DOUBT:
-        small = math.copysign(dt, opening)
-    send(state, (0.0 if at_rest else possible - state.integral) * dt, small)
+    shown = math.copysign(dt * worth(band.wide, doubt), opening) if opening != 0.0 else 0.0
+    send(state, (0.0 if at_rest else possible - state.integral) * dt, shown)
     integrate(settings, state, error, rate, possible - wanted, dt, at_rest,
               _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
     state.command = opening
@@ -270,15 +268,15 @@ def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: floa
     return rate
 
 
-def send(state: Any, change: float, small: float) -> None:
+def send(state: Any, change: float, shown: float) -> None:
     """
     Note the pressure change (Pa) that the command of this tick will make.
 
-    ``small`` (s) is for how long it opens the valve so little that the dead band matters, below 0
-    to exhaust.
+    ``shown`` (s) is for how long it opens the valve, as far as the reading will show the dead band,
+    below 0 to exhaust.
     """
     state.sent += change
-    state.band.open += small
+    state.band.open += shown
     last = (state.head + state.size - 1) % _PLACES
     state.past_time[last], state.past_sent[last] = state.clock, state.sent
     state.past_open[last] = state.band.open
