@@ -63,6 +63,10 @@ class OuterConfig:
     delay : float, s
         Dead time from a force that changes to the pressures that answer it; as told to the
         pressure loops and `tune`.
+    reading_share : float
+        Share of ``delay``, and of the lag of the force that is learnt, which is on the way of the
+        readings; commands have the rest. Nothing that is measured tells which: even odds by
+        default, the least error that is to be expected. A slow filter in the load cell is 1.
     bias_time : float, s, optional
         Of the quick bias estimate (`observer`); by default the lag of the loop: dead time,
         `lead_time`, one sample, and the lag of the force that was learnt, with its doubt.
@@ -101,6 +105,7 @@ class OuterConfig:
     feed_forward: bool = True
     feedback: bool = True
     delay: float = 5e-3
+    reading_share: float = 0.5
     bias_time: float | None = None
     force_gain: float | None = None
     gain_error: float = 0.5
@@ -118,6 +123,8 @@ class OuterConfig:
         """Refuse what cannot be meant."""
         if not (self.feed_forward or self.feedback):
             raise InputError('feed_forward and feedback are both off; expected one at least')
+        if not 0.0 <= self.reading_share <= 1.0:
+            raise InputError(f'reading_share is {self.reading_share}; expected 0 to 1')
         for name in ('bias_time', 'filter_time', 'fade_time'):
             value = getattr(self, name)
             if value is not None and not value > 0.0:

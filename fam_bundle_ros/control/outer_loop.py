@@ -44,6 +44,7 @@ class OuterSettings:
     feed_forward: bool
     feedback: bool
     delay: float
+    reading_share: float
     bias_time: float
     force_gain: float
     gain_error: float
@@ -128,6 +129,8 @@ class OuterState:
         Of the reference before, -1 for none.
     lag : float, s
         Of the loop, with its doubt: no correction is quicker.
+    behind : float, s
+        By how much readings are reckoned to be late.
     """
 
     integral: float = 0.0
@@ -141,6 +144,7 @@ class OuterState:
     rate: float = 0.0
     bend: float = 0.0
     lag: float = 0.0
+    behind: float = 0.0
     kind: int = -1
     started: bool = False
     taking_over: bool = False
@@ -189,7 +193,7 @@ def forget_outer(state: Any) -> None:
     state.taken = state.fade = state.demand = 0.0
     state.noise = 0.0
     state.wanted.seen = 0
-    state.rate = state.bend = state.lag = 0.0
+    state.rate = state.bend = state.lag = state.behind = 0.0
     state.kind = -1
     state.started = state.taking_over = False
 
@@ -237,6 +241,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     # The observer must not be quicker than what it corrects can answer; what is known of the lag
     # and what is in doubt add like errors that have nothing to do with each other.
     slowest = state.lag = math.hypot(settings.delay + settings.lead_time + dt + lag, lag_doubt)
+    state.behind = settings.reading_share * (settings.delay + lag + lead)
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
         observe(state.observer, force, believed, asked, reach, time, dt)
@@ -250,7 +255,8 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     if kind == FORCE:
         # Behind a reference that moves pressures always are, and reckoned with.
         coming = on_its_way(asked - believed, reach + abs(rate) * slowest)
-        known, correction = force_loop(settings, state, force, value, rate, saturated, lag + lead,
+        before = settings.lead_time + settings.delay + lag + lead - state.behind
+        known, correction = force_loop(settings, state, force, value, rate, saturated, before,
                                        slowest, coming, dt)
     else:
         known, correction = strain_loop(settings, state, measurement, value, rate, saturated, dt)
@@ -278,14 +284,18 @@ def on_its_way(missing: float, reach: float) -> float:
 
 
 def force_loop(settings: Any, state: Any, force: float, value: float, rate: float, saturated: int,
-               ahead: float, slowest: float, coming: float, dt: float) -> tuple[float, float]:
-    """Return feed-forward and correction of the force loop, N; ``coming`` from `on_its_way`."""
+               before: float, slowest: float, coming: float, dt: float) -> tuple[float, float]:
+    """
+    Return feed-forward and correction of the force loop, N; ``coming`` from `on_its_way`.
+
+    A force must be asked for by ``before`` (s) earlier than it is to be there.
+    """
     known, correction = 0.0, 0.0
     if settings.feed_forward:
-        known = value + (settings.lead_time + ahead) * rate
+        known = value + before * rate
     if settings.feedback and settings.feed_forward:
-        # The reading is late: it shows what was asked for a dead time ago.
-        due = value - settings.delay * rate
+        # The reading is late: it shows what was to be there before.
+        due = value - state.behind * rate
         share = low_pass(dt, slowest)
         # What is missing because pressures are on their way needs no more of them.
         error = due - force

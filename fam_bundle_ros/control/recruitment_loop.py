@@ -257,7 +257,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     # What a hand-over makes of the error is no lateness.
     if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
-                   value - settings.outer.delay * rate - measurement.force, rate, outer.lag, dt)
+                   value - outer.behind * rate - measurement.force, rate, outer.lag, dt)
     # Where the strain will be when the pressures are there.
     ahead = settings.outer.delay + settings.outer.lead_time
     coming = measurement.strain + ahead * strain_rate
@@ -363,7 +363,8 @@ def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     asked = target.feed_forward
     if kind == FORCE and settings.outer.feed_forward:
         # A lag that is being learnt moves what is asked for, and is no acceleration of it.
-        asked -= (lag_of(state.adaptation) + state.adaptation.lead) * rate
+        learnt = lag_of(state.adaptation) + state.adaptation.lead
+        asked -= (1.0 - settings.outer.reading_share) * learnt * rate
     jump = abs(asked - wanted.value[0])
     if clean:
         for k in range(len(top)):

@@ -47,8 +47,9 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
     """
     known, correction = 0.0, 0.0
     strain, target = measurement.strain, state.target
+    behind = settings.reading_share * settings.delay
     if settings.feed_forward:
-        ahead = value + settings.lead_time * rate
+        ahead = value + (settings.lead_time + settings.delay - behind) * rate
         state.bend += low_pass(dt, _BEND_TIME) * ((rate - state.rate) / dt - state.bend)
         state.rate = rate
         known = (holding_force(settings, ahead) + settings.load_damping * rate
@@ -60,7 +61,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         target.strain_rate = rate
     if settings.feedback:
         # The gains on the strain answer what is quick; the quick observer would do it twice.
-        error = value - strain
+        error = value - behind * rate - strain
         stiffness = present_stiffness(settings, measurement.pressure)
         heavier = 1.0
         if not settings.load_known and state.load.known:

@@ -27,7 +27,8 @@ _BASELINE_FIELDS = (
     ('strain_integral', '1/s', 1e4), ('filter_time', 's', 10.0), ('dwell', 's', 60.0))
 #: Fields of the outer loop that are parameters: name, unit, largest value.
 _OUTER_FIELDS = (
-    ('delay', 's', 0.5), ('bias_time', 's', 1e3), ('force_gain', 'N/N', 10.0),
+    ('delay', 's', 0.5), ('reading_share', '1', 1.0), ('bias_time', 's', 1e3),
+    ('force_gain', 'N/N', 10.0),
     ('force_integral', '1/s', 1e3),
     ('strain_gain', 'N', 1e6), ('strain_integral', 'N/s', 1e7), ('strain_damping', 'N s', 1e5),
     ('still', 'N', 1e3), ('filter_time', 's', 10.0), ('fade_time', 's', 10.0))

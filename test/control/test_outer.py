@@ -120,9 +120,36 @@ def test_a_force_that_never_answers_winds_nothing_up(paper_bundle):
 
 
 def test_feed_forward_leads(paper_bundle):
-    """A reference that says its rate is asked for where it will be when the pressures follow."""
-    target = Loop(paper_bundle, lead_time=5e-3, feedback=False).run(40.0, rate=200.0)
-    assert target.force == target.feed_forward == pytest.approx(41.0)
+    """
+    A reference that says its rate is asked for where it will be when the pressures follow.
+
+    Of the dead time commands have what readings have not.
+    """
+    for reading_share, force in ((1.0, 41.0), (0.5, 42.0), (0.0, 43.0)):
+        target = Loop(paper_bundle, lead_time=5e-3, delay=10e-3, reading_share=reading_share,
+                      feedback=False).run(40.0, rate=200.0)
+        assert target.force == target.feed_forward == pytest.approx(force)
+
+
+@pytest.mark.parametrize('reading_share', [0.0, 0.5, 1.0])
+def test_a_force_that_is_late_by_the_dead_time_of_its_reading_is_no_error(
+        paper_bundle, reading_share):
+    """Where a ramp is tracked the reading shows what was to be there before."""
+    loop = Loop(paper_bundle, delay=10e-3, reading_share=reading_share, force_gain=1.0)
+    force = 40.0 - reading_share * 10e-3 * 200.0
+    target = loop.run(40.0, force=force, believed=force - 5.0, rate=200.0, duration=1.0)
+    assert target.force - target.feed_forward == pytest.approx(-loop.state.bias, abs=1e-9)
+    assert loop.state.behind == pytest.approx(reading_share * 10e-3)
+
+
+def test_a_strain_that_is_late_by_the_dead_time_of_its_reading_is_no_error(paper_bundle):
+    """What is corrected is how far it is from just that."""
+    for beyond in (0.0, 1e-3):
+        loop = Loop(paper_bundle, LoadModel(force=10.0), delay=10e-3, strain_gain=400.0,
+                    strain_integral=0.0, strain_damping=0.0, still=0.0)
+        strain = 0.1 - 0.5 * 10e-3 * 0.2 - beyond
+        target = loop.run(0.1, kind=STRAIN, strain=strain, rate=0.2, speed=0.2)
+        assert target.force - target.feed_forward == pytest.approx(400.0 * beyond)
 
 
 def test_the_force_gain_sleeps_until_there_is_more_than_noise(paper_bundle):
@@ -162,7 +189,7 @@ def test_integrals_stop_in_the_direction_of_a_limit(paper_bundle, kind, saturate
 def test_strain_feed_forward_is_the_load(paper_bundle):
     """Holding force where the reference will be, drag, and inertia times its acceleration."""
     load = LoadModel(force=10.0, stiffness=200.0, inertia=0.3, damping=3.0)
-    loop = Loop(paper_bundle, load, feedback=False, lead_time=0.0)
+    loop = Loop(paper_bundle, load, feedback=False, lead_time=0.0, delay=0.0)
     for k in range(200):
         rate = 2.0 * k * DT
         target = loop.run(0.1, kind=STRAIN, rate=rate)
@@ -247,7 +274,8 @@ def test_a_strain_loop_without_a_load_takes_over_the_demand(paper_bundle):
 def test_a_strain_that_friction_holds_gets_the_force_for_its_error_within_two_lags(
         paper_bundle, rate, speed, quick):
     """Stiffness times error over two lags of the loop; one that follows, its usual integral."""
-    loop = Loop(paper_bundle, LoadModel(damping=5.0), delay=5e-3, lead_time=5e-3)
+    loop = Loop(paper_bundle, LoadModel(damping=5.0), delay=5e-3, lead_time=5e-3,
+                reading_share=0.0)
     error, pressures = -0.01, [150e3, 0.0]
     stiffness = present_stiffness(loop.settings, pressures)
     usual = at_stiffness(loop.settings, loop.settings.strain_integral, stiffness)
