@@ -27,6 +27,9 @@ USUAL_PULL, USUAL_PUSH, USUAL_FORCE = 0.15, 0.5, 0.02
 #: s, sd: of the force behind what the pressures let believe (air behind a tube, sensors that
 #: differ), and of a tracked reference besides.
 USUAL_LAG = 0.02
+#: Share of a lag that is learnt which the load cell has. Air behind a tube, hysteresis and the
+#: pressure gauge make one as well, nothing that is measured tells which, and odds are even.
+GAUGE_SHARE = 0.25
 #: s: of the filter that all signals pass before they are compared, for the sake of their slopes.
 _FILTER_TIME = 0.02
 #: s: over which what was learnt of a bundle becomes as doubtful as it was at first.

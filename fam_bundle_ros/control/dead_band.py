@@ -19,9 +19,8 @@ DOUBT_SHARE, DOUBT = 0.5, 0.02
 CONDUCTANCE_DOUBT = 0.3
 #: s: over which a side that is open learns; at first it takes the mean of all that it has seen.
 _LEARN_TIME = 0.1
-#: It learns over so many times of the lag at least: a reading is late by the lag of the loop and by
-#: the filter, which is as long, and an integrator with that dead time is stable up to pi/2 of it.
-_LEAST_LAGS = 2.0
+#: What is read is filtered over so many lags of the loop.
+_FILTER_LAGS = 2.0
 
 
 @dataclass
@@ -83,7 +82,7 @@ def worth(wide: float, doubt: float) -> float:
 
 
 def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_then: float,
-                    slow: float, filling: float, venting: float, time: float, dt: float) -> float:
+                    slow: float, filling: float, venting: float, lag: float, dt: float) -> float:
     """
     Learn from one reading; return what the integral need not add any more, Pa/s.
 
@@ -102,12 +101,13 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
         Rate that the loop's integral added besides.
     filling, venting : float, Pa/s
         What the valve does to the pressure fully open to either side, both above 0.
-    time : float, s
-        Of the filter.
+    lag : float, s
+        From command to reading.
     dt : float, s
     """
     # Filtered alike: noise that opened the valve a little is gone from the next reading, as if
     # the air had answered.
+    time = _FILTER_LAGS * lag
     kept = math.exp(-dt / time)
     missing = (due - band.due - (pressure - band.reading)) / dt + slow
     band.missing = kept * band.missing + (1.0 - kept) * missing
@@ -120,7 +120,9 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
     else:
         band.vent_time += side * dt
     learnt = band.fill_time if band.share > 0.0 else band.vent_time
-    over = min(max(learnt, _LEAST_LAGS * time), max(_LEARN_TIME, _LEAST_LAGS * time))
+    # An integrator behind a dead time as long as its own time is stable (up to pi/2 of it).
+    least = lag + time
+    over = min(max(learnt, least), max(_LEARN_TIME, least))
     # A dead band that is wider by x takes the share x of the fully open valve's rate.
     step = dt / over * band.share * band.missing
     # A pressure that stands still may have met a fault: only what has come was made up for.

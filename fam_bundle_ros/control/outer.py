@@ -64,9 +64,8 @@ class OuterConfig:
         Dead time from a force that changes to the pressures that answer it; as told to the
         pressure loops and `tune`.
     reading_share : float
-        Share of ``delay``, and of the lag of the force that is learnt, which is on the way of the
-        readings; commands have the rest. Nothing that is measured tells which: even odds by
-        default, the least error that is to be expected. A slow filter in the load cell is 1.
+        Share of ``delay`` which is on the way of the readings; commands have the rest. Nothing
+        that is measured tells which: even odds by default, the least error to be expected.
     bias_time : float, s, optional
         Of the quick bias estimate (`observer`); by default the lag of the loop: dead time,
         `lead_time`, one sample, and the lag of the force that was learnt, with its doubt.

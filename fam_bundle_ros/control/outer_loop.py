@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
+from fam_bundle_ros.control.adaptation import GAUGE_SHARE
 from fam_bundle_ros.control.friction import forget_friction, FrictionState
 from fam_bundle_ros.control.load_estimate import forget_load, LoadEstimate
 from fam_bundle_ros.control.observer import (
@@ -241,7 +242,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     # The observer must not be quicker than what it corrects can answer; what is known of the lag
     # and what is in doubt add like errors that have nothing to do with each other.
     slowest = state.lag = math.hypot(settings.delay + settings.lead_time + dt + lag, lag_doubt)
-    state.behind = settings.reading_share * (settings.delay + lag + lead)
+    state.behind = settings.reading_share * settings.delay + GAUGE_SHARE * (lag + lead)
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
         observe(state.observer, force, believed, asked, reach, time, dt)

@@ -18,6 +18,7 @@ from fam_bundle_ros.control.adaptation import (
     adaptation_step,
     AdaptationSettings,
     AdaptationState,
+    GAUGE_SHARE,
     lag_doubt,
     lag_of,
     lagged,
@@ -364,7 +365,7 @@ def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     if kind == FORCE and settings.outer.feed_forward:
         # A lag that is being learnt moves what is asked for, and is no acceleration of it.
         learnt = lag_of(state.adaptation) + state.adaptation.lead
-        asked -= (1.0 - settings.outer.reading_share) * learnt * rate
+        asked -= (1.0 - GAUGE_SHARE) * learnt * rate
     jump = abs(asked - wanted.value[0])
     if clean:
         for k in range(len(top)):

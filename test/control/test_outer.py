@@ -142,6 +142,14 @@ def test_a_force_that_is_late_by_the_dead_time_of_its_reading_is_no_error(
     assert loop.state.behind == pytest.approx(reading_share * 10e-3)
 
 
+def test_of_a_lag_that_is_learnt_the_load_cell_is_reckoned_to_have_a_quarter(paper_bundle):
+    """The rest is asked for earlier; beside a reading that late by a quarter is no error."""
+    loop = Loop(paper_bundle, delay=0.0, lead_time=0.0, force_gain=1.0)
+    target = loop.run(40.0, force=40.0 - 0.25 * 20e-3 * 200.0, believed=0.0, rate=200.0, lag=20e-3)
+    assert target.feed_forward == pytest.approx(40.0 + 0.75 * 20e-3 * 200.0)
+    assert loop.state.late == pytest.approx(0.0)
+
+
 def test_a_strain_that_is_late_by_the_dead_time_of_its_reading_is_no_error(paper_bundle):
     """What is corrected is how far it is from just that."""
     for beyond in (0.0, 1e-3):

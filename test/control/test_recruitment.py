@@ -465,7 +465,7 @@ def test_a_demand_that_eases_to_rest_below_the_limit_recruits_nothing(
 def test_noise_of_the_force_recruits_nothing_just_below_the_limit(paper_bundle):
     """0.9 N of noise, 0.1 N below: what the observer finds in it may be noise."""
     for seed in (2, 9):  # some readings in a row are off to one side
-        bench = Bench(paper_bundle, 0.16, noise=0.9, seed=seed)
+        bench = Bench(paper_bundle, 0.16, noise=0.9, seed=seed, outer=OuterConfig(delay=0.0))
         end = bench.curves.top[1] - 0.1
         bench.ramp(2.0, 30.0, 20.0)
         assert {c.state for c in bench.ramp(30.0, end, 1.5) + bench.hold(end, 8.0)} == {1}
