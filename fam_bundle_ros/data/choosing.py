@@ -20,15 +20,14 @@ from fam_bundle_ros.data.clocks import same_name
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.telling import Choice, name_of, told_column
+from fam_bundle_ros.data.unit_names import ELECTRIC, unit_of
 from fam_bundle_ros.data.vocabulary import (
     absolute_of,
     dimension_of,
-    ELECTRIC,
     likes,
     Match,
     recognise,
     STRAINS,
-    unit_of,
     unit_text_of,
 )
 from fam_bundle_ros.errors import InputError

@@ -33,7 +33,8 @@ from fam_bundle_ros.data.guesses import guess_unit, time_unit
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.telling import Choice
-from fam_bundle_ros.data.vocabulary import is_unit, recognise, rest_length_of, Unit
+from fam_bundle_ros.data.unit_names import is_unit, Unit
+from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
 from fam_bundle_ros.errors import InputError
 
 #: What calls a row at the end a statistic of those above.

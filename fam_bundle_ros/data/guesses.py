@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fam_bundle_ros.data.vocabulary import Unit, unit_of
+from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
 
 #: Quantity: units that people leave out, and between what the largest reading then is (SI).

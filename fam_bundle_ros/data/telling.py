@@ -12,14 +12,8 @@ from dataclasses import dataclass
 import re
 
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import (
-    likes,
-    QUANTITIES,
-    recognise,
-    Unit,
-    unit_of,
-    unit_text_of,
-)
+from fam_bundle_ros.data.unit_names import Unit, unit_of
+from fam_bundle_ros.data.vocabulary import likes, QUANTITIES, recognise, unit_text_of
 from fam_bundle_ros.errors import InputError
 
 _NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import checks, preview, read_measurement, taken_words, vocabulary
+from fam_bundle_ros.data import checks, preview, read_measurement, taken_words, unit_names
 from fam_bundle_ros.data.formats.layout import find_data
 from fam_bundle_ros.data.formats.text import split
 from fam_bundle_ros.data.grouping import pressure_levels
@@ -420,14 +420,14 @@ def test_a_preview_shows_what_reading_would_do(log):
 def test_a_unit_that_pint_knows_too_is_the_same(like):
     """Where the table of spellings and pint both know a unit, they agree."""
     both = 0
-    for text in vocabulary._UNITS[like]:
+    for text in unit_names._UNITS[like]:
         try:
             # Upper and lower case are told apart by pint: mn is no unit of force there.
             expected = si_factor(text, like)
         except InputError:
             continue
         if like != 'N' or not text.endswith(('g', 'lb', 'lbs', 'pound', 'pounds')):
-            assert vocabulary._UNITS[like][text] == pytest.approx(expected, rel=1e-5), text
+            assert unit_names._UNITS[like][text] == pytest.approx(expected, rel=1e-5), text
             both += 1
     assert both >= 2
 
@@ -505,3 +505,11 @@ def test_a_page_of_words_has_no_data():
     words = [['one', 'two', 'three']] * 6
     assert find_data(words) == (-1, 0)
     assert find_data([*words, ['1', '2', '3'], *words[:3]]) == (-1, 0)
+
+
+def test_the_pressure_of_the_line_is_taken_where_no_other_is_there(log):
+    """Without one of the muscle it is that of the muscle; beside one it is not read."""
+    alone = read_measurement(table(log, pressure=('line pressure [bar]', log[2] / 1e5)))
+    assert np.allclose(alone.pressure[:, 0], log[2])
+    beside = read_measurement({**table(log), 'line pressure [bar]': np.full(ROWS, 7.0)})
+    assert np.allclose(beside.pressure[:, 0], log[2])

@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.vocabulary import ELECTRIC, is_unit, recognise
+from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit
+from fam_bundle_ros.data.vocabulary import recognise
 
 #: Cells that stand for no reading, in any case: blanks, what is no number in C and in Excel, and
 #: what instruments write beyond their range.

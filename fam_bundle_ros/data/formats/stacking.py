@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import recognise, STRAINS, unit_of
+from fam_bundle_ros.data.unit_names import unit_of
+from fam_bundle_ros.data.vocabulary import recognise, STRAINS
 
 #: The name of a second column of one name.
 _AGAIN = re.compile(r'.* \(\d+\)')

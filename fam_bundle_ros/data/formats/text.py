@@ -85,8 +85,28 @@ def encoding_of(path: Path) -> str:
     try:
         codecs.getincrementaldecoder('utf-8')().decode(head)
     except UnicodeDecodeError:
-        return 'cp1252'
+        return _of_bytes(head)
     return 'utf-8'
+
+
+def _of_bytes(head: bytes) -> str:
+    """
+    Return the encoding of text that is not UTF-8: of Japanese or Chinese, else Latin-1.
+
+    In European text bytes above ASCII stand alone between letters, and hardly one is of 0x80 to
+    0x9f; in Japanese and Chinese they stand side by side.
+    """
+    runs = re.findall(rb'[\x80-\xff]+', head)
+    side_by_side = len(b''.join(runs)) > 2 * len(runs)
+    names = ['cp932'] if len(re.findall(rb'[\x80-\x9f]', head)) > 0.2 * len(b''.join(runs)) else [
+        'gb18030'] if all(len(run) % 2 == 0 for run in runs) else []
+    for name in names if side_by_side else []:
+        try:
+            codecs.getincrementaldecoder(name)().decode(head)
+        except UnicodeDecodeError:
+            continue
+        return name
+    return 'cp1252'
 
 
 def _read(path: Path, encoding: str) -> Table:
