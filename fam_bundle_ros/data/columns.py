@@ -227,6 +227,9 @@ class _Reader:
     def _time(self, values: dict[str, np.ndarray]) -> np.ndarray | None:
         choice = self.choices.chosen.get('time')
         if choice is None:
+            used = {each.header for each in self.choices.chosen.values()}
+            note = '' if 'time' in self.choices.without else clocks.may_be_clock(self.table, used)
+            self.notes += [note] if note else []
             return None
         if choice.header is None:
             return choice.value * np.arange(len(self.table.rows))
@@ -247,7 +250,7 @@ class _Reader:
         clock, words = numbers(column)
         self._refuse_words(header, words & rows)
         if choice.unit is None:
-            choice.unit, choice.why = time_unit(clock)
+            choice.unit, choice.why = time_unit(self.table.name, header, clock)
         # digits of a clock that counts since 1970 are worth more than its origin
         first = numbers(chosen)[0]
         known = first[np.isfinite(first)]

@@ -105,3 +105,16 @@ def test_other_times_that_go_back_are_refused(muscle):
     with pytest.raises(InputError, match='the times of force go back'):
         read_measurement({'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
                           'time [s] (2)': twice, 'F [N]': force(twice, muscle)})
+
+
+def test_channels_that_meet_in_a_few_rows_only_are_brought_together_too(muscle):
+    """A log of events: now and then two readings have one stamp, and the other rows count too."""
+    times = [TIME + np.where(np.arange(400) % 40, shift, 0.0) for shift in (0.0, 0.01, 0.02)]
+    at = np.unique(np.round(np.concatenate(times), 6))
+    columns = {'time [s]': at}
+    for name, own, values in zip(('strain', 'p [kPa]', 'F [N]'), times, (
+            strain, pressure, lambda t: force(t, muscle))):
+        columns[name] = np.where(np.isin(at, np.round(own, 6)), values(at), np.nan)
+    data = read_measurement(columns)
+    assert len(data) > 390
+    assert np.allclose(data.force, force(data.time, muscle), atol=1.0)

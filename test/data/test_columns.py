@@ -289,11 +289,34 @@ def test_two_equal_forces_are_asked_for(log):
         read_measurement(data)
 
 
-def test_a_clock_of_whole_numbers_without_a_unit_is_said(log):
-    """0, 50, 100 may be milliseconds: that they are taken for seconds stands in the first line."""
-    said = taken_words(read_measurement(table(log, time=('time', np.round(1e3 * log[0])))))
+def test_a_clock_without_a_unit_that_may_count_milliseconds_is_asked_for(log):
+    """0, 50, 100 may be s or ms; a count in ones is taken for seconds, and that is said."""
+    counted = table(log, time=('time', np.round(1e3 * log[0])))
+    with pytest.raises(InputError, match=r'steps of 50 may be s or ms.*"time=time \[ms\]"'):
+        read_measurement(counted)
+    told = read_measurement(counted, columns={'time': 'time [ms]'})
+    assert np.allclose(np.diff(told.time), np.diff(log[0]))
+    said = taken_words(read_measurement(table(log, time=('time', np.arange(ROWS)))))
     assert "time 'time' (s guessed, no unit given)" in said
     assert taken_words(read_measurement(table(log, time=('time', log[0])))) == ''
+
+
+def test_seconds_since_1970_need_no_unit(log):
+    """A logger of ten seconds a row writes 1710152142, 1710152152: no other unit has that size."""
+    data = read_measurement(table(log, time=('time', 1710152142 + 10.0 * np.arange(ROWS))))
+    assert np.allclose(np.diff(data.time), 10.0)
+
+
+def test_a_log_without_a_known_clock_says_which_column_may_be_one(log):
+    """It is read as a static map; a column that rises evenly is named, a count of rows as that."""
+    data = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))))
+    assert data.is_static
+    assert any('"time=Name [s]"' in note for note in data.notes)
+    data = read_measurement(table(log, time=('Scan', np.arange(ROWS))))
+    assert any('"time=100 Hz"' in note for note in data.notes)
+    silent = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))),
+                              columns={'time': 'none'})
+    assert not any('clock' in note for note in silent.notes)
 
 
 def test_a_displacement_that_is_never_shorter_than_at_rest_is_noticed(log):
