@@ -179,8 +179,9 @@ def _header(table: Table, words: str) -> tuple[str, str | None]:
             raise InputError(f"{table.name}: '{words}' may be "
                              f"{' or '.join(repr(header) for header in alike)}; expected the "
                              'whole header')
-    if name.isdigit() and 1 <= int(name) <= len(headers):
-        return headers[int(name) - 1], unit
+    number = re.fullmatch(r'(?:column )?(\d+)', name)
+    if number and 1 <= int(number[1]) <= len(headers):
+        return headers[int(number[1]) - 1], unit
     return '', None
 
 

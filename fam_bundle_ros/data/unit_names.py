@@ -63,7 +63,7 @@ class Unit(NamedTuple):
 
 
 #: Full-width letters, digits and brackets of East Asian text, and the usual ones.
-_HALF = {**{code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)}, 0x3000: ' '}
+_HALF = {0x3000: 0x20, **{code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)}}
 
 
 def half_width(text: str) -> str:

@@ -4,6 +4,29 @@
 
 from .text_forms import cells, text
 
+#: What oscilloscopes and amplifiers name channels, and what a volt is worth.
+VOLTS = {'contraction': 'CH1 * 10 mm', 'pressure': 'CH2 * 100 kPa', 'force': 'CH3 * 50 N'}
+
+
+def volts(log):
+    """Return the rows in V: contraction, pressure, force."""
+    return [[f'{float(cell) / worth:.8g}' for cell, worth in zip(row[1:], (10, 100, 50))]
+            for row in cells(log)]
+
+
+def twincat(log, names, unit):
+    """Return an export of TwinCAT Scope: a head of pairs, a time in ms beside each channel."""
+    keys = {'Name': names, 'SymbolComment': ['', '', ''], 'Data-Type': ['REAL64'] * 3,
+            'SampleTime[ms]': ['50'] * 3, 'SymbolName': [f'MAIN.{name}' for name in names],
+            'Port': ['851'] * 3, 'Offset': ['0'] * 3, 'Unit': unit, 'Unit ScaleFactor': ['1'] * 3,
+            'Unit Offset': ['0'] * 3}
+    return text(
+        ['Name\tYT Scope Project', 'Starttime of export\t133546329421200000\tMonday', '',
+         *('\t'.join(f'{key}\t{value}' for value in values) for key, values in keys.items()), ''],
+        [[cell for value in row[1:] for cell in (f'{1e3 * float(row[0]):.0f}', value)]
+         for row in cells(log)], '\t')
+
+
 INSTRUMENTS = {
     'Japanese names and units in Shift-JIS': lambda log: text(
         ['時刻,変位,圧力,荷重', '秒,ミリ,キロパスカル,ニュートン'], cells(log)).encode('cp932'),
@@ -12,4 +35,31 @@ INSTRUMENTS = {
     'full-width brackets': lambda log: text(
         ['時間（秒）,収縮率（％）,圧力（kPa）,張力（N）'],
         [[r[0], f'{float(r[1]) / 2.5:.6f}', *r[2:]] for r in cells(log)]),
+    'TwinCAT Scope': lambda log: twincat(
+        log, ['Contraction', 'Pressure', 'Force'], ['mm', 'kPa', 'N']),
+    'TwinCAT Scope without units': lambda log: (
+        twincat(log, ['lrPos', 'lrPt', 'lrLc'], ['(None)'] * 3),
+        {'columns': {'contraction': 'lrPos [mm]', 'pressure': 'lrPt [kPa]',
+                     'force': 'lrLc [N]'}}),
+    'a Rigol oscilloscope': lambda log: (text(
+        ['X,CH1,CH2,CH3,Start,Increment,', 'Sequence,Volt,Volt,Volt,-1.5e+00,5.0e-02'],
+        [[str(k), *row, ''] for k, row in enumerate(volts(log))]), {'columns': VOLTS}),
+    'a Rigol oscilloscope with the increment in its head': lambda log: (text(
+        ['Time(s),CH1(V),CH2(V),CH3(V),t0 = -6.0s, tInc = 5.0E-02s,'],
+        [['', *row, '', ''] for row in volts(log)]), {'columns': VOLTS}),
+    'a Siglent oscilloscope': lambda log: (text(
+        ['Record Length,Analog:360', 'Sample Interval,Analog:0.05', 'Horizontal Units,s',
+         'Horizontal Scale,2', 'Source,CH1,CH2,CH3', 'Second,Volt,Volt,Volt'],
+        [[r[0], *row] for r, row in zip(cells(log), volts(log))]), {'columns': VOLTS}),
+    'NI SignalExpress': lambda log: (text(
+        ['channel names: ', 'CH1\tCH2\tCH3\t', 'start times: ',
+         '\t'.join(3 * ['11.03.2024 10:15:42.120']), 'dt: ', '\t'.join(3 * ['0.050000']),
+         'data: '], volts(log), '\t'), {'columns': VOLTS}),
+    'settings and statistics beside their names above the data': lambda log: text(
+        ['Name;Zeit;Weg;Druck;Kraft', 'Einheit;s;mm;kPa;N', 'Kommentar;;LVDT;SDE1;U9C',
+         'Länge;360;360;360;360', 'Minimum;0;0;100;-3', 'Maximum;17,95;50;400;900'],
+        [['', *row] for row in cells(log, ',')], ';'),
+    'the last name of the head beside the first row': lambda log: text(
+        ['trace_name,Time,Contraction,Pressure,Force', 'unit,s,mm,kPa,N'],
+        [['' if k else 'trace_values', *row] for k, row in enumerate(cells(log))]),
 }

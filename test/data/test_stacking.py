@@ -55,6 +55,26 @@ def test_a_column_of_force_per_pressure_is_a_static_map(trials, name):
     assert len(data.trial_names) == 3
 
 
+@pytest.mark.parametrize('ending', ['csv', 'xlsx'])
+def test_levels_below_a_merged_head_are_names_not_data(trials, tmp_path, ending):
+    """'Force [N]' merged over '1 bar', '2.5 bar', ...: the second row is no row of readings."""
+    rows = [['Strain [%]', 'Force [N] at gauge pressure', None, None],
+            [None, *(f'{p[0] / 1e5:g} bar' for _, _, p, _ in trials)],
+            *([100 * trials[0][1][k], *(f[k] for _, _, _, f in trials)] for k in range(60))]
+    path = tmp_path / f'map.{ending}'
+    if ending == 'csv':
+        path.write_text('\n'.join(','.join('' if cell is None else str(cell) for cell in row)
+                                  for row in rows))
+    else:
+        book = pytest.importorskip('openpyxl').Workbook()
+        for row in rows:
+            book.active.append(row)
+        book.save(path)
+    data = read_measurement(path)
+    same(data, trials)
+    assert len(data) == 180
+
+
 def test_a_column_of_force_per_strain_is_a_static_map(muscle):
     """The same the other way round; cells that were not measured are no rows."""
     pressure = np.linspace(50e3, 500e3, 20)

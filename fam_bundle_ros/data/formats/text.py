@@ -10,7 +10,6 @@ or one endless line, is refused before it is in memory.
 from __future__ import annotations
 
 from array import array
-import codecs
 from collections.abc import Iterator
 import csv
 from functools import partial
@@ -24,10 +23,11 @@ import warnings
 import numpy as np
 
 from fam_bundle_ros.data.formats import layout
+from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import check_size, Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
-from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
+from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
@@ -42,9 +42,6 @@ _OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
 #: What the serial monitor of the Arduino IDE writes before each line.
 _MONITOR = re.compile(r'(\d{1,2}:\d\d:\d\d[.,]\d+) -> ')
 _COMMENTS = ('#', '%', '//', '!')
-_BOMS = ((codecs.BOM_UTF8, 'utf-8-sig'), (codecs.BOM_UTF32_LE, 'utf-32'),
-         (codecs.BOM_UTF32_BE, 'utf-32'), (codecs.BOM_UTF16_LE, 'utf-16'),
-         (codecs.BOM_UTF16_BE, 'utf-16'))
 
 
 class Dialect(NamedTuple):
@@ -70,43 +67,6 @@ def read_text(path: Path) -> Table:
         return _read(path, encoding)
     except UnicodeDecodeError:  # a Latin-1 letter far down
         return _read(path, 'cp1252')
-
-
-def encoding_of(path: Path) -> str:
-    """Return the encoding by the byte order mark, else by what the first MB can be."""
-    with open(path, 'rb') as stream:
-        head = stream.read(1 << 20)
-    for mark, name in _BOMS:
-        if head.startswith(mark):
-            return name
-    for offset, name in ((1, 'utf-16-le'), (0, 'utf-16-be')):
-        if len(head) > 8 and head[offset:4096:2].count(0) > 0.4 * len(head[offset:4096:2]):
-            return name
-    try:
-        codecs.getincrementaldecoder('utf-8')().decode(head)
-    except UnicodeDecodeError:
-        return _of_bytes(head)
-    return 'utf-8'
-
-
-def _of_bytes(head: bytes) -> str:
-    """
-    Return the encoding of text that is not UTF-8: of Japanese or Chinese, else Latin-1.
-
-    In European text bytes above ASCII stand alone between letters, and hardly one is of 0x80 to
-    0x9f; in Japanese and Chinese they stand side by side.
-    """
-    runs = re.findall(rb'[\x80-\xff]+', head)
-    side_by_side = len(b''.join(runs)) > 2 * len(runs)
-    names = ['cp932'] if len(re.findall(rb'[\x80-\x9f]', head)) > 0.2 * len(b''.join(runs)) else [
-        'gb18030'] if all(len(run) % 2 == 0 for run in runs) else []
-    for name in names if side_by_side else []:
-        try:
-            codecs.getincrementaldecoder(name)().decode(head)
-        except UnicodeDecodeError:
-            continue
-        return name
-    return 'cp1252'
 
 
 def _read(path: Path, encoding: str) -> Table:
@@ -155,8 +115,7 @@ def _read(path: Path, encoding: str) -> Table:
                                                unit)
         if unit:
             units[name] = unit
-    told = filter(None, map(rest_length_of, head[:skipped]))
-    return Table(path.name, _kind(dialect), columns, units, at, rest_length=next(told, None),
+    return Table(path.name, _kind(dialect), columns, units, at, above=tuple(head[:skipped]),
                  blanks=partial(_cell, path, encoding, dialect.separator, names))
 
 
@@ -339,11 +298,12 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
             re.fullmatch(r'-?\d+', cell) for cell in row):
         raise InputError(f'{name}, row {line_at + 1}: {width} cells under {named} names; expected '
                          'points for decimals, or quotes about each cell, where commas part cells')
-    # what stands between the names and the first sound row are data with bad cells
-    unsound = [i for i in above[last + 1:] if last >= 0 and not _is_comment(head[i])
-               and layout.is_row(split(head[i], dialect.separator), width, dialect.decimal)]
+    below = [i for i in range(above[last] + 1 if last >= 0 else line_at, line_at)
+             if head[i].strip() and not _is_comment(head[i])]
+    bad = layout.with_bad_cells([split(head[i], dialect.separator) for i in below], width,
+                                dialect.decimal)
     return dialect._replace(layout=layout.Layout(names, units, first, width)
-                            ), min([line_at, *unsound])
+                            ), min([line_at, *below[len(below) - bad:]])
 
 
 def _named_columns(above: list[str], separator: str) -> Iterator[int]:
