@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A log as instruments, controllers and databases export it: `INSTRUMENTS`, as `TEXTS`."""
 
-from .text_forms import cells, text
+from datetime import timedelta
+
+from .text_forms import BEGIN, cells, iso, text
 
 #: What oscilloscopes and amplifiers name channels, and what a volt is worth.
 VOLTS = {'contraction': 'CH1 * 10 mm', 'pressure': 'CH2 * 100 kPa', 'force': 'CH3 * 50 N'}
@@ -25,6 +27,42 @@ def twincat(log, names, unit):
          *('\t'.join(f'{key}\t{value}' for value in values) for key, values in keys.items()), ''],
         [[cell for value in row[1:] for cell in (f'{1e3 * float(row[0]):.0f}', value)]
          for row in cells(log)], '\t')
+
+
+
+def readings(log, names, time=lambda t: f'{t:.3f}'):
+    """Return a row for each reading: time, name, value, in the order of time."""
+    return [[row[0], name, value] for row in cells(log, time=time)
+            for name, value in zip(names, row[1:])]
+
+
+def wincc(log):
+    """Return an archive of WinCC: whole seconds, the clock in millionths of a day beside them."""
+    names = ('Contraction_mm', 'Pressure_kPa', 'Force_N')
+    rows = [[f'"{name}"', f'"{stamp:%d.%m.%Y %H:%M:%S}"', value.replace('.', ','), '1',
+             f'{1e6 * (45362.0 + t / 86400.0):.6f}'.replace('.', ',')]
+            for t, stamp, row in zip(log['time'], stamps(log), cells(log))
+            for name, value in zip(names, row[1:])]
+    return text(['"VarName";"TimeString";"VarValue";"Validity";"Time_ms"'],
+                [['"$RT_OFF$"', '"03.05.2026 23:59:40"', '0', '2', '45361999900,0'], *rows], ';')
+
+
+def stamps(log):
+    """Return the times as datetimes."""
+    return [BEGIN + timedelta(seconds=float(t)) for t in log['time']]
+
+
+def influx(log, tables):
+    """Return annotated CSV of InfluxDB: a signal after the other, in tables or in one."""
+    notes = ['#group,false,false,false,false,true', '#default,_result,,,,',
+             '#datatype,string,long,dateTime:RFC3339,double,string',
+             ',result,table,_time,_value,_field']
+    lines = []
+    for k, name in enumerate(('contraction_mm', 'pressure_kPa', 'force_N')):
+        lines += notes if tables or not k else []
+        lines += [f',,{k},{row[0]}Z,{row[1 + k]},{name}' for row in cells(log, time=iso)]
+        lines += [''] if tables else []
+    return text(lines, [], end='\r\n')
 
 
 INSTRUMENTS = {
@@ -62,4 +100,19 @@ INSTRUMENTS = {
     'the last name of the head beside the first row': lambda log: text(
         ['trace_name,Time,Contraction,Pressure,Force', 'unit,s,mm,kPa,N'],
         [['' if k else 'trace_values', *row] for k, row in enumerate(cells(log))]),
+    'an archive of WinCC': wincc,
+    'InfluxDB, a table': lambda log: influx(log, False),
+    'InfluxDB, a table for each field': lambda log: influx(log, True),
+    'pandas.melt': lambda log: text(['t,variable,value'], sorted(
+        readings(log, ('contraction_mm', 'pressure_kPa', 'force_N')), key=lambda row: row[1])),
+    'tags that are told, and one of words': lambda log: (text(
+        ['Timestamp;Tag;Value;Quality'], [
+            *([*row, 'Good'] for row in readings(log, ('R1.POS', 'R1.PT', 'R1.LC'), iso)),
+            [iso(0.0), 'R1.VALVE', 'OPEN', 'Good'], [iso(9.0), 'R1.VALVE', 'SHUT', 'Good']], ';'),
+        {'columns': {'contraction': 'R1.POS [mm]', 'pressure': 'R1.PT [kPa]',
+                     'force': 'R1.LC [N]'}}),
+    'names and units of a reading in columns': lambda log: text(
+        ['time [s],what,unit,reading'],
+        [[*row[:2], {'contraction': 'mm', 'pressure': 'kPa', 'force': 'N'}[row[1]], row[2]]
+         for row in readings(log, ('contraction', 'pressure', 'force'))]),
 }

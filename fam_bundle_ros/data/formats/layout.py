@@ -198,10 +198,11 @@ def with_bad_cells(rows: Sequence[Sequence[str]], width: int, decimal: str = '.'
 
 
 def may_name(cells: Sequence[str], width: int) -> bool:
-    """Return whether a row has a word for each column, and not a unit, a number or a date."""
+    """Return whether a row has a word for each column, but for the first, and no readings."""
     used = trimmed(cells)
-    return len(used) == width and not _units_in(used) and not any(
-        is_number(cell) or is_blank(cell) or _CLOCK.fullmatch(cell) for cell in used)
+    return len(used) == width and not are_units(used) and not any(
+        is_number(cell) or is_blank(cell) and at or _CLOCK.fullmatch(cell)
+        for at, cell in enumerate(used))
 
 
 def find_names(rows: Sequence[Sequence[str]], width: int,
@@ -224,7 +225,7 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     begin = max(len(rows) - _ABOVE, 0)
     near = [(i, [*row, *[''] * width][:width]) for i, row in enumerate(rows[begin:], begin)
             if 2 <= len(trimmed(row)) and (len(trimmed(row)) <= width + 1 or _of_columns(
-                row[:width]) or i + 1 < len(rows) and _units_in(rows[i + 1][:width]))]
+                row[:width]) or i + 1 < len(rows) and are_units(rows[i + 1][:width]))]
     near = heads.with_levels([(i, row) for i, row in near if not any(
         is_number(cell) or _CLOCK.fullmatch(cell) for cell in row if len(cell) > 1)])
     if not near:
@@ -232,7 +233,7 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     filled = [all(cell.strip() for cell in row) for _, row in near]
     known = [sum(recognise(cell).quantity != '' for cell in row if cell.strip())
              for _, row in near]
-    unit_like = [_units_in(row) for _, row in near]
+    unit_like = [are_units(row) for _, row in near]
     candidates = [i for i in range(len(near)) if not unit_like[i] or known[i] > 1]
     # one known word in a row with gaps is of a setting
     at = max(candidates or range(len(near)), key=lambda i: (
@@ -252,7 +253,8 @@ def _of_columns(row: Sequence[str]) -> bool:
         ) > 0.6 * len(row)
 
 
-def _units_in(row: Sequence[str]) -> bool:
+def are_units(row: Sequence[str]) -> bool:
+    """Return whether most of a row's cells are units."""
     cells = [cell for cell in row if cell.strip()]
     return bool(cells) and sum(is_unit(cell) or cell.strip().strip('[](){}<>') in ELECTRIC
                                for cell in cells) > 0.6 * len(cells)

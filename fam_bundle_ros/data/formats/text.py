@@ -289,8 +289,9 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     own = {i: len(split(head[i], dialect.separator)) for i in above}
     if any(own[i] == width and layout.may_name(cells[i], width) for i in above
            if not _is_comment(head[i])):
-        # beside a row of names a title, or a comment of another length, is a note about them
-        above = [i for i in above if own[i] == width or own[i] > 1 and not _is_comment(head[i])]
+        # beside a row of names a title, or a comment that is no row of units, is a note about them
+        above = [i for i in above if own[i] > 1 and not _is_comment(head[i])
+                 or own[i] == width and layout.are_units(cells[i])]
     names, units, last = layout.find_names([cells[i] for i in above], width)
     named = sum(not cell.startswith('column ') for cell in names)
     row = split(head[line_at], dialect.separator)
