@@ -18,6 +18,7 @@ import numpy as np
 from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
 from fam_bundle_ros.data.clocks import same_name
 from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.titles import titles_of
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.telling import Choice, name_of, told_column
 from fam_bundle_ros.data.unit_names import ELECTRIC, unit_of
@@ -251,8 +252,15 @@ class Choices:
             return f'{self.table.name}: {misfit}{found}'
         examples = self._examples(key)
         # without a column left it is a constant, or it is not in this file
-        constant = ', a constant' if key == 'pressure' and not examples else ''
-        example = '--columns "' + (examples[0] if examples else f'{key}=300 kPa' if constant else
+        constant = ', a constant for all rows' if key == 'pressure' and not examples else ''
+        titles = titles_of(self.table) if constant else []
+        if len({title.pressure for title in titles}) > 1:
+            said = ', '.join(f"'{title.text}' (row {title.row})" for title in titles[:3])
+            return (f"{self.table.name}: column '{key}' is missing{found}; titles tell several: "
+                    f'{said}; expected one above each block of rows, the first too, or a column')
+        value = f'{titles[0].pressure / 1e3:g} kPa' if titles else '300 kPa'
+        constant += f", as '{titles[0].text}' (row {titles[0].row}) says" if titles else ''
+        example = '--columns "' + (examples[0] if examples else f'{key}={value}' if constant else
                                     f'{key}=... [{_EXAMPLES[key]}]') + '"'
         if key == 'pressure' and len(examples) > 1:
             example += ', or of motor units ' + ' '.join(

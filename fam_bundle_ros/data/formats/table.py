@@ -37,7 +37,9 @@ class Table:
     notes : tuple of str
         What was met on the way, such as sheets that were not read.
     above : tuple of str
-        Lines above the names and the data, which may tell settings.
+        Lines above the data, which may tell settings.
+    remarks : tuple of (int, str)
+        Comments between the rows, and in which line they stand.
     blanks : callable, optional
         Returns what stands in a cell of floats that is nan, by header and what its row is called.
     """
@@ -49,6 +51,7 @@ class Table:
     rows: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     notes: tuple[str, ...] = ()
     above: tuple[str, ...] = ()
+    remarks: tuple[tuple[int, str], ...] = ()
     blanks: Callable[[str, int], str] | None = None
 
     def __post_init__(self) -> None:

@@ -42,6 +42,8 @@ _OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
 #: What the serial monitor of the Arduino IDE writes before each line.
 _MONITOR = re.compile(r'(\d{1,2}:\d\d:\d\d[.,]\d+) -> ')
 _COMMENTS = ('#', '%', '//', '!')
+#: Comments between rows that are kept.
+_REMARKS = 10_000
 
 
 class Dialect(NamedTuple):
@@ -116,6 +118,7 @@ def _read(path: Path, encoding: str) -> Table:
         if unit:
             units[name] = unit
     return Table(path.name, _kind(dialect), columns, units, at, above=tuple(head[:skipped]),
+                 remarks=tuple(rows.remarks),
                  blanks=partial(_cell, path, encoding, dialect.separator, names))
 
 
@@ -203,6 +206,8 @@ class _Rows(io.TextIOBase):
         self._end = self._separator + ' \t\r\n'
         #: Line number of each row handed on.
         self.numbers = array('q')
+        #: Line number and text of comments between them.
+        self.remarks: list[tuple[int, str]] = []
 
     def readable(self) -> bool:
         return True
@@ -213,7 +218,11 @@ class _Rows(io.TextIOBase):
         parts, length = [], 0
         for line in self._lines:
             self._at += 1
-            if self._at <= self._first or _is_comment(line) or not line.strip(' \t\r\n;,'):
+            if self._at <= self._first or not line.strip(' \t\r\n;,'):
+                continue
+            if _is_comment(line):
+                if len(self.remarks) < _REMARKS:
+                    self.remarks.append((self._at, line.strip()))
                 continue
             self.numbers.append(self._at)
             # blank cells at the end are left to pandas, which takes more cells for a mistake
