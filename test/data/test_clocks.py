@@ -90,6 +90,34 @@ def test_structs_with_other_times_keep_them(muscle, tmp_path):
     assert np.allclose(data.pressure[:, 0] / 1e3, pressure(data.time), atol=0.01)
 
 
+def test_structs_in_structs_keep_their_times_too(muscle, tmp_path):
+    """Each device in a struct of its own: the times of one are not those of the other."""
+    savemat = pytest.importorskip('scipy.io').savemat
+    later = TIME + 0.5
+    savemat(tmp_path / 'log.mat', {
+        'drive': {'strain': {'Time': TIME, 'Data': strain(TIME)},
+                  'p_kPa': {'Time': TIME, 'Data': pressure(TIME)}},
+        'cell': {'F_N': {'Time': later, 'Data': force(later, muscle)}}})
+    data = read_measurement(tmp_path / 'log.mat', columns={'strain': 'drive.strain'})
+    assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
+    assert len(data) == 390
+
+
+@pytest.mark.parametrize('turned', [False, True])
+def test_matrices_of_time_and_reading_are_channels(muscle, tmp_path, turned):
+    """Simulink's To Workspace writes [t y] for each signal, at the rate of the signal."""
+    savemat = pytest.importorskip('scipy.io').savemat
+    slow = TIME[::2]
+    pairs = {'strain': (TIME, strain(TIME)), 'p_kPa': (slow, pressure(slow)),
+             'F_N': (TIME, force(TIME, muscle))}
+    savemat(tmp_path / 'log.mat', {name: np.stack(pair, 0 if turned else 1)
+                                   for name, pair in pairs.items()})
+    data = read_measurement(tmp_path / 'log.mat')
+    assert len(data) == 200
+    assert np.allclose(data.strain, strain(data.time))
+    assert np.allclose(data.force, force(data.time, muscle))
+
+
 def test_equal_clocks_change_nothing(muscle):
     """A clock per channel that shows the same time."""
     data = read_measurement({
