@@ -147,9 +147,12 @@ class Choices:
             del self.refused[header]
 
     def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
+        if not match.quantity and match.why == 'not known':
+            unit = (self.table.units.get(header) or unit_text_of(header) or '').strip()
+            return 'text' if is_text(column) else match.why if unit not in ELECTRIC else (
+                f'in {unit}: tell what one {unit} is worth')
         if not match.quantity or not match.score:
-            return match.why if match.quantity else (
-                'text' if is_text(column) and match.why == 'not known' else match.why)
+            return match.why
         if match.score < _ENOUGH:
             return f'may be {match.quantity}, but for its other words'
         if _family(match.quantity) in families:

@@ -68,9 +68,10 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
         steps = np.diff(column)
         if not (steps > 0.0).all() or np.ptp(steps) > _EVEN * np.median(steps):
             continue
+        unit = 'ms' if np.median(steps) > 1.0 else 's'
         tell = ('counts the rows: if they are evenly spaced in time, tell their rate, --columns '
                 '"time=100 Hz"' if (steps == 1.0).all() else
-                f'rises evenly: if it is the clock, tell it, --columns "time={header} [s]"')
+                f'rises evenly: if it is the clock, tell it, --columns "time={header} [{unit}]"')
         return f"no time, read as a static map; '{header}' {tell}"
     return ''
 

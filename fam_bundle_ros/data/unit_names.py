@@ -11,9 +11,10 @@ from typing import NamedTuple
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.units import si_factor
 
+#: Units of voltages, in V.
+VOLTS = {'V': 1.0, 'Volt': 1.0, 'Volts': 1.0, 'mV': 1e-3, 'uV': 1e-6, '\u00b5V': 1e-6}
 #: Units of readings that need a calibration.
-ELECTRIC = frozenset(('V', 'Volt', 'Volts', 'mV', 'uV', '\u00b5V', 'mV/V', 'A', 'mA', 'counts',
-                      'count', 'digits', 'ADC'))
+ELECTRIC = frozenset((*VOLTS, 'mV/V', 'A', 'mA', 'counts', 'count', 'digits', 'ADC'))
 #: SI unit: {spelling in lower case without blanks: factor}. Others are left to pint.
 _UNITS: dict[str, dict[str, float]] = {
     'N': {'n': 1.0, 'newton': 1.0, 'newtons': 1.0, 'kn': 1e3, 'mn': 1e-3, 'cn': 1e-2,

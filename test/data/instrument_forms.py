@@ -47,6 +47,13 @@ def wincc(log):
                 [['"$RT_OFF$"', '"03.05.2026 23:59:40"', '0', '2', '45361999900,0'], *rows], ';')
 
 
+def stamped_rows(log):
+    """Return rows as of a ROS message: seconds, nanoseconds, frame, readings."""
+    moments = [1710152142_900000000 + round(1e9 * t) for t in log['time']]
+    return [[str(moment // 10**9), str(moment % 10**9), 'base', *row[1:]]
+            for moment, row in zip(moments, cells(log))]
+
+
 def stamps(log):
     """Return the times as datetimes."""
     return [BEGIN + timedelta(seconds=float(t)) for t in log['time']]
@@ -115,4 +122,12 @@ INSTRUMENTS = {
         ['time [s],what,unit,reading'],
         [[*row[:2], {'contraction': 'mm', 'pressure': 'kPa', 'force': 'N'}[row[1]], row[2]]
          for row in readings(log, ('contraction', 'pressure', 'force'))]),
+    'seconds and nanoseconds of ROS messages': lambda log: (text(
+        ['header.stamp.sec,header.stamp.nanosec,header.frame_id,x,p,f'], stamped_rows(log)),
+        {'columns': {'contraction': 'x [mm]', 'pressure': 'p [kPa]', 'force': 'f [N]'}}),
+    'ros2 topic echo --csv': lambda log: (text([], stamped_rows(log)), {
+        'columns': {'contraction': '4 [mm]', 'pressure': 'column 5 [kPa]', 'force': '6 [N]'}}),
+    'durations of pandas': lambda log: text(
+        ['elapsed,contraction_mm,pressure_kPa,force_N'],
+        cells(log, time=lambda t: f'0 days 00:00:{t:09.6f}')),
 }

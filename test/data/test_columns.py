@@ -311,7 +311,7 @@ def test_a_log_without_a_known_clock_says_which_column_may_be_one(log):
     """It is read as a static map; a column that rises evenly is named, a count of rows as that."""
     data = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))))
     assert data.is_static
-    assert any('"time=Name [s]"' in note for note in data.notes)
+    assert any('"time=Name [ms]"' in note for note in data.notes)
     data = read_measurement(table(log, time=('Scan', np.arange(ROWS))))
     assert any('"time=100 Hz"' in note for note in data.notes)
     silent = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))),

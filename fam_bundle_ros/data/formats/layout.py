@@ -37,7 +37,7 @@ _NUMBER = {
     ',': re.compile(r'[-+]?(\d+(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
 }
 _CLOCK = re.compile(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}([T ]\S+.*)?|\d{8}T\S+|'
-                    r'\d{1,3}:\d{2}(:\d{2})?([.,]\d+|:\d{3})?(\s*[AaPp][Mm])?')
+                    r'(\d+ days?,? )?\d{1,3}:\d{2}(:\d{2})?([.,]\d+|:\d{3})?(\s*[AaPp][Mm])?')
 #: What calls a row a statistic of others.
 _STATISTIC = re.compile(r'(mean|average|avg|max|min|std|st\.? ?dev|sd|sigma|median|sum|total|'
                         r'range|mittelwert|mittel|summe|standardabw|moyenne|media)', re.I)
