@@ -104,9 +104,10 @@ def time_unit(name: str, header: str, values: np.ndarray) -> tuple[Unit, str]:
     if 2e4 < top < 1e6 and 0 < step < 2e-5:
         return Unit('d', 86400.0, 's'), 'days, as spreadsheets count'
     if step >= _SLOWEST:
+        example = 'us' if step > 1e3 * _SLOWEST else 'ms'
         raise InputError(f"{name}: column '{header}' has no unit, and its steps of {step:.4g} may "
-                         'be s or ms; expected it told, for example --columns '
-                         f'"time={header} [ms]"')
+                         f'be s, ms or us; expected it told, for example --columns '
+                         f'"time={header} [{example}]"')
     # whole numbers may count milliseconds
     whole = len(steps) > 0 and bool((finite == np.round(finite)).all())
     return Unit('s', 1.0, 's'), 's guessed, no unit given' if whole else ''

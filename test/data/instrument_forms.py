@@ -130,4 +130,16 @@ INSTRUMENTS = {
     'durations of pandas': lambda log: text(
         ['elapsed,contraction_mm,pressure_kPa,force_N'],
         cells(log, time=lambda t: f'0 days 00:00:{t:09.6f}')),
+    'a Yokogawa recorder': lambda log: text(
+        ['"Model","DL850"', '"BlockNumber",1', '"TraceName","Contraction","Pressure","Force"',
+         '"BlockSize",360,360,360', '"VUnit","mm","kPa","N"', '"SampleRate",20,20,20',
+         '"HResolution",0.05,0.05,0.05', '"HOffset",0,0,0', '"HUnit","s","s","s"',
+         '"Date","2024/03/11"', '"Time","10:15:42.12"', ''],
+        [['', *row[1:]] for row in cells(log)]),
+    'a Graphtec logger': lambda log: text(
+        ['Vendor,GRAPHTEC Corporation', 'AMP settings', 'CH,Signal name,Input,Range,Span',
+         'CH1,"Contraction",DC,10V,+50.000,+0.000,mm', 'Data',
+         'Number,Date&Time,ms,CH1,CH2,CH3,Alarm1-10', 'NO.,Time,ms,mm,kPa,N,A1234567890'],
+        [[str(k), f'{stamp:%Y/%m/%d %H:%M:%S}', f'{stamp.microsecond // 1000}', *row[1:],
+          'LLLLLLLLLL'] for k, (stamp, row) in enumerate(zip(stamps(log), cells(log)))]),
 }

@@ -292,7 +292,7 @@ def test_two_equal_forces_are_asked_for(log):
 def test_a_clock_without_a_unit_that_may_count_milliseconds_is_asked_for(log):
     """0, 50, 100 may be s or ms; a count in ones is taken for seconds, and that is said."""
     counted = table(log, time=('time', np.round(1e3 * log[0])))
-    with pytest.raises(InputError, match=r'steps of 50 may be s or ms.*"time=time \[ms\]"'):
+    with pytest.raises(InputError, match=r'steps of 50 may be s, ms or us.*"time=time \[ms\]"'):
         read_measurement(counted)
     told = read_measurement(counted, columns={'time': 'time [ms]'})
     assert np.allclose(np.diff(told.time), np.diff(log[0]))

@@ -103,6 +103,19 @@ def test_a_word_among_the_readings_of_a_signal_is_an_error(readings):
     assert len(read_measurement(table)) == 59
 
 
+@pytest.mark.parametrize(('good', 'bad'), [('Good', 'Bad'), (192.0, 0.0), ('1', '0')])
+def test_readings_of_bad_quality_are_left_out_and_counted(readings, good, bad):
+    """A controller writes 0 where a sensor is not there, and that the reading is bad."""
+    table = long((TIME, readings(200.0), {}))
+    table['quality'] = np.array([good] * 180, float if isinstance(good, float) else object)
+    table['value'][130:132], table['quality'][130:132] = 0.0, bad
+    data = read_measurement(table)
+    assert len(data) == 58
+    assert data.force.min() > 0.0
+    assert any('2 readings of bad quality left out (first row 131)' in note
+               for note in data.notes)
+
+
 def test_names_beside_a_force_are_remarks(readings):
     """A table with columns of its own is not turned round because one of them is called tag."""
     values = readings(200.0)

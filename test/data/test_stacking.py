@@ -55,6 +55,20 @@ def test_a_column_of_force_per_pressure_is_a_static_map(trials, name):
     assert len(data.trial_names) == 3
 
 
+@pytest.mark.parametrize('name', ['Run {}: {}', '{1} Run #{0}', 'Trial {} {}'])
+def test_runs_that_stand_in_each_name_are_trials(trials, tmp_path, name):
+    """As programs for schools export them: 'Run 1: Time (s)', 'Run 1: Force (N)', ..."""
+    names = ('Time (s)', 'strain', 'Pressure (kPa)', 'Force (N)')
+    path = tmp_path / 'runs.csv'
+    path.write_text('\n'.join([
+        ','.join(name.format(k, each) for k in (1, 2, 3) for each in names),
+        *(','.join(f'{t[k]:.3f},{e[k]:.7f},{p[k] / 1e3:.4f},{f[k]:.4f}' for t, e, p, f in trials)
+          for k in range(60))]))
+    data = read_measurement(path)
+    same(data, trials)
+    assert len(data.trial_names) == 3
+
+
 @pytest.mark.parametrize('ending', ['csv', 'xlsx'])
 def test_levels_below_a_merged_head_are_names_not_data(trials, tmp_path, ending):
     """'Force [N]' merged over '1 bar', '2.5 bar', ...: the second row is no row of readings."""

@@ -38,7 +38,7 @@ def same(data, forces, above=0.0):
 
 @pytest.mark.parametrize('title', [
     'Pressure: {} bar', 'Test {}: p = {} bar', 'Versuch bei {} bar', 'p_set = {} bar', '{} bar',
-    '# {} bar', '** 12.5 N @ {} bar **'])
+    '# {} bar', 'Block {}, p_soll = {} bar', '** 12.5 N @ {} bar **'])
 def test_each_block_has_the_pressure_of_its_title(title, blocks, tmp_path):
     """With a head below each title; which titles they were is said."""
     rows, forces = blocks

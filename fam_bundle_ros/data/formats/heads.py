@@ -19,8 +19,8 @@ _VALUE = re.compile(r'(?:[^\W\d]+\s*:\s*)?([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?
 #: What a sample interval is called, its unit and its value; a vague name needs a unit.
 _INTERVAL = re.compile(
     r'(?:(?P<vague>increment|delta)|sampl(?:e|ing)[ _]?(?:interval|time|period)|t_?inc(?:rement)?|'
-    r'd(?:elta)?[ _]?[tx]|abtast(?:intervall|zeit|periode)|messintervall)'
-    r'\s*(?:[\[(]\s*(?P<unit>[^\W\d_]+)\s*[\])])?\s*(?:[:=]\s*(?P<value>.*))?', re.IGNORECASE)
+    r'd(?:elta)?[ _]?[tx]|h_?resolution|time[ _]?step|abtast(?:intervall|zeit|periode)|'
+    r'messintervall)\s*(?:[\[(]\s*(?P<unit>[^\W\d_]+)\s*[\])])?\s*(?:[:=]\s*(?P<value>.*))?', re.IGNORECASE)
 
 
 def of_pairs(rows: Sequence[Sequence[str]], width: int,
@@ -111,5 +111,5 @@ def _cells(line: str) -> list[str]:
     """Return the cells of a line above a table: a comma behind a colon is one of decimals."""
     separator = next((sign for sign in '\t;' if sign in line), ',')
     whole = separator == ',' and re.search(r'[:=]\s*\d+,\d', line)
-    cells = [cell.strip() for cell in ([line] if whole else line.split(separator))]
+    cells = [cell.strip(' "\r\n') for cell in ([line] if whole else line.split(separator))]
     return [cell for at, cell in enumerate(cells) if cell or any(cells[at:])]

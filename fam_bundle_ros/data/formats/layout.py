@@ -41,8 +41,8 @@ _CLOCK = re.compile(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}([T ]\S+.
 #: What calls a row a statistic of others.
 _STATISTIC = re.compile(r'(mean|average|avg|max|min|std|st\.? ?dev|sd|sigma|median|sum|total|'
                         r'range|mittelwert|mittel|summe|standardabw|moyenne|media)', re.I)
-#: Rows looked at above the data.
-_ABOVE = 8
+#: Rows looked at above the data, and for names.
+_ABOVE, _HEAD = 8, 16
 
 
 class Layout(NamedTuple):
@@ -222,7 +222,7 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     pairs = heads.of_pairs(rows, width)
     if pairs is not None:
         return *pairs, len(rows) - 1
-    begin = max(len(rows) - _ABOVE, 0)
+    begin = max(len(rows) - _HEAD, 0)
     near = [(i, [*row, *[''] * width][:width]) for i, row in enumerate(rows[begin:], begin)
             if 2 <= len(trimmed(row)) and (len(trimmed(row)) <= width + 1 or _of_columns(
                 row[:width]) or i + 1 < len(rows) and are_units(rows[i + 1][:width]))]
@@ -234,12 +234,15 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     known = [sum(recognise(cell).quantity != '' for cell in row if cell.strip())
              for _, row in near]
     unit_like = [are_units(row) for _, row in near]
-    candidates = [i for i in range(len(near)) if not unit_like[i] or known[i] > 1]
+    # 's' is the name of a path too, but not of each column
+    candidates = [i for i, (_, row) in enumerate(near) if not unit_like[i] or (
+        known[i] > 1 and len(set(row)) > 0.5 * len(row))]
     # one known word in a row with gaps is of a setting
     at = max(candidates or range(len(near)), key=lambda i: (
         known[i] if known[i] > 1 or filled[i] else 0, filled[i], i))
     names = [cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at][1])]
-    units_at = [i for i in range(len(near)) if i != at and unit_like[i]][-1:]
+    units_at = sorted((i for i in range(len(near)) if i != at and unit_like[i]), key=lambda i: (
+        sum(recognise(*pair).score > 0 for pair in zip(names, near[i][1])), i))[-1:]
     units = {name: cell.strip().strip('[](){}<>') for i in units_at
              for name, cell in zip(names, near[i][1]) if cell.strip().strip('[](){}<>')}
     return names, units, max(near[i][0] for i in (at, *units_at))
@@ -257,4 +260,4 @@ def are_units(row: Sequence[str]) -> bool:
     """Return whether most of a row's cells are units."""
     cells = [cell for cell in row if cell.strip()]
     return bool(cells) and sum(is_unit(cell) or cell.strip().strip('[](){}<>') in ELECTRIC
-                               for cell in cells) > 0.6 * len(cells)
+                               for cell in cells) > 0.5 * len(cells)

@@ -31,6 +31,9 @@ _SIGNAL = frozenset("""signal signalname signalid tag tagname tagid variable var
 _VALUE = frozenset("""value val varvalue reading tagvalue wert messwert istwert numericvalue
     floatvalue valor valeur""".split())
 _UNIT = frozenset('unit units einheit unite unidad'.split())
+#: Columns that say whether a reading is good, and how.
+_QUALITY = frozenset('quality validity valid opcquality status'.split())
+_GOOD = frozenset('good ok valid true 1 192'.split())
 #: More different names than this are no signals.
 _MOST = 200
 #: s of one unit of a clock; controllers of Siemens count millionths of a day.
@@ -53,6 +56,8 @@ def wide(table: Table) -> Table:
     # heads that stand there again are no readings
     named = np.array([not blank(cell) for cell in table.columns[signal]], bool)
     rows = named & np.array([str(cell).strip() != signal for cell in table.columns[signal]], bool)
+    bad = _of_bad_quality(table, others, rows)
+    rows &= ~bad
     labels, names = _counted(table.columns[signal][rows])
     at, cells = table.rows[rows], table.columns[value][rows]
     clock, times, clock_unit, instead_of = _clock(table, others, rows)
@@ -75,6 +80,9 @@ def wide(table: Table) -> Table:
               and header not in (*columns, instead_of) and _key(header) not in _UNIT]
     notes = [f"one reading per row: each of {len(names)} names in '{signal}' read as a column"
              + (f"; not used: {', '.join(unread)}" if unread else '')]
+    if bad.any():
+        notes.append(f"{counted(int(bad.sum()), 'reading')} of bad quality left out (first row "
+                     f'{table.rows[np.argmax(bad)]})')
     if not named.all():
         notes.append(f"{counted(int((~named).sum()), 'row')} without a name in '{signal}' left "
                      'out')
@@ -108,6 +116,19 @@ def _columns(table: Table) -> tuple[str, str, list[str]] | None:
 
 def _key(header: str) -> str:
     return ''.join(words_of(header))
+
+
+def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray) -> np.ndarray:
+    """Return the rows whose quality is another than that of most, where that is a good one."""
+    bad = np.zeros(len(rows), bool)
+    for header in others:
+        if _key(header) in _QUALITY:
+            said = (f'{cell:g}' if isinstance(cell, float) else str(cell).strip().casefold()
+                    for cell in table.columns[header])
+            good = np.array([word in _GOOD for word in said], bool)
+            if good[rows].mean() > 0.5:
+                bad |= rows & ~good
+    return bad
 
 
 def _counted(cells: Iterable[Any]) -> tuple[np.ndarray, list[str]]:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Clocks in two columns, whole seconds and their fraction, as ROS messages have them."""
+"""Clocks in two columns, whole seconds and their fraction, as of ROS messages and of loggers."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ import re
 
 import numpy as np
 
+from fam_bundle_ros.data.cells import looks_like_time, seconds
 from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.vocabulary import recognise
 
 _SECONDS = re.compile(r'(.*?)[._/ ]?(?:tv_)?(?:sec|secs|seconds)', re.IGNORECASE)
 _FRACTIONS = (('(?:nano|n)sec(?:s|onds)?', 1e-9), ('(?:micro|u)sec(?:s|onds)?', 1e-6))
+_MILLI = re.compile(r'ms|msec|milli(?:tm|s|sec|seconds)?', re.IGNORECASE)
 
 
 def with_stamps(table: Table) -> Table:
@@ -24,6 +26,12 @@ def with_stamps(table: Table) -> Table:
     and whole numbers below a thousand million.
     """
     headers = list(table.columns)
+    for date, part in zip(headers, headers[1:]):
+        if _MILLI.fullmatch(part) and _are_fractions(table.columns[part]) and looks_like_time(
+                table.columns[date]):
+            whole = seconds(table.name, date, table.columns[date], table.rows)
+            return replace(table, units={**table.units, date: 's'}, columns={
+                **table.columns, date: whole + 1e-3 * table.columns[part]})
     clocks = {header: clock for header, beside in zip(headers, headers[1:])
               if (clock := _stamp(table, header, beside)) is not None}
     if not clocks:
@@ -39,6 +47,12 @@ def with_stamps(table: Table) -> Table:
     units |= {name: 's' for name, header in zip(names, headers) if header in clocks}
     return replace(table, units=units, columns={
         name: clocks.get(header, table.columns[header]) for name, header in zip(names, headers)})
+
+
+def _are_fractions(column: np.ndarray) -> bool:
+    """Return whether a column holds whole numbers below a thousand."""
+    return column.dtype.kind == 'f' and bool(((column >= 0) & (column < 1000)
+                                              & (column == np.round(column))).all())
 
 
 def _stamp(table: Table, header: str, beside: str) -> np.ndarray | None:

@@ -32,8 +32,8 @@ class Title(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """The text without its numbers."""
-        return re.sub(r'\d+(?:[.,]\d+)?', '#', self.text)
+        """The text without its numbers and signs: cells of a row are joined by blanks."""
+        return ' '.join(re.findall(r'[^\W\d_]+', self.text))
 
 
 def titled(table: Table) -> Table:
