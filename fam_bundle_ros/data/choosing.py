@@ -18,7 +18,7 @@ import numpy as np
 from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
 from fam_bundle_ros.data.clocks import same_name
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.formats.titles import titles_of
+from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.telling import Choice, name_of, told_column
 from fam_bundle_ros.data.unit_names import ELECTRIC, unit_of
@@ -261,8 +261,10 @@ class Choices:
             said = ', '.join(f"'{title.text}' (row {title.row})" for title in titles[:3])
             return (f"{self.table.name}: column '{key}' is missing{found}; titles tell several: "
                     f'{said}; expected one above each block of rows, the first too, or a column')
-        value = f'{titles[0].pressure / 1e3:g} kPa' if titles else '300 kPa'
-        constant += f", as '{titles[0].text}' (row {titles[0].row}) says" if titles else ''
+        title = titles[0] if titles else title_of_name(self.table.name) if constant else None
+        value = f'{title.pressure / 1e3:g} kPa' if title else '300 kPa'
+        where = f'(row {title.row})' if title and title.row else 'in the name of the file'
+        constant += f", as '{title.text}' {where} says" if title else ''
         example = '--columns "' + (examples[0] if examples else f'{key}={value}' if constant else
                                     f'{key}=... [{_EXAMPLES[key]}]') + '"'
         if key == 'pressure' and len(examples) > 1:

@@ -142,4 +142,8 @@ INSTRUMENTS = {
          'Number,Date&Time,ms,CH1,CH2,CH3,Alarm1-10', 'NO.,Time,ms,mm,kPa,N,A1234567890'],
         [[str(k), f'{stamp:%Y/%m/%d %H:%M:%S}', f'{stamp.microsecond // 1000}', *row[1:],
           'LLLLLLLLLL'] for k, (stamp, row) in enumerate(zip(stamps(log), cells(log)))]),
+    'a clock for each channel, units and sensors below': lambda log: text(
+        ['Time,Contraction,Time,Pressure,Time,Force', 's,mm,s,kPa,s,N',
+         'clock,LVDT,clock,SDE1,clock,U9C'],
+        [[row[0], row[1], row[0], row[2], row[0], row[3]] for row in cells(log)]),
 }

@@ -22,9 +22,9 @@ def blocks(muscle):
             for force in forces], forces
 
 
-def read(tmp_path, text):
+def read(tmp_path, text, name='log.csv'):
     """Return the measurement of a text file."""
-    path = tmp_path / 'log.csv'
+    path = tmp_path / name
     path.write_text(text, encoding='utf-8')
     return read_measurement(path)
 
@@ -91,3 +91,10 @@ def test_a_pressure_of_something_else_is_not_that_of_the_muscle(title, blocks, t
     with pytest.raises(InputError, match="'pressure' is missing"):
         read(tmp_path, ''.join(f'{title.format(level)}\n{HEAD}\n{block}\n'
                                for level, block in zip(LEVELS, rows)))
+
+
+def test_the_pressure_in_the_name_of_a_file_is_offered_too(blocks, tmp_path):
+    """One file per pressure: what to write is the pressure of this one."""
+    rows, _ = blocks
+    with pytest.raises(InputError, match=r'in the name of the file says.*"pressure=250 kPa"'):
+        read(tmp_path, f'{HEAD}\n{rows[0]}', 'muscle_2.5bar_run1.csv')

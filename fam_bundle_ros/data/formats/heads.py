@@ -20,7 +20,8 @@ _VALUE = re.compile(r'(?:[^\W\d]+\s*:\s*)?([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?
 _INTERVAL = re.compile(
     r'(?:(?P<vague>increment|delta)|sampl(?:e|ing)[ _]?(?:interval|time|period)|t_?inc(?:rement)?|'
     r'd(?:elta)?[ _]?[tx]|h_?resolution|time[ _]?step|abtast(?:intervall|zeit|periode)|'
-    r'messintervall)\s*(?:[\[(]\s*(?P<unit>[^\W\d_]+)\s*[\])])?\s*(?:[:=]\s*(?P<value>.*))?', re.IGNORECASE)
+    r'messintervall)\s*(?:[\[(]\s*(?P<unit>[^\W\d_]+)\s*[\])])?\s*(?:[:=]\s*(?P<value>.*))?',
+    re.IGNORECASE)
 
 
 def of_pairs(rows: Sequence[Sequence[str]], width: int,
@@ -42,14 +43,16 @@ def of_pairs(rows: Sequence[Sequence[str]], width: int,
     names = {key: cells for key, cells in found.items()
              if len(set(cells)) == len(cells) and all(cells) and not any(
                  re.match(r'[-+]?\d', cell) for cell in cells)}
-    if len(found) < 2 or not names:
+    if not names:
         return None
     best = max(names, key=lambda key: sum(recognise(cell).score for cell in names[key]))
     clock = next((key for key in found if recognise(key).quantity == 'time'
                   and unit_of(unit_text_of(key) or '', 's')), '')
-    units = next((dict(zip(names[best], cells)) for key, cells in found.items()
-                  if key.casefold() in _UNIT_KEYS), {})
-    units = {name: unit.strip('[](){}<>') for name, unit in units.items() if unit}
+    own = next((cells for key, cells in found.items() if key.casefold() in _UNIT_KEYS), None)
+    if not clock and own is None:  # 'Time, p, Time, F' are names themselves
+        return None
+    units = {name: text for name, cell in zip(names[best], own or [])
+             if (text := cell.strip('[](){}<>'))}
     if clock:
         units['time'] = unit_text_of(clock) or ''
     times = ['time' if clock else f'X {at}' for at in range(1, len(names[best]) + 1)]

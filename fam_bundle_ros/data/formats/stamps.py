@@ -26,19 +26,13 @@ def with_stamps(table: Table) -> Table:
     and whole numbers below a thousand million.
     """
     headers = list(table.columns)
-    for date, part in zip(headers, headers[1:]):
-        if _MILLI.fullmatch(part) and _are_fractions(table.columns[part]) and looks_like_time(
-                table.columns[date]):
-            whole = seconds(table.name, date, table.columns[date], table.rows)
-            return replace(table, units={**table.units, date: 's'}, columns={
-                **table.columns, date: whole + 1e-3 * table.columns[part]})
     clocks = {header: clock for header, beside in zip(headers, headers[1:])
               if (clock := _stamp(table, header, beside)) is not None}
     if not clocks:
         return table
     names: list[str] = []
     for at, header in enumerate(headers):
-        prefix = match[1] if (match := _SECONDS.fullmatch(header)) else ''
+        prefix = match[1] if (match := _SECONDS.fullmatch(header)) else header
         names.append((prefix if recognise(prefix, 's').quantity == 'time' else 'time')
                      if header in clocks else f'(fraction of {names[-1]})'
                      if at and headers[at - 1] in clocks else header)
@@ -49,15 +43,13 @@ def with_stamps(table: Table) -> Table:
         name: clocks.get(header, table.columns[header]) for name, header in zip(names, headers)})
 
 
-def _are_fractions(column: np.ndarray) -> bool:
-    """Return whether a column holds whole numbers below a thousand."""
-    return column.dtype.kind == 'f' and bool(((column >= 0) & (column < 1000)
-                                              & (column == np.round(column))).all())
-
-
 def _stamp(table: Table, header: str, beside: str) -> np.ndarray | None:
     """Return the clock of two columns, from its first reading on, s; None where they are none."""
     whole, part = table.columns[header], table.columns[beside]
+    if _MILLI.fullmatch(beside) and _are_whole(part) and np.nanmax(part) < 1e3 and (
+            looks_like_time(whole)):
+        clock = seconds(table.name, header, whole, table.rows)
+        return clock + 1e-3 * part if _are_whole(clock) else None
     if whole.dtype.kind != 'f' or part.dtype.kind != 'f' or not np.isfinite(whole).any():
         return None
     first = float(whole[np.isfinite(whole)][0])
@@ -68,7 +60,11 @@ def _stamp(table: Table, header: str, beside: str) -> np.ndarray | None:
     else:
         unnamed = re.fullmatch(r'column \d+', header) and re.fullmatch(r'column \d+', beside)
         worth = 1e-9 if unnamed and 1e9 < np.nanmin(whole) and np.nanmax(whole) < 4e9 and (
-            np.nanmin(part) >= 0.0 and 1e6 < np.nanmax(part) < 1e9) and all(
-                np.array_equal(column, np.round(column), equal_nan=True)
-                for column in (whole, part)) else 0.0
+            1e6 < np.nanmax(part) < 1e9) and _are_whole(whole) and _are_whole(part) else 0.0
     return whole - first + worth * part if worth else None
+
+
+def _are_whole(column: np.ndarray) -> bool:
+    """Return whether a column holds whole numbers from zero on."""
+    known = column[np.isfinite(column)] if column.dtype.kind == 'f' else np.zeros(0)
+    return len(known) > 0 and bool(((known >= 0.0) & (known == np.round(known))).all())

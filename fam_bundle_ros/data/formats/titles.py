@@ -81,7 +81,12 @@ def titles_of(table: Table) -> list[Title]:
     return [title for title in found if title.kind == kinds[0][0]]
 
 
-def _title(row: int, line: str) -> Title | None:
+def title_of_name(name: str) -> Title | None:
+    """Return the pressure that stands in the name of a file: 'run_3bar.csv'; None for none."""
+    return _title(0, re.sub(r'[_-]', ' ', name.rpartition('.')[0]), sure=False)
+
+
+def _title(row: int, line: str, sure: bool = True) -> Title | None:
     """Return a line with one pressure; None for others, such as that of a supply."""
     text = ' '.join(line.split()).strip('#*-=%!/<>;,"\' ')
     found: list[tuple[re.Match[str], Unit]] = [
@@ -92,7 +97,7 @@ def _title(row: int, line: str) -> Title | None:
     before = re.split(r'[,;\t]|\s-\s', text[:match.start()])[-1].strip(' :=')
     words, meant = words_of(before), recognise(before)
     told = meant.quantity in ('pressure', 'trial') or bool(_SETPOINT & set(words))
-    if not told and ('no reading' in meant.why or words and words[-1] not in _AT
+    if sure and not told and ('no reading' in meant.why or words and words[-1] not in _AT
                      and not before.endswith('@')):
         return None  # of a supply, of a sensor
     absolute = absolute_of(text) if unit.absolute is None else unit.absolute
