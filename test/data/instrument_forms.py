@@ -146,4 +146,8 @@ INSTRUMENTS = {
         ['Time,Contraction,Time,Pressure,Time,Force', 's,mm,s,kPa,s,N',
          'clock,LVDT,clock,SDE1,clock,U9C'],
         [[row[0], row[1], row[0], row[2], row[0], row[3]] for row in cells(log)]),
+    'a clock for each channel, told by its header': lambda log: (text(
+        ['Time (s),Contraction (mm),Time (s),Pressure (kPa),Time (s),Force (N)'],
+        [[row[0], row[1], row[0], row[2], row[0], row[3]] for row in cells(log)]),
+        {'columns': {'time': 'Time (s)'}}),
 }

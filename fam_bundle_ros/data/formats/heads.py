@@ -49,7 +49,7 @@ def of_pairs(rows: Sequence[Sequence[str]], width: int,
     clock = next((key for key in found if recognise(key).quantity == 'time'
                   and unit_of(unit_text_of(key) or '', 's')), '')
     own = next((cells for key, cells in found.items() if key.casefold() in _UNIT_KEYS), None)
-    if not clock and own is None:  # 'Time, p, Time, F' are names themselves
+    if best == clock or not clock and own is None:  # 'Time, p, Time, F' are names themselves
         return None
     units = {name: text for name, cell in zip(names[best], own or [])
              if (text := cell.strip('[](){}<>'))}
