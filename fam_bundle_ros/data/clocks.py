@@ -9,6 +9,7 @@ import re
 
 import numpy as np
 
+from fam_bundle_ros.data.formats.heads import rate_in
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import about, InputError
@@ -54,7 +55,7 @@ def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str
 
 def may_be_clock(table: Table, used: Collection[str | None]) -> str:
     """
-    Return a note on the column that may be the clock of a table without one; '' for none.
+    Return a note on what may be the clock of a table without one, '' for nothing.
 
     Parameters
     ----------
@@ -73,7 +74,9 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
                 '"time=100 Hz"' if (steps == 1.0).all() else
                 f'rises evenly: if it is the clock, tell it, --columns "time={header} [{unit}]"')
         return f"no time, read as a static map; '{header}' {tell}"
-    return ''
+    rate = rate_in(table.above)
+    return rate and (f"no time, read as a static map; above the table stands '{rate[:60]}': if "
+                     'that is the rate of the rows, tell it, --columns "time=100 Hz"')
 
 
 def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray],

@@ -16,7 +16,7 @@ from fam_bundle_ros.data.formats import is_bag, read_table, Table
 from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
 from fam_bundle_ros.data.formats.long import wide
 from fam_bundle_ros.data.formats.stacking import unstacked
-from fam_bundle_ros.data.formats.stamps import with_stamps
+from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.titles import titled
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
 from fam_bundle_ros.data.recipe import load_recipe, Recipe
@@ -201,7 +201,7 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
         table = of_arrays(name or 'arrays', 'arrays', source)
     else:
         table = of_frame(source, name or 'frame')
-    for change in (with_stamps, wide, titled, unstacked):
+    for change in (oldest_first, with_stamps, wide, titled, unstacked):
         changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]
         if not any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone

@@ -4,7 +4,7 @@
 
 from datetime import timedelta
 
-from .text_forms import BEGIN, cells, iso, text
+from .text_forms import BEGIN, cells, HEAD, iso, text
 
 #: What oscilloscopes and amplifiers name channels, and what a volt is worth.
 VOLTS = {'contraction': 'CH1 * 10 mm', 'pressure': 'CH2 * 100 kPa', 'force': 'CH3 * 50 N'}
@@ -150,4 +150,12 @@ INSTRUMENTS = {
         ['Time (s),Contraction (mm),Time (s),Pressure (kPa),Time (s),Force (N)'],
         [[row[0], row[1], row[0], row[2], row[0], row[3]] for row in cells(log)]),
         {'columns': {'time': 'Time (s)'}}),
+    'the newest row first': lambda log: text([HEAD], cells(log)[::-1]),
+    'one reading per row, the newest first': lambda log: text(
+        ['_time,_field,_value'],
+        readings(log, ('contraction_mm', 'pressure_kPa', 'force_N'), iso)[::-1]),
+    'units alone above the data': lambda log: text(['s,mm,kPa,N'], cells(log)),
+    'events beside the first rows': lambda log: text(
+        ['Event,' + HEAD], [[{0: 'start', 1: 'fill'}.get(k, ''), *row]
+                            for k, row in enumerate(cells(log))]),
 }

@@ -307,13 +307,19 @@ def test_seconds_since_1970_need_no_unit(log):
     assert np.allclose(np.diff(data.time), 10.0)
 
 
-def test_a_log_without_a_known_clock_says_which_column_may_be_one(log):
-    """It is read as a static map; a column that rises evenly is named, a count of rows as that."""
+def test_a_log_without_a_known_clock_says_which_column_may_be_one(log, tmp_path):
+    """It is read as a static map; a column that rises evenly is named, a count of rows as that,
+    and a sample rate above the table.
+    """
     data = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))))
     assert data.is_static
     assert any('"time=Name [ms]"' in note for note in data.notes)
     data = read_measurement(table(log, time=('Scan', np.arange(ROWS))))
     assert any('"time=100 Hz"' in note for note in data.notes)
+    path = tmp_path / 'log.csv'
+    path.write_text('Sample rate: 20 Hz\nstrain,pressure [kPa],force [N]\n' + '\n'.join(
+        f'{e:.5f},{p / 1e3:.2f},{f:.3f}' for _, e, p, f in zip(*log)))
+    assert any("'Sample rate: 20 Hz'" in note for note in read_measurement(path).notes)
     silent = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))),
                               columns={'time': 'none'})
     assert not any('clock' in note for note in silent.notes)

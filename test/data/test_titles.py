@@ -50,6 +50,23 @@ def test_each_block_has_the_pressure_of_its_title(title, blocks, tmp_path):
     assert any('the titles of 3 blocks tell' in note for note in data.notes)
 
 
+@pytest.mark.parametrize('title', [['Versuch {0}', '{1:g} bar'], ['Druck', '{1}', 'bar']])
+def test_titles_in_cells_of_a_sheet_count_too(title, blocks, tmp_path):
+    """The number may stand in a cell of its own."""
+    openpyxl = pytest.importorskip('openpyxl')
+    rows, forces = blocks
+    book = openpyxl.Workbook()
+    for k, (level, block) in enumerate(zip(LEVELS, rows), 1):
+        cells = [cell.format(k, level) for cell in title]
+        book.active.append([float(cell) if '.' in cell else cell for cell in cells])
+        book.active.append(HEAD.split(','))
+        for line in block.split():
+            book.active.append(list(map(float, line.split(','))))
+        book.active.append([])
+    book.save(tmp_path / 'log.xlsx')
+    same(read_measurement(tmp_path / 'log.xlsx'), forces)
+
+
 def test_titles_below_one_head_count_too(blocks, tmp_path):
     """The names stand once, comments part the blocks."""
     rows, forces = blocks

@@ -22,6 +22,8 @@ _INTERVAL = re.compile(
     r'd(?:elta)?[ _]?[tx]|h_?resolution|time[ _]?step|abtast(?:intervall|zeit|periode)|'
     r'messintervall)\s*(?:[\[(]\s*(?P<unit>[^\W\d_]+)\s*[\])])?\s*(?:[:=]\s*(?P<value>.*))?',
     re.IGNORECASE)
+#: A sample rate.
+_RATE = re.compile(r'(?:sampl\w*|scan|abtast\w*|mess)[ _-]?(?:rate|freq\w*|frequenz)\W.*\d', re.I)
 
 
 def of_pairs(rows: Sequence[Sequence[str]], width: int,
@@ -108,6 +110,18 @@ def interval_of(lines: Sequence[str]) -> float | None:
                 unit = unit_of(text, 's') if text else None
                 told.add(float(value[1].replace(',', '.')) * unit.factor if unit else 0.0)
     return told.pop() if len(told) == 1 and min(told) > 0.0 else None
+
+
+def rate_in(lines: Sequence[str]) -> str:
+    """
+    Return the line above a table that tells a sample rate, '' for none.
+
+    Examples
+    --------
+    >>> rate_in(['Operator: lab', 'Sampling rate [Hz]: 50'])
+    'Sampling rate [Hz]: 50'
+    """
+    return next((' '.join(line.split()) for line in lines if _RATE.search(line)), '')
 
 
 def _cells(line: str) -> list[str]:

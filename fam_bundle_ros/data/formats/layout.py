@@ -159,8 +159,8 @@ def _below_settings(grid: Sequence[Sequence[str]], rows: np.ndarray) -> int:
     Return the first of some rows of numbers that is no setting of the head.
 
     Settings are a value below 'dt:' and above 'data:', levels ('3 bar', '1 bar') over plain
-    numbers, and rows that begin with a word where others do not: 'Maximum', 'Length'. The last of
-    these may be the word for data itself.
+    numbers, and rows that begin with a word where others do not, up to the last statistic:
+    'Length', 'Maximum'. Below that the word may be for the data, or of an event.
     """
     while len(rows) > 1:
         first, then = grid[rows[0]], grid[rows[1]]
@@ -174,9 +174,10 @@ def _below_settings(grid: Sequence[Sequence[str]], rows: np.ndarray) -> int:
         rows = rows[1:]
     labels = [grid[row][0] for row in rows]
     words = [not is_reading(label) and not is_blank(label) for label in labels]
-    if np.mean(words) < 0.1 and all(words[:1]):
-        count = words.index(False)
-        rows = rows[count - (not is_statistic(labels[count - 1])):]
+    if np.mean(words) < 0.1:
+        statistics = [at for at, label in enumerate(labels[:words.index(False)])
+                      if is_statistic(label)]
+        rows = rows[max(statistics, default=-1) + 1:]
     return int(rows[0])
 
 
@@ -236,16 +237,17 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     unit_like = [are_units(row) for _, row in near]
     # 's' is the name of a path too, but not of each column
     candidates = [i for i, (_, row) in enumerate(near) if not unit_like[i] or (
-        known[i] > 1 and len(set(row)) > 0.5 * len(row))]
+        known[i] > 0.5 * len(row) < len(set(row)))]
     # one known word in a row with gaps is of a setting
-    at = max(candidates or range(len(near)), key=lambda i: (
+    at = max(candidates, default=-1, key=lambda i: (
         known[i] if known[i] > 1 or filled[i] else 0, filled[i], i))
-    names = [cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at][1])]
+    names = [f'column {i + 1}' for i in range(width)] if at < 0 else [
+        cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at][1])]
     units_at = sorted((i for i in range(len(near)) if i != at and unit_like[i]), key=lambda i: (
         sum(recognise(*pair).score > 0 for pair in zip(names, near[i][1])), i))[-1:]
     units = {name: cell.strip().strip('[](){}<>') for i in units_at
              for name, cell in zip(names, near[i][1]) if cell.strip().strip('[](){}<>')}
-    return names, units, max(near[i][0] for i in (at, *units_at))
+    return names, units, max(near[i][0] for i in (at, *units_at) if i >= 0)
 
 
 def _of_columns(row: Sequence[str]) -> bool:

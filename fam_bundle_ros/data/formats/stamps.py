@@ -9,13 +9,16 @@ import re
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import looks_like_time, seconds
+from fam_bundle_ros.data.cells import looks_like_time, numbers, seconds
 from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.errors import InputError
 
 _SECONDS = re.compile(r'(.*?)[._/ ]?(?:tv_)?(?:sec|secs|seconds)', re.IGNORECASE)
 _FRACTIONS = (('(?:nano|n)sec(?:s|onds)?', 1e-9), ('(?:micro|u)sec(?:s|onds)?', 1e-6))
 _MILLI = re.compile(r'ms|msec|milli(?:tm|s|sec|seconds)?', re.IGNORECASE)
+#: Rows at which a clock is looked at for its direction.
+_SOME = 50
 
 
 def with_stamps(table: Table) -> Table:
@@ -41,6 +44,26 @@ def with_stamps(table: Table) -> Table:
     units |= {name: 's' for name, header in zip(names, headers) if header in clocks}
     return replace(table, units=units, columns={
         name: clocks.get(header, table.columns[header]) for name, header in zip(names, headers)})
+
+
+def oldest_first(table: Table) -> Table:
+    """Return a table whose newest row is the first turned round; others as they are."""
+    some = np.unique(np.linspace(0, len(table.rows) - 1, _SOME).astype(int))
+    for header, column in table.columns.items():
+        if recognise(header, table.units.get(header, '')).quantity != 'time' or len(some) < _SOME:
+            continue
+        try:
+            clock = (seconds(table.name, header, column[some], table.rows[some])
+                     if looks_like_time(column) else numbers(column[some])[0])
+        except InputError:
+            continue
+        steps = np.diff(clock)
+        if (steps <= 0.0).all() and steps.any():
+            return replace(table, rows=table.rows[::-1], columns={
+                name: each[::-1] for name, each in table.columns.items()},
+                notes=(*table.notes, f"the newest row is the first, by '{header}': read from the "
+                       'last row up'))
+    return table
 
 
 def _stamp(table: Table, header: str, beside: str) -> np.ndarray | None:

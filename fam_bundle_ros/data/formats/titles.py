@@ -51,12 +51,15 @@ def titled(table: Table) -> Table:
     if len(titles) < 2 or len({title.kind for title in titles}) > 1 or blocks[0] or (
             lengths.min() < 1) or len({title.absolute for title in titles}) > 1:
         return table
-    readings = _readings(table)
+    readings, _ = _readings(table)
     ends = np.flatnonzero(readings[:-1] & ~readings[1:]) + 1
     if set(ends.tolist()) - set(blocks.tolist()) - {len(readings)} - set(_blank_rows(table, ends)):
         return table  # a block in between has a head or a title without a pressure
     pressure = np.repeat([title.pressure for title in titles], lengths)
-    columns = {**table.columns, 'pressure': np.where(readings, pressure, np.nan)}
+    rows = np.isin(table.rows, [title.row for title in titles]) & ~readings
+    # what was read as a title is no reading, and no other header
+    columns = {header: _without(column, rows) for header, column in table.columns.items()}
+    columns['pressure'] = np.where(readings, pressure, np.nan)
     if 'trial' not in known:
         texts = np.repeat(np.array([title.text for title in titles], object), lengths)
         columns['trial'] = np.where(readings, texts, '')
@@ -72,7 +75,7 @@ def titles_of(table: Table) -> list[Title]:
     lines = [*enumerate(table.above, 1), *table.remarks]
     texts = [column for column in table.columns.values() if is_text(column)]
     if texts:
-        for at in np.flatnonzero(~_readings(table)).tolist():
+        for at in np.flatnonzero(_readings(table)[1]).tolist():
             cells = [str(column[at]).strip() for column in texts if not blank(column[at])]
             lines.append((int(table.rows[at]), ' '.join(cells)))
     found = [title for row, line in sorted(lines) if (title := _title(row, line))]
@@ -88,7 +91,7 @@ def title_of_name(name: str) -> Title | None:
 
 def _title(row: int, line: str, sure: bool = True) -> Title | None:
     """Return a line with one pressure; None for others, such as that of a supply."""
-    text = ' '.join(line.split()).strip('#*-=%!/<>;,"\' ')
+    text = ' '.join(re.split(r'[;\s]+', line)).strip('#*-=%!/<>;,"\' ')
     found: list[tuple[re.Match[str], Unit]] = [
         (match, unit) for match in _NUMBER.finditer(text) if (unit := unit_of(match[2], 'Pa'))]
     if len(found) != 1 or len(text) > 200:
@@ -104,16 +107,27 @@ def _title(row: int, line: str, sure: bool = True) -> Title | None:
     return Title(row, text[:60], float(match[1].replace(',', '.')) * unit.factor, absolute)
 
 
+def _without(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return a column of text with some cells blank; others as they are."""
+    if is_text(column):
+        column = column.astype(object)
+        column[rows] = ''
+    return column
+
+
 def _blank_rows(table: Table, rows: np.ndarray) -> list[int]:
     """Return those of some rows in which nothing stands."""
     return [at for at in rows.tolist() if all(
         blank(column[at]) for column in table.columns.values() if is_text(column))]
 
 
-def _readings(table: Table) -> np.ndarray:
-    """Return the rows with at least one number."""
-    rows = np.zeros(len(table.rows), bool)
+def _readings(table: Table) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of readings, and those of words, in which one number may stand."""
+    count, words = np.zeros(len(table.rows), int), np.zeros(len(table.rows), bool)
     for column in table.columns.values():
         if column.dtype.kind not in 'mM':
-            rows |= np.isfinite(numbers(column)[0])
-    return rows
+            values, text = numbers(column)
+            count += np.isfinite(values)
+            words |= text
+    titles = words & (count < 2)
+    return (count > 0) & ~titles, titles
