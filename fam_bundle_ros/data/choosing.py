@@ -309,6 +309,7 @@ class Choices:
             elif any(unit_of(text, like) for like in likes(key)):
                 fitting.insert(0 if alike else len(fitting), f'{told}={header}')
             elif text.strip() in ELECTRIC and (alike or not meant):
+                told = told.replace('strain', 'contraction')  # a voltage is rarely of a ratio
                 electric.append(f'{told}={name_of(header)} * 50 {_EXAMPLES.get(told, "mm")}')
         return fitting or without or electric
 

@@ -38,11 +38,11 @@ def long(*tables):
 def test_signals_become_columns_and_what_is_not_read_is_said(readings):
     """Each reading comes back at its time; a column that is left out is named."""
     values = readings(200.0)
-    data = read_measurement(long((TIME, values, {'quality': 192.0})))
+    data = read_measurement(long((TIME, values, {'node': 7.0})))
     assert np.allclose(data.time, TIME)
     assert np.allclose(data.strain, values['strain'])
     assert np.allclose(data.force, values['F_N'])
-    assert any("each of 3 names in 'tag'" in note and "not used: 'quality'" in note
+    assert any("each of 3 names in 'tag'" in note and "not used: 'node'" in note
                for note in data.notes)
 
 

@@ -108,8 +108,9 @@ def test_a_column_in_volts_asks_for_its_calibration(volts):
     """The message shows how one is told, and of which column."""
     problem = preview({**volts, 'load cell [V]': volts['AI1 [V]']}, rest_length=0.25).problem
     example = problem.partition('for example')[2]
-    assert 'AI0 * 50 %' in example
+    assert 'contraction=AI0 * 50 mm' in example
     assert 'load cell' not in example
+    assert "'AI0 [V]' in V: tell what one V is worth" in problem
 
 
 def test_a_header_that_looks_like_a_calibration_is_a_header(log):

@@ -56,7 +56,7 @@ def wide(table: Table) -> Table:
     # heads that stand there again are no readings
     named = np.array([not blank(cell) for cell in table.columns[signal]], bool)
     rows = named & np.array([str(cell).strip() != signal for cell in table.columns[signal]], bool)
-    bad = _of_bad_quality(table, others, rows)
+    bad, qualities = _of_bad_quality(table, others, rows)
     rows &= ~bad
     labels, names = _counted(table.columns[signal][rows])
     at, cells = table.rows[rows], table.columns[value][rows]
@@ -77,7 +77,7 @@ def wide(table: Table) -> Table:
     units |= {clock: clock_unit} if clock_unit else {}
     units |= _units(table, others, rows, labels, headers)
     unread = [repr(header) for header in others if not re.fullmatch(r'column \d+', header)
-              and header not in (*columns, instead_of) and _key(header) not in _UNIT]
+              and header not in (*columns, *qualities, instead_of) and _key(header) not in _UNIT]
     notes = [f"one reading per row: each of {len(names)} names in '{signal}' read as a column"
              + (f"; not used: {', '.join(unread)}" if unread else '')]
     if bad.any():
@@ -92,9 +92,11 @@ def wide(table: Table) -> Table:
 
 def _columns(table: Table) -> tuple[str, str, list[str]] | None:
     """Return the headers of signal names, of readings, and of the rest; None for other tables."""
-    texts = [header for header, column in table.columns.items() if is_text(column)]
+    known = {recognise(header, table.units.get(header, '')).quantity for header in table.columns}
+    if known & {'force', 'pressure'}:
+        return None
     signals = {}
-    for header in texts:
+    for header in (header for header, column in table.columns.items() if is_text(column)):
         names = {str(cell).strip() for cell in table.columns[header] if not blank(cell)}
         names -= {header}
         if 1 < len(names) <= _MOST and not looks_like_time(table.columns[header]):
@@ -106,8 +108,7 @@ def _columns(table: Table) -> tuple[str, str, list[str]] | None:
     if not values and any(sure for sure, _ in signals.values()):
         values = [header for header, column in table.columns.items() if column.dtype.kind == 'f'
                   and not recognise(header).quantity and np.isfinite(column).any()]
-    known = {recognise(header, table.units.get(header, '')).quantity for header in table.columns}
-    if not signals or len(values) != 1 or known & {'force', 'pressure'}:
+    if not signals or len(values) != 1:
         return None
     signal = max(signals, key=lambda header: signals[header])
     return signal, values[0], [header for header in table.columns
@@ -118,9 +119,10 @@ def _key(header: str) -> str:
     return ''.join(words_of(header))
 
 
-def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray) -> np.ndarray:
-    """Return the rows whose quality is another than that of most, where that is a good one."""
-    bad = np.zeros(len(rows), bool)
+def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray,
+                    ) -> tuple[np.ndarray, list[str]]:
+    """Return the rows whose quality is not good, where that of most is, and by which columns."""
+    bad, used = np.zeros(len(rows), bool), []
     for header in others:
         if _key(header) in _QUALITY:
             said = (f'{cell:g}' if isinstance(cell, float) else str(cell).strip().casefold()
@@ -128,7 +130,8 @@ def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray) -> np
             good = np.array([word in _GOOD for word in said], bool)
             if good[rows].mean() > 0.5:
                 bad |= rows & ~good
-    return bad
+                used.append(header)
+    return bad, used
 
 
 def _counted(cells: Iterable[Any]) -> tuple[np.ndarray, list[str]]:
