@@ -201,12 +201,17 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
         table = of_arrays(name or 'arrays', 'arrays', source)
     else:
         table = of_frame(source, name or 'frame')
+    told = recipe.columns
     for change in (oldest_first, with_stamps, wide, titled, unstacked):
         changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]
-        if not any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone
-                   for text in recipe.columns.values()):
-            table = changed  # nobody asks for a column that is no longer there
+        asked = any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone
+                    for text in told.values())
+        # names of columns and titles tell no pressure where the user does
+        twice = change in (titled, unstacked) and 'pressure' in changed.columns.keys() - set(
+            table.columns) and any(key.partition('.')[0] == 'pressure' for key in told)
+        if not asked and not twice:
+            table = changed
     return table if name is None else replace(table, name=name)
 
 

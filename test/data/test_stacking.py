@@ -8,6 +8,7 @@ import pytest
 from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.data.formats.stacking import one_below_the_other, unstacked
 from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.errors import InputError
 
 LEVELS = (100e3, 250e3, 400e3)
 
@@ -87,6 +88,16 @@ def test_levels_below_a_merged_head_are_names_not_data(trials, tmp_path, ending)
     data = read_measurement(path)
     same(data, trials)
     assert len(data) == 180
+
+
+def test_a_constant_pressure_is_not_that_of_columns_of_several(trials):
+    """'1 bar' and '4 bar' are not both at 3 bar: the force is asked for."""
+    table = {'contraction [%]': 100 * trials[0][1],
+             **{f'{p[0] / 1e5:g} bar': f for _, _, p, f in trials}}
+    with pytest.raises(InputError, match="column 'force' is missing"):
+        read_measurement(table, columns={'pressure': '300 kPa'})
+    data = read_measurement(table, columns={'pressure': '250 kPa', 'force': '2.5 bar [N]'})
+    assert np.allclose(data.force, trials[1][3])
 
 
 def test_a_column_of_force_per_strain_is_a_static_map(muscle):

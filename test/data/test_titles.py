@@ -115,3 +115,14 @@ def test_the_pressure_in_the_name_of_a_file_is_offered_too(blocks, tmp_path):
     rows, _ = blocks
     with pytest.raises(InputError, match=r'in the name of the file says.*"pressure=250 kPa"'):
         read(tmp_path, f'{HEAD}\n{rows[0]}', 'muscle_2.5bar_run1.csv')
+
+
+def test_a_pressure_that_is_told_counts_more_than_titles(blocks, tmp_path):
+    """It is taken for all rows, and no note says that titles were read."""
+    rows, _ = blocks
+    path = tmp_path / 'log.csv'
+    path.write_text(''.join(f'p = {level} bar\n{HEAD}\n{block}\n'
+                            for level, block in zip(LEVELS, rows)))
+    data = read_measurement(path, columns={'pressure': '250 kPa'})
+    assert np.allclose(data.pressure, 250e3)
+    assert not any('titles' in note for note in data.notes)
