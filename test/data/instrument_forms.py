@@ -158,4 +158,13 @@ INSTRUMENTS = {
     'events beside the first rows': lambda log: text(
         ['Event,' + HEAD], [[{0: 'start', 1: 'fill'}.get(k, ''), *row]
                             for k, row in enumerate(cells(log))]),
+    'write.table of R, without a name for the row names': lambda log: text(
+        [HEAD.replace(' ', '').replace(',', '\t')],
+        [[str(k), *row] for k, row in enumerate(cells(log), 1)], '\t'),
+    'write.table of R, quoted, between blanks': lambda log: text(
+        ['"t_s" "contraction_mm" "p_kPa" "F_N"'],
+        [[f'"{k}"', *row] for k, row in enumerate(cells(log), 1)], ' '),
+    'names of levels and of the index, as pandas writes a pivot': lambda log: text(
+        [',value,value,value', 'signal,contraction_mm,pressure_kPa,force_N', 'time_s,,,'],
+        cells(log)),
 }

@@ -146,3 +146,15 @@ def test_channels_that_meet_in_a_few_rows_only_are_brought_together_too(muscle):
     data = read_measurement(columns)
     assert len(data) > 390
     assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
+
+
+@pytest.mark.parametrize('whole', [True, False])
+def test_milliseconds_beside_a_clock_are_added_where_it_has_none(muscle, whole):
+    """A logger writes whole seconds and ms apart; beside a clock with decimals ms repeat them."""
+    time = np.cumsum(0.02 + 0.06 * (np.arange(300) % 3 == 0)).round(3)  # no even rate
+    shown = np.floor(time) if whole else time
+    stamps = [str(np.datetime64('2024-03-11T10:15:00.000') + round(1e3 * t)) for t in shown]
+    data = read_measurement({
+        'Date&Time': np.array(stamps, object), 'ms': np.round(1e3 * (time - np.floor(time))),
+        'strain': strain(time), 'p [kPa]': pressure(time), 'F [N]': force(time, muscle)})
+    assert np.allclose(data.time - data.time[0], time - time[0], atol=1e-6)

@@ -542,3 +542,17 @@ def test_the_pressure_of_the_line_is_taken_where_no_other_is_there(log):
     assert np.allclose(alone.pressure[:, 0], log[2])
     beside = read_measurement({**table(log), 'line pressure [bar]': np.full(ROWS, 7.0)})
     assert np.allclose(beside.pressure[:, 0], log[2])
+
+
+def test_a_column_without_a_name_is_said(tmp_path, log):
+    """Names may be those of the first columns or of the last: which was taken stands in a note."""
+    for which in ('first', 'last'):
+        path = tmp_path / f'{which}.csv'
+        rows = [f'{t:.2f},{e:.5f},{p / 1e3:.2f},{f:.3f}' for t, e, p, f in zip(*log)]
+        path.write_text('time [s],strain,pressure [kPa],force [N]\n' + ''.join(
+            f'{k},{row}\n' if which == 'first' else f'{row},1\n'
+            for k, row in enumerate(rows, 1)))
+        data = read_measurement(path)
+        assert np.allclose(data.force, log[3], atol=1e-3)
+        assert any(f'5 columns below 4 names: the {which} has none' in note
+                   for note in data.notes)

@@ -46,12 +46,13 @@ _ABOVE, _HEAD = 8, 16
 
 
 class Layout(NamedTuple):
-    """Names and units of the columns, and the index of the first row of data in the grid."""
+    """Names and units of the columns, the index of the first row of data in the grid, a note."""
 
     names: list[str]
     units: dict[str, str]
     first: int
     width: int
+    note: str = ''
 
 
 def is_blank(cell: str) -> bool:
@@ -247,7 +248,35 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
         sum(recognise(*pair).score > 0 for pair in zip(names, near[i][1])), i))[-1:]
     units = {name: cell.strip().strip('[](){}<>') for i in units_at
              for name, cell in zip(names, near[i][1]) if cell.strip().strip('[](){}<>')}
+    index = trimmed(rows[-1])
+    if at >= 0 and len(index) == 1 < width and recognise(index[0]).quantity in ('time', 'trial'):
+        names[0] = index[0]  # pandas writes the name of an index below those of the columns
     return names, units, max(near[i][0] for i in (at, *units_at) if i >= 0)
+
+
+def moved_right(names: list[str], data: Sequence[Sequence[str]]) -> list[str]:
+    """
+    Return names moved one column to the right where the first is of row names, without a name.
+
+    R and others write them so: one name less than columns, the first of which counts the rows, or
+    is blank or text.
+
+    Examples
+    --------
+    >>> moved_right(['p', 'F', 'column 3'], [['1', '5', '8'], ['2', '5', '9']])
+    ['column 1', 'p', 'F']
+    """
+    last = f'column {len(names)}'
+    if names[-1] != last or any(re.fullmatch(r'column \d+', name) for name in names[:-1]):
+        return names
+    rows = [row for row in data if len(row) == len(names)]
+    first = [row[0] for row in rows]
+    counts = all(map(is_number, first)) and {
+        float(later) - float(cell) for cell, later in zip(first, first[1:])} == {1.0}
+    words = not any(map(is_reading, first))
+    if len(rows) < 2 or not (counts or words) or all(is_blank(row[-1]) for row in rows):
+        return names
+    return ['column 1', *names[:-1]]
 
 
 def _of_columns(row: Sequence[str]) -> bool:

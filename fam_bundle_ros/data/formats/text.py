@@ -118,7 +118,7 @@ def _read(path: Path, encoding: str) -> Table:
         if unit:
             units[name] = unit
     return Table(path.name, _kind(dialect), columns, units, at, above=tuple(head[:skipped]),
-                 remarks=tuple(rows.remarks),
+                 remarks=tuple(rows.remarks), notes=tuple(filter(None, [dialect.layout.note])),
                  blanks=partial(_cell, path, encoding, dialect.separator, names))
 
 
@@ -302,7 +302,12 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
         above = [i for i in above if own[i] > 1 and not _is_comment(head[i])
                  or own[i] == width and layout.are_units(cells[i])]
     names, units, last = layout.find_names([cells[i] for i in above], width)
-    named = sum(not cell.startswith('column ') for cell in names)
+    named, note = sum(not cell.startswith('column ') for cell in names), ''
+    if named == width - 1 and names[-1] == f'column {width}':
+        moved = layout.moved_right(names, [split(line, dialect.separator)
+                                           for line in head[line_at:] if line.strip()])
+        which = 'first' if moved != names else 'last'
+        note, names = f'{width} columns below {named} names: the {which} has none', moved
     row = split(head[line_at], dialect.separator)
     if dialect.separator == ',' and width == len(row) == 2 * named and all(
             re.fullmatch(r'-?\d+', cell) for cell in row):
@@ -312,7 +317,7 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
              if head[i].strip() and not _is_comment(head[i])]
     bad = layout.with_bad_cells([split(head[i], dialect.separator) for i in below], width,
                                 dialect.decimal)
-    return dialect._replace(layout=layout.Layout(names, units, first, width)
+    return dialect._replace(layout=layout.Layout(names, units, first, width, note)
                             ), min([line_at, *below[len(below) - bad:]])
 
 
@@ -361,9 +366,10 @@ def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
     tries.append(re.findall(r'[^\s\[({]+(?:\s*[\[({][^\])}]*[\])}])?|[\[({][^\])}]*[\])}]',
                             text))
     if dialect.separator == _BLANK:
-        tries.append(text.split())
-    tries[:0] = [tries[0]]
-    fitting = [cells for cells in tries if len(layout.trimmed(cells)) == width]
+        tries.append([cell.strip('"') for cell in text.split()])
+    # row names may have none: then there is one name less
+    fitting = [cells for count in (width, width - 1) for cells in tries
+               if len(layout.trimmed(cells)) == count > 1]
     return fitting[0] if fitting else tries[0]
 
 
