@@ -167,4 +167,14 @@ INSTRUMENTS = {
     'names of levels and of the index, as pandas writes a pivot': lambda log: text(
         [',value,value,value', 'signal,contraction_mm,pressure_kPa,force_N', 'time_s,,,'],
         cells(log)),
+    'row names of R beside remarks that are mostly blank': lambda log: text(
+        ['t / s;contraction / mm;p / kPa;F / N;remark'],
+        [[str(k), *row, 'valve' if k == 3 else ''] for k, row in enumerate(cells(log), 1)], ';'),
+    'units of other things in the row of units': lambda log: text(
+        ['p_kPa;F;T;t;remark;contraction', ';kN;°C;;;'],
+        [[row[2], f'{float(row[3]) / 1e3:.6f}', '21.5', row[0], '',
+          f'{float(row[1]) / 250.0:.8f}'] for row in cells(log)], ';'),
+    'a row of units that begins with %': lambda log: text(
+        ['contraction,t,p,F', '%,s,kPa,N'],
+        [[f'{float(row[1]) / 2.5:.6f}', row[0], *row[2:]] for row in cells(log)]),
 }

@@ -41,6 +41,9 @@ _CLOCK = re.compile(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}([T ]\S+.
 #: What calls a row a statistic of others.
 _STATISTIC = re.compile(r'(mean|average|avg|max|min|std|st\.? ?dev|sd|sigma|median|sum|total|'
                         r'range|mittelwert|mittel|summe|standardabw|moyenne|media)', re.I)
+#: Units of what is no reading of a muscle, in rows of units.
+_OTHER_UNITS = frozenset("""\u00b0C degC \u2103 K \u00b0F \u00b0 deg rad Nm W Hz kHz rpm 1/min
+    l/min L/min m/s mm/s m/s2 m/s\u00b2 Ohm \u03a9 dB bit""".split())
 #: Rows looked at above the data, and for names.
 _ABOVE, _HEAD = 8, 16
 
@@ -271,12 +274,17 @@ def moved_right(names: list[str], data: Sequence[Sequence[str]]) -> list[str]:
         return names
     rows = [row for row in data if len(row) == len(names)]
     first = [row[0] for row in rows]
-    counts = all(map(is_number, first)) and {
-        float(later) - float(cell) for cell, later in zip(first, first[1:])} == {1.0}
     words = not any(map(is_reading, first))
-    if len(rows) < 2 or not (counts or words) or all(is_blank(row[-1]) for row in rows):
+    if len(rows) < 2 or not (words or counts_rows(rows)) or all(is_blank(row[-1]) for row in rows):
         return names
     return ['column 1', *names[:-1]]
+
+
+def counts_rows(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether the first cells of rows count them: '1', '2', '3'."""
+    first = [row[0] for row in rows]
+    return all(re.fullmatch(r'\d+', cell) for cell in first) and {
+        int(later) - int(cell) for cell, later in zip(first, first[1:])} == {1}
 
 
 def _of_columns(row: Sequence[str]) -> bool:
@@ -289,6 +297,6 @@ def _of_columns(row: Sequence[str]) -> bool:
 
 def are_units(row: Sequence[str]) -> bool:
     """Return whether most of a row's cells are units."""
-    cells = [cell for cell in row if cell.strip()]
-    return bool(cells) and sum(is_unit(cell) or cell.strip().strip('[](){}<>') in ELECTRIC
-                               for cell in cells) > 0.5 * len(cells)
+    cells = [cell.strip().strip('[](){}<>') for cell in row if cell.strip()]
+    known = sum(is_unit(cell) or cell in ELECTRIC for cell in cells)
+    return known > 0 and known + sum(cell in _OTHER_UNITS for cell in cells) > 0.5 * len(cells)

@@ -248,7 +248,9 @@ class _Rows(io.TextIOBase):
 
 
 def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith(_COMMENTS)
+    begin = line.lstrip()[:2]
+    # '%,s,bar' is a row of units
+    return begin.startswith(_COMMENTS) and not re.fullmatch(r'%[,;\t|]', begin)
 
 
 def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
@@ -293,6 +295,10 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                          + '; expected a table with columns for strain (or length), pressure and '
                          'force')
     width = max([dialect.layout.width, *_named_columns(head[:line_at], dialect.separator)])
+    rows = [split(line, dialect.separator) for line in head[line_at:] if line.strip()]
+    if {len(row) for row in rows} == {width + 1} and layout.counts_rows(rows) and any(
+            row[-1] for row in rows):
+        width += 1  # row names without a name, and remarks that are mostly blank
     above = [i for i, line in enumerate(head[:line_at]) if line.strip()]
     cells = {i: _header_cells(head[i], dialect, width) for i in above}
     own = {i: len(split(head[i], dialect.separator)) for i in above}
@@ -304,11 +310,10 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     names, units, last = layout.find_names([cells[i] for i in above], width)
     named, note = sum(not cell.startswith('column ') for cell in names), ''
     if named == width - 1 and names[-1] == f'column {width}':
-        moved = layout.moved_right(names, [split(line, dialect.separator)
-                                           for line in head[line_at:] if line.strip()])
+        moved = layout.moved_right(names, rows)
         which = 'first' if moved != names else 'last'
         note, names = f'{width} columns below {named} names: the {which} has none', moved
-    row = split(head[line_at], dialect.separator)
+    row = rows[0]
     if dialect.separator == ',' and width == len(row) == 2 * named and all(
             re.fullmatch(r'-?\d+', cell) for cell in row):
         raise InputError(f'{name}, row {line_at + 1}: {width} cells under {named} names; expected '
@@ -353,7 +358,7 @@ def split(line: str, separator: str) -> list[str]:
 def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
     """Return the cells of a line above the data, be it a comment or written another way."""
     text = line.strip('\r\n')
-    for sign in _COMMENTS:
+    for sign in _COMMENTS if _is_comment(text) else ():
         if text.lstrip().startswith(sign):
             text = text.lstrip().lstrip(sign)
             break
@@ -368,8 +373,9 @@ def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
     if dialect.separator == _BLANK:
         tries.append([cell.strip('"') for cell in text.split()])
     # row names may have none: then there is one name less
-    fitting = [cells for count in (width, width - 1) for cells in tries
-               if len(layout.trimmed(cells)) == count > 1]
+    fitting = [cells for cells in tries[:1] if len(layout.trimmed(cells)) == width - 1 > 1]
+    fitting += [cells for count in (width, width - 1) for cells in tries
+                if len(layout.trimmed(cells)) == count > 1]
     return fitting[0] if fitting else tries[0]
 
 
