@@ -14,7 +14,8 @@ from fam_bundle_ros.data.formats.layout import is_blank, is_number
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
-_CLOCK = re.compile(r'(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+|:\d{3})?)\s*([AaPp][Mm])?')
+_CLOCK = re.compile(r'(?:(\d+) days?,?\s+)?(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+|:\d{3})?)\s*'
+                    r'([AaPp][Mm])?')
 _DAY = 86400.0
 
 
@@ -103,8 +104,8 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
     name, header : str
         File and column, for messages.
     column : ndarray, shape (T,)
-        Text such as '2026-05-03T12:00:00.25', '3.5.2026 12:00:00,25', '12:00:00 PM', or NumPy
-        datetimes.
+        Text such as '2026-05-03T12:00:00.25', '3.5.2026 12:00:00,25', '12:00:00 PM',
+        '0 days 00:00:01.5', or NumPy datetimes.
     rows : ndarray of int, shape (T,)
 
     Raises
@@ -166,8 +167,9 @@ def _day_first(cells: list[str]) -> bool:
 
 
 def _of_clock(match: re.Match) -> float:
-    hours, minutes, rest, half = match.groups()
-    total = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(re.sub('[,:]', '.', rest))
+    days, hours, minutes, rest, half = match.groups()
+    total = _DAY * int(days or 0) + 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(
+        re.sub('[,:]', '.', rest))
     if half and hours:
         total += 43200.0 * ((half.lower() == 'pm') - (int(hours) == 12))
     return total

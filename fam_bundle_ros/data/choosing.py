@@ -18,17 +18,17 @@ import numpy as np
 from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
 from fam_bundle_ros.data.clocks import same_name
 from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.telling import Choice, name_of, told_column
+from fam_bundle_ros.data.unit_names import ELECTRIC, unit_of
 from fam_bundle_ros.data.vocabulary import (
     absolute_of,
     dimension_of,
-    ELECTRIC,
     likes,
     Match,
     recognise,
     STRAINS,
-    unit_of,
     unit_text_of,
 )
 from fam_bundle_ros.errors import InputError
@@ -147,9 +147,12 @@ class Choices:
             del self.refused[header]
 
     def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
+        if not match.quantity and match.why == 'not known':
+            unit = (self.table.units.get(header) or unit_text_of(header) or '').strip()
+            return 'text' if is_text(column) else match.why if unit not in ELECTRIC else (
+                f'in {unit}: tell what one {unit} is worth')
         if not match.quantity or not match.score:
-            return match.why if match.quantity else (
-                'text' if is_text(column) and match.why == 'not known' else match.why)
+            return match.why
         if match.score < _ENOUGH:
             return f'may be {match.quantity}, but for its other words'
         if _family(match.quantity) in families:
@@ -252,8 +255,17 @@ class Choices:
             return f'{self.table.name}: {misfit}{found}'
         examples = self._examples(key)
         # without a column left it is a constant, or it is not in this file
-        constant = ', a constant' if key == 'pressure' and not examples else ''
-        example = '--columns "' + (examples[0] if examples else f'{key}=300 kPa' if constant else
+        constant = ', a constant for all rows' if key == 'pressure' and not examples else ''
+        titles = titles_of(self.table) if constant else []
+        if len({title.pressure for title in titles}) > 1:
+            said = ', '.join(f"'{title.text}' (row {title.row})" for title in titles[:3])
+            return (f"{self.table.name}: column '{key}' is missing{found}; titles tell several: "
+                    f'{said}; expected one above each block of rows, the first too, or a column')
+        title = titles[0] if titles else title_of_name(self.table.name) if constant else None
+        value = f'{title.pressure / 1e3:g} kPa' if title else '300 kPa'
+        where = f'(row {title.row})' if title and title.row else 'in the name of the file'
+        constant += f", as '{title.text}' {where} says" if title else ''
+        example = '--columns "' + (examples[0] if examples else f'{key}={value}' if constant else
                                     f'{key}=... [{_EXAMPLES[key]}]') + '"'
         if key == 'pressure' and len(examples) > 1:
             example += ', or of motor units ' + ' '.join(
@@ -297,6 +309,7 @@ class Choices:
             elif any(unit_of(text, like) for like in likes(key)):
                 fitting.insert(0 if alike else len(fitting), f'{told}={header}')
             elif text.strip() in ELECTRIC and (alike or not meant):
+                told = told.replace('strain', 'contraction')  # a voltage is rarely of a ratio
                 electric.append(f'{told}={name_of(header)} * 50 {_EXAMPLES.get(told, "mm")}')
         return fitting or without or electric
 

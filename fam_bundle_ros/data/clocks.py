@@ -4,14 +4,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 import re
 
 import numpy as np
 
+from fam_bundle_ros.data.formats.heads import rate_in
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import about, InputError
+
+#: Channels of one clock have at least this share of the readings of the slowest in common rows.
+_TOGETHER = 0.5
+#: Steps of a clock differ by no more than this share of one.
+_EVEN = 0.05
 
 
 def same_name(header: str, other: str) -> bool:
@@ -47,6 +53,32 @@ def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str
                      key=order.index, default=clock) for key, header in headers.items()}
 
 
+def may_be_clock(table: Table, used: Collection[str | None]) -> str:
+    """
+    Return a note on what may be the clock of a table without one, '' for nothing.
+
+    Parameters
+    ----------
+    table : Table
+    used : collection of str
+        Headers that have a meaning.
+    """
+    for header, column in table.columns.items():
+        if header in used or column.dtype.kind != 'f' or len(column) < 3:
+            continue
+        steps = np.diff(column)
+        if not (steps > 0.0).all() or np.ptp(steps) > _EVEN * np.median(steps):
+            continue
+        unit = 'ms' if np.median(steps) > 1.0 else 's'
+        tell = ('counts the rows: if they are evenly spaced in time, tell their rate, --columns '
+                '"time=100 Hz"' if (steps == 1.0).all() else
+                f'rises evenly: if it is the clock, tell it, --columns "time={header} [{unit}]"')
+        return f"no time, read as a static map; '{header}' {tell}"
+    rate = rate_in(table.above)
+    return rate and (f"no time, read as a static map; above the table stands '{rate[:60]}': if "
+                     'that is the rate of the rows, tell it, --columns "time=100 Hz"')
+
+
 def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray],
                 ) -> tuple[dict[str, np.ndarray], str] | None:
     """
@@ -71,15 +103,16 @@ def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray
     """
     known = {key: np.isfinite(values[key]) & np.isfinite(times[key]) for key in values}
     first = next(iter(times.values()))
-    together = np.all(list(known.values()), axis=0)
-    if all(_equal(first, time) for time in times.values()) and together.any() or any(
-            rows.sum() < 2 for rows in known.values()):
+    together = np.all(list(known.values()), axis=0).sum()
+    counts = [int(rows.sum()) for rows in known.values()]
+    if all(_equal(first, time) for time in times.values()) and (
+            together >= _TOGETHER * min(counts)) or min(counts) < 2:
         return None
     for key, time in times.items():
         if (np.diff(time[known[key]]) < 0.0).any():
             raise InputError(f'the times of {key} go back, and are not those of the other '
                              'readings; expected one clock for all, or one trial per file')
-    slowest = min(values, key=lambda key: (int(known[key].sum()), list(values).index(key)))
+    slowest = min(zip(counts, range(len(counts)), values))[2]
     at = np.where(known[slowest], times[slowest], np.nan)
     moved: dict[str, np.ndarray] = {}
     for key, own in values.items():

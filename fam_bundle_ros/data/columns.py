@@ -27,18 +27,17 @@ from fam_bundle_ros.data.cells import (
     seconds,
 )
 from fam_bundle_ros.data.choosing import Choices
-from fam_bundle_ros.data.formats.layout import is_number
+from fam_bundle_ros.data.formats.heads import interval_of
+from fam_bundle_ros.data.formats.layout import is_number, is_statistic
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.guesses import guess_unit, time_unit
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.telling import Choice
-from fam_bundle_ros.data.vocabulary import is_unit, recognise, rest_length_of, Unit
+from fam_bundle_ros.data.unit_names import is_unit, Unit
+from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
 from fam_bundle_ros.errors import InputError
 
-#: What calls a row at the end a statistic of those above.
-_STATISTIC = re.compile(r'(mean|average|avg|max|min|std|st\.? ?dev|sd|sigma|median|sum|total|'
-                        r'range|mittelwert|mittel|summe|standardabw|moyenne|media)\b', re.I)
 #: By how much a rest length may be another than the file says.
 _SAME_LENGTH = 0.02
 
@@ -100,8 +99,9 @@ class _Reader:
     @cached_property
     def _told_length(self) -> float | None:
         """What the file says of the rest length, above the table or in a column that stays."""
-        if self.table.rest_length is not None:
-            return self.table.rest_length
+        for line in self.table.above:
+            if (above := rest_length_of(line)) is not None:
+                return above
         for header, column in self.table.columns.items():
             name = f"{header} {self.table.units.get(header, '')}".strip()
             if rest_length_of(f'{name}=1') is not None:
@@ -184,7 +184,7 @@ class _Reader:
         if looks_like_time(column) or footer.mean() > 0.1 or words[~footer].mean() > 0.5:
             footer[:] = False
         for remarks in filter(is_text, self.table.columns.values()):
-            count = sum(1 for _ in takewhile(_is_statistic, remarks[::-1]))
+            count = sum(1 for _ in takewhile(is_statistic, remarks[::-1]))
             footer[len(footer) - count:] = True
         clock = self.choices.chosen.get('time')
         if clock is not None and clock.header and not looks_like_time(
@@ -226,7 +226,14 @@ class _Reader:
     def _time(self, values: dict[str, np.ndarray]) -> np.ndarray | None:
         choice = self.choices.chosen.get('time')
         if choice is None:
-            return None
+            if 'time' in self.choices.without:
+                return None
+            interval = interval_of(self.table.above)
+            self.notes += filter(None, [
+                f'time from the sample interval above the table, {interval:.6g} s' if interval else
+                clocks.may_be_clock(self.table, {
+                    each.header for each in self.choices.chosen.values()})])
+            return interval * np.arange(len(self.table.rows)) if interval else None
         if choice.header is None:
             return choice.value * np.arange(len(self.table.rows))
         return self._seconds(choice, choice.header, self._with_readings(values))
@@ -246,7 +253,7 @@ class _Reader:
         clock, words = numbers(column)
         self._refuse_words(header, words & rows)
         if choice.unit is None:
-            choice.unit, choice.why = time_unit(clock)
+            choice.unit, choice.why = time_unit(self.table.name, header, clock)
         # digits of a clock that counts since 1970 are worth more than its origin
         first = numbers(chosen)[0]
         known = first[np.isfinite(first)]
@@ -356,10 +363,6 @@ class _Reader:
                               'does not tell')
         choice.why = f'{choice.why}, {said}'.removeprefix(', ')
         return choice.sign
-
-
-def _is_statistic(cell: object) -> bool:
-    return _STATISTIC.match(str(cell).strip()) is not None
 
 
 def _plain(header: str) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fam_bundle_ros.data.vocabulary import Unit, unit_of
+from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
 
 #: Quantity: units that people leave out, and between what the largest reading then is (SI).
@@ -23,6 +23,8 @@ _USUAL = {
 #: The same for lengths, as shares of the rest length: no braid shortens by more than 0.42.
 _LENGTHS = {'length': (0.6, 1.15), 'contraction': (0.03, 0.45), 'elongation': (0.03, 0.45),
             'shift': (0.03, 0.45)}
+#: A clock without a unit whose steps are as large may count milliseconds.
+_SLOWEST = 2.0
 _LIKE = {'pressure': 'Pa', 'force': 'N', 'strain': '1', 'strain_rate': '1/s'}
 
 
@@ -81,18 +83,31 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
                      f'[{example}]"')
 
 
-def time_unit(values: np.ndarray) -> tuple[Unit, str]:
-    """Return the unit of a clock without one: s, or what Unix and spreadsheets count in."""
+def time_unit(name: str, header: str, values: np.ndarray) -> tuple[Unit, str]:
+    """
+    Return the unit of a clock without one: s, or what Unix and spreadsheets count in.
+
+    Raises
+    ------
+    InputError
+        Where it may be s or ms.
+    """
     finite = values[np.isfinite(values)]
     top = float(np.abs(finite).max()) if len(finite) else 0.0
-    for least, text in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms')):
+    for least, text in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'), (1e9, 's')):
         unit = unit_of(text, 's')
         if top > least and unit is not None:
             return unit, f'{text} since 1970, by its size'
     steps = np.abs(np.diff(finite))
     steps = steps[steps > 0]
-    if 2e4 < top < 1e6 and len(steps) and np.median(steps) < 2e-5:
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if 2e4 < top < 1e6 and 0 < step < 2e-5:
         return Unit('d', 86400.0, 's'), 'days, as spreadsheets count'
+    if step >= _SLOWEST:
+        example = 'us' if step > 1e3 * _SLOWEST else 'ms'
+        raise InputError(f"{name}: column '{header}' has no unit, and its steps of {step:.4g} may "
+                         f'be s, ms or us; expected it told, for example --columns '
+                         f'"time={header} [{example}]"')
     # whole numbers may count milliseconds
     whole = len(steps) > 0 and bool((finite == np.round(finite)).all())
     return Unit('s', 1.0, 's'), 's guessed, no unit given' if whole else ''

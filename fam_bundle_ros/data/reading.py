@@ -7,13 +7,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+import re
 from typing import Any
 
 from fam_bundle_ros.data.bagfile import read_bag
 from fam_bundle_ros.data.columns import described, read_columns
 from fam_bundle_ros.data.formats import is_bag, read_table, Table
 from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
+from fam_bundle_ros.data.formats.long import wide
 from fam_bundle_ros.data.formats.stacking import unstacked
+from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
+from fam_bundle_ros.data.formats.titles import titled
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
 from fam_bundle_ros.data.recipe import load_recipe, Recipe
 from fam_bundle_ros.errors import InputError
@@ -197,10 +201,17 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
         table = of_arrays(name or 'arrays', 'arrays', source)
     else:
         table = of_frame(source, name or 'frame')
-    below = unstacked(table)
-    gone = [header for header in table.columns if header not in below.columns]
-    if not any(header in text for header in gone for text in recipe.columns.values()):
-        table = below  # nobody asks for a column that is no longer there
+    told = recipe.columns
+    for change in (oldest_first, with_stamps, wide, titled, unstacked):
+        changed = change(table)
+        gone = [header for header in table.columns if header not in changed.columns]
+        asked = any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone
+                    for text in told.values())
+        # names of columns and titles tell no pressure where the user does
+        twice = change in (titled, unstacked) and 'pressure' in changed.columns.keys() - set(
+            table.columns) and any(key.partition('.')[0] == 'pressure' for key in told)
+        if not asked and not twice:
+            table = changed
     return table if name is None else replace(table, name=name)
 
 

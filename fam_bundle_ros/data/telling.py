@@ -12,14 +12,8 @@ from dataclasses import dataclass
 import re
 
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import (
-    likes,
-    QUANTITIES,
-    recognise,
-    Unit,
-    unit_of,
-    unit_text_of,
-)
+from fam_bundle_ros.data.unit_names import Unit, unit_of, VOLTS
+from fam_bundle_ros.data.vocabulary import likes, QUANTITIES, recognise, unit_text_of
 from fam_bundle_ros.errors import InputError
 
 _NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
@@ -133,13 +127,15 @@ def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Cho
 
 
 def _worth(table: Table, base: str, told: re.Match[str]) -> Unit:
-    """Return what one count of a column is worth: '* 50 N', or '* 50 N/V' of a column in V."""
+    """Return what one count of a column is worth: '* 50 N', or '* 50 N/V' of one in V or mV."""
     text, header = told['unit'] or '', _header(table, told['words'].removeprefix('-').strip())[0]
     own = table.units.get(header) or unit_text_of(header) or ''
-    if own:
-        text = text.removesuffix(f'/{own}')
+    unit_text, _, per = text.rpartition('/')
+    share = 1.0
+    if per == own or {per, own} <= set(VOLTS):  # 'N/mm' is no force per anything
+        text, share = unit_text or text, VOLTS.get(own, 1.0) / VOLTS.get(per, 1.0)
     unit = _fitting(table, base, text, told['words'])
-    return unit._replace(factor=float(told['scale']) * unit.factor)
+    return unit._replace(factor=float(told['scale']) * unit.factor * share)
 
 
 def _shifted(table: Table, base: str, choice: Choice, told: re.Match[str]) -> Choice:
@@ -185,8 +181,9 @@ def _header(table: Table, words: str) -> tuple[str, str | None]:
             raise InputError(f"{table.name}: '{words}' may be "
                              f"{' or '.join(repr(header) for header in alike)}; expected the "
                              'whole header')
-    if name.isdigit() and 1 <= int(name) <= len(headers):
-        return headers[int(name) - 1], unit
+    number = re.fullmatch(r'(?:column )?(\d+)', name)
+    if number and 1 <= int(number[1]) <= len(headers):
+        return headers[int(number[1]) - 1], unit
     return '', None
 
 

@@ -1,21 +1,19 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What people call the columns of a log: quantities and units, in English and German.
+What people call the columns of a log, in English, German, Japanese and Chinese.
 
-`split_header` takes a header apart into name and unit; `recognise` tells which quantity a name
-means. A name is a set of words: 'Kraft (Ist) [N]', 'force_N' and 'Axial force / N' all say force
-in N. Words such as setpoint or supply rule a column out.
+`recognise` tells which quantity a header names, and its unit. A name is a set of words:
+'Kraft (Ist) [N]', 'force_N' and 'Axial force / N' all say force in N. Words such as setpoint or
+supply rule a column out.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
 import re
 from typing import NamedTuple
 
-from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.units import si_factor
+from fam_bundle_ros.data.unit_names import half_width, is_unit, Unit, unit_of
 
 #: Quantity: SI unit. A 'shift' is a displacement whose sign its name does not tell.
 QUANTITIES = {'time': 's', 'trial': '', 'strain': '1', 'contraction': 'm', 'elongation': 'm',
@@ -23,123 +21,33 @@ QUANTITIES = {'time': 's', 'trial': '', 'strain': '1', 'contraction': 'm', 'elon
 #: Quantities of which one tells the strain, the plainest first.
 STRAINS = ('strain', 'contraction', 'elongation', 'shift', 'length')
 
-#: SI unit: {spelling in lower case without blanks: factor}. Others are left to pint.
-_UNITS: dict[str, dict[str, float]] = {
-    'N': {'n': 1.0, 'newton': 1.0, 'newtons': 1.0, 'kn': 1e3, 'mn': 1e-3, 'cn': 1e-2,
-          'dan': 10.0, 'lbf': 4.4482216, 'lb': 4.4482216, 'lbs': 4.4482216, 'pound': 4.4482216,
-          'pounds': 4.4482216, 'kgf': 9.80665, 'kg': 9.80665, 'kilogram': 9.80665,
-          'kp': 9.80665, 'gf': 9.80665e-3, 'g': 9.80665e-3, 'gram': 9.80665e-3,
-          'ozf': 0.27801385, 'oz': 0.27801385},
-    'Pa': {'pa': 1.0, 'hpa': 100.0, 'kpa': 1e3, 'mpa': 1e6, 'n/m2': 1.0, 'n/mm2': 1e6,
-           'n/cm2': 1e4, 'bar': 1e5, 'mbar': 100.0, 'psi': 6894.757, 'lbf/in2': 6894.757,
-           'lb/in2': 6894.757, 'ksi': 6894757.0, 'atm': 101325.0, 'at': 98066.5,
-           'kgf/cm2': 98066.5, 'kg/cm2': 98066.5, 'kp/cm2': 98066.5, 'torr': 133.32237,
-           'mmhg': 133.32237, 'inhg': 3386.389, 'cmh2o': 98.0665, 'mmh2o': 9.80665,
-           'inh2o': 249.08891, 'mh2o': 9806.65, 'mmws': 9.80665, 'mws': 9806.65},
-    'm': {'m': 1.0, 'meter': 1.0, 'metre': 1.0, 'dm': 0.1, 'cm': 1e-2, 'zentimeter': 1e-2,
-          'mm': 1e-3, 'millimeter': 1e-3, 'millimetre': 1e-3, 'um': 1e-6, 'nm': 1e-9,
-          'in': 0.0254, 'inch': 0.0254, 'inches': 0.0254, 'zoll': 0.0254, '"': 0.0254,
-          'mil': 2.54e-5, 'ft': 0.3048},
-    's': {'s': 1.0, 'sec': 1.0, 'secs': 1.0, 'second': 1.0, 'seconds': 1.0, 'sek': 1.0,
-          'sekunde': 1.0, 'sekunden': 1.0, 'ms': 1e-3, 'msec': 1e-3, 'millis': 1e-3,
-          'milliseconds': 1e-3, 'millisekunden': 1e-3, 'us': 1e-6, 'usec': 1e-6,
-          'micros': 1e-6, 'microseconds': 1e-6, 'ns': 1e-9,
-          'min': 60.0, 'minutes': 60.0, 'minuten': 60.0, 'h': 3600.0, 'hours': 3600.0,
-          'stunden': 3600.0, 'd': 86400.0, 'days': 86400.0, 'tage': 86400.0},
-    '1': {'1': 1.0, '-': 1.0, '': 1.0, 'ratio': 1.0, 'mm/mm': 1.0, 'm/m': 1.0, 'in/in': 1.0,
-          'dimensionless': 1.0, 'unitless': 1.0, 'none': 1.0, '%': 1e-2, 'percent': 1e-2,
-          'pct': 1e-2, 'prozent': 1e-2, 'permille': 1e-3, '\u2030': 1e-3, 'um/m': 1e-6,
-          'microstrain': 1e-6, 'u\u03b5': 1e-6, 'l0': 1.0},
-    '1/s': {'1/s': 1.0, '/s': 1.0, 's-1': 1.0, 's^-1': 1.0, '%/s': 1e-2, '%/min': 1e-2 / 60.0},
-}
-_ABSOLUTE = re.compile(r'^(?P<unit>.*?)[\s_(]*(?:(?P<abs>absolute|absolut|abs|a)|'
-                       r'(?P<gauge>gauge|relative|relativ|rel|g|\u00fc))[.)]*$', re.IGNORECASE)
-
-
-class Unit(NamedTuple):
-    """
-    A unit as written, its factor to SI, and the SI unit that it is like.
-
-    ``absolute`` is what the unit says of a pressure: absolute, gauge (False) or neither (None).
-    """
-
-    text: str
-    factor: float
-    like: str
-    absolute: bool | None = None
-
-
-@lru_cache(maxsize=4096)
-def unit_of(text: str, like: str) -> Unit | None:
-    """
-    Return the unit that a text means, of the dimension of ``like``; None where it is none.
-
-    Examples
-    --------
-    >>> unit_of('psia', 'Pa').absolute, unit_of('kg', 'N').factor, unit_of('mm', 'N')
-    (True, 9.80665, None)
-    """
-    text = text.strip()
-    found = _factor(text, like)
-    if found is not None:
-        return Unit(text, found, like)
-    match = _ABSOLUTE.match(text) if like == 'Pa' else None
-    if match and match['unit']:
-        found = _factor(match['unit'], like)
-        if found is not None:
-            return Unit(match['unit'].strip(), found, like, match['abs'] is not None)
-    return None
-
-
-def _factor(text: str, like: str) -> float | None:
-    plain = re.sub(r'[\s^*\u00b7]', '', text).replace('\u00b2', '2')
-    plain = plain.replace('\u00b5', 'u').replace('\u03bc', 'u').rstrip('.')
-    plain = re.sub(r'(?<=[a-z])-f(orce)?$', '', plain)  # kg-f, pound-force
-    if plain == 'MN' and like == 'N':
-        return 1e6
-    key = plain.casefold()
-    if like in _UNITS and key in _UNITS[like]:
-        return _UNITS[like][key]
-    if like not in _UNITS or not re.search(r'[A-Za-z]', plain):
-        return None
-    try:
-        return si_factor(text, like)
-    except InputError:
-        return None
-
-
-def is_unit(text: str) -> bool:
-    """Return whether a cell of a row of units holds a unit, with or without brackets."""
-    plain = text.strip().strip('[](){}<>')
-    return any(unit_of(plain, like) is not None for like in QUANTITIES.values() if like)
-
-
-# -- names ------------------------------------------------------------------------------------
-
 #: Quantity: its names, the words of each in any order.
 _NAMES: dict[str, tuple[str, ...]] = {
     'time': ('time', 't', 'zeit', 'timestamp', 'time stamp', 'stamp', 'zeitstempel', 'uhrzeit',
              'elapsed', 'elapsed time', 'clock', 'x value', 'seconds', 'sekunden', 'datetime',
              'date time', 'datum uhrzeit', 'datum zeit', 'messzeit', 'laufzeit', 'zeitpunkt',
-             'relative time', 'rel time', 'test time', 'run time', 'tout'),
+             'relative time', 'rel time', 'test time', 'run time', 'tout', '時間', '時刻', '时间'),
     'trial': ('trial', 'run', 'test', 'versuch', 'messung', 'lauf', 'wiederholung', 'rep',
               'repeat', 'repetition', 'experiment', 'cycle', 'zyklus', 'series', 'reihe',
               'messreihe'),
     'force': ('force', 'f', 'kraft', 'load', 'last', 'tension', 'pull', 'load cell', 'loadcell',
               'fx', 'fz', 'zugkraft', 'kraftsensor', 'kraftmessdose', 'axialkraft', 'force x',
-              'force z', 'tensile', 'tensile force', 'load force', 'load cell force'),
+              'force z', 'tensile', 'tensile force', 'load force', 'load cell force',
+              '張力', '荷重', '拉力', '力'),
     'pressure': ('pressure', 'p', 'druck', 'press', 'innendruck', 'ueberdruck', 'relativdruck',
-                 'absolutdruck', 'pressure p'),
+                 'absolutdruck', 'pressure p', '圧力', 'ゲージ圧', '压力', '气压'),
     'strain': ('strain', 'epsilon', 'eps', '\u03b5', 'contraction ratio', 'kontraktionsgrad',
                'relative contraction', 'rel contraction', 'kontraktionsverhaeltnis',
-               'contraction strain', 'relative kontraktion', 'shortening ratio'),
+               'contraction strain', 'relative kontraktion', 'shortening ratio',
+               '収縮率', '收缩率'),
     'contraction': ('contraction', 'contr', 'shortening', 'kontraktion', 'verkuerzung',
-                    'contraction length', 'kontraktionsweg'),
+                    'contraction length', 'kontraktionsweg', '収縮', '収縮量', '收缩量'),
     'elongation': ('elongation', 'elong', 'extension', 'ext', 'verlaengerung', 'auszug'),
     'shift': ('displacement', 'disp', 'displ', 'position', 'pos', 'weg', 'stroke', 'hub', 'travel',
               'deflection', 'verschiebung', 'auslenkung', 'x', 's', 'dehnung', 'crosshead',
-              'traverse', 'traversenweg', 'standardweg', 'kolbenweg'),
-    'length': ('length', 'l', 'len', 'laenge', 'stretch', 'stretch ratio', 'lambda', '\u03bb'),
+              'traverse', 'traversenweg', 'standardweg', 'kolbenweg', '変位', '位移'),
+    'length': ('length', 'l', 'len', 'laenge', 'stretch', 'stretch ratio', 'lambda', '\u03bb',
+               '長さ', '长度'),
     'strain_rate': ('strain rate', 'contraction rate', 'dehnrate'),
 }
 #: Words that say nothing about which quantity it is.
@@ -148,17 +56,17 @@ _NEUTRAL = frozenset("""measured meas measurement actual act ist current gemesse
     mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen der
     des the of in am im total id nr no number nummer name avg average mean mittelwert filtered
     filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared tariert zeroed
-    signals values data""".split())
+    signals values data line""".split())
 #: Of these a column of its own is better, where there is one.
 _LESSER = frozenset("""raw roh filtered filt gefiltert smoothed smooth avg average mean
-    mittelwert""".split())
+    mittelwert line""".split())
 #: Words of columns that are no reading of the muscle.
 _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref reference cmd command
     demand supply versorgung versorgungs tank source speise speicher ambient umgebung umgebungs
     luft vor atmospheric atmosphere barometric model predicted prediction simulated sim residual
     error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration temperature
     temperatur temp voltage volt spannung strom valve ventil derivative noise max min limit
-    offset line regulator torque moment drehmoment weight gewicht friction reibung diameter
+    offset regulator torque moment drehmoment weight gewicht friction reibung diameter
     durchmesser radius radial thickness dicke width breite height hoehe stress modulus vacuum
     vakuum unterdruck preload vorlast theoretical theo theoretisch estimated estimate""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
@@ -234,7 +142,7 @@ def recognise(header: str, unit_text: str = '') -> Match:
     """
     if rest_length_of(f'{header} {unit_text}=1') is not None:
         return Match('', why='the rest length')
-    header = _DSPACE.sub('', header)
+    header = _DSPACE.sub('', half_width(header))
     best = Match('')
     if header.startswith('/'):
         return _of_topic(header, unit_text)
@@ -265,9 +173,6 @@ def _of_topic(path: str, unit_text: str) -> Match:
     return Match('')
 
 
-#: Units of readings that need a calibration.
-ELECTRIC = frozenset(('V', 'Volt', 'Volts', 'mV', 'uV', '\u00b5V', 'mV/V', 'A', 'mA', 'counts',
-                      'count', 'digits', 'ADC'))
 #: Units that columns of other things carry too: masses, a share, an acceleration.
 _VAGUE = frozenset(('g', 'kg', 'lb', 'lbs', 'at', 'd', 'h', 'nm', 'um', '-', '', '1', '%'))
 
@@ -321,6 +226,7 @@ def unit_text_of(header: str) -> str | None:
     >>> unit_text_of('Mass [kg]'), unit_text_of('F_N'), unit_text_of('F')
     ('kg', 'N', None)
     """
+    header = half_width(header)
     bracket = re.search(r'[\[({<]\s*([^\[({<]*)[\])}>]\s*$', header)
     unit = dimension_of(header)
     return bracket[1] if bracket else unit.text if unit else None
@@ -328,6 +234,7 @@ def unit_text_of(header: str) -> str | None:
 
 def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
     """Return the ways to take a header apart into name and unit (None: it has none)."""
+    header = half_width(header)
     brackets = list(_BRACKET.finditer(header))
     if unit_text:
         return [(header, unit_text)]

@@ -90,6 +90,34 @@ def test_structs_with_other_times_keep_them(muscle, tmp_path):
     assert np.allclose(data.pressure[:, 0] / 1e3, pressure(data.time), atol=0.01)
 
 
+def test_structs_in_structs_keep_their_times_too(muscle, tmp_path):
+    """Each device in a struct of its own: the times of one are not those of the other."""
+    savemat = pytest.importorskip('scipy.io').savemat
+    later = TIME + 0.5
+    savemat(tmp_path / 'log.mat', {
+        'drive': {'strain': {'Time': TIME, 'Data': strain(TIME)},
+                  'p_kPa': {'Time': TIME, 'Data': pressure(TIME)}},
+        'cell': {'F_N': {'Time': later, 'Data': force(later, muscle)}}})
+    data = read_measurement(tmp_path / 'log.mat', columns={'strain': 'drive.strain'})
+    assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
+    assert len(data) == 390
+
+
+@pytest.mark.parametrize('turned', [False, True])
+def test_matrices_of_time_and_reading_are_channels(muscle, tmp_path, turned):
+    """Simulink's To Workspace writes [t y] for each signal, at the rate of the signal."""
+    savemat = pytest.importorskip('scipy.io').savemat
+    slow = TIME[::2]
+    pairs = {'strain': (TIME, strain(TIME)), 'p_kPa': (slow, pressure(slow)),
+             'F_N': (TIME, force(TIME, muscle))}
+    savemat(tmp_path / 'log.mat', {name: np.stack(pair, 0 if turned else 1)
+                                   for name, pair in pairs.items()})
+    data = read_measurement(tmp_path / 'log.mat')
+    assert len(data) == 200
+    assert np.allclose(data.strain, strain(data.time))
+    assert np.allclose(data.force, force(data.time, muscle))
+
+
 def test_equal_clocks_change_nothing(muscle):
     """A clock per channel that shows the same time."""
     data = read_measurement({
@@ -105,3 +133,28 @@ def test_other_times_that_go_back_are_refused(muscle):
     with pytest.raises(InputError, match='the times of force go back'):
         read_measurement({'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
                           'time [s] (2)': twice, 'F [N]': force(twice, muscle)})
+
+
+def test_channels_that_meet_in_a_few_rows_only_are_brought_together_too(muscle):
+    """A log of events: now and then two readings have one stamp, and the other rows count too."""
+    times = [TIME + np.where(np.arange(400) % 40, shift, 0.0) for shift in (0.0, 0.01, 0.02)]
+    at = np.unique(np.round(np.concatenate(times), 6))
+    columns = {'time [s]': at}
+    for name, own, values in zip(('strain', 'p [kPa]', 'F [N]'), times, (
+            strain, pressure, lambda t: force(t, muscle))):
+        columns[name] = np.where(np.isin(at, np.round(own, 6)), values(at), np.nan)
+    data = read_measurement(columns)
+    assert len(data) > 390
+    assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
+
+
+@pytest.mark.parametrize('whole', [True, False])
+def test_milliseconds_beside_a_clock_are_added_where_it_has_none(muscle, whole):
+    """A logger writes whole seconds and ms apart; beside a clock with decimals ms repeat them."""
+    time = np.cumsum(0.02 + 0.06 * (np.arange(300) % 3 == 0)).round(3)  # no even rate
+    shown = np.floor(time) if whole else time
+    stamps = [str(np.datetime64('2024-03-11T10:15:00.000') + round(1e3 * t)) for t in shown]
+    data = read_measurement({
+        'Date&Time': np.array(stamps, object), 'ms': np.round(1e3 * (time - np.floor(time))),
+        'strain': strain(time), 'p [kPa]': pressure(time), 'F [N]': force(time, muscle)})
+    assert np.allclose(data.time - data.time[0], time - time[0], atol=1e-6)

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import checks, preview, read_measurement, taken_words, vocabulary
+from fam_bundle_ros.data import checks, preview, read_measurement, taken_words, unit_names
 from fam_bundle_ros.data.formats.layout import find_data
 from fam_bundle_ros.data.formats.text import split
 from fam_bundle_ros.data.grouping import pressure_levels
@@ -289,11 +289,40 @@ def test_two_equal_forces_are_asked_for(log):
         read_measurement(data)
 
 
-def test_a_clock_of_whole_numbers_without_a_unit_is_said(log):
-    """0, 50, 100 may be milliseconds: that they are taken for seconds stands in the first line."""
-    said = taken_words(read_measurement(table(log, time=('time', np.round(1e3 * log[0])))))
+def test_a_clock_without_a_unit_that_may_count_milliseconds_is_asked_for(log):
+    """0, 50, 100 may be s or ms; a count in ones is taken for seconds, and that is said."""
+    counted = table(log, time=('time', np.round(1e3 * log[0])))
+    with pytest.raises(InputError, match=r'steps of 50 may be s, ms or us.*"time=time \[ms\]"'):
+        read_measurement(counted)
+    told = read_measurement(counted, columns={'time': 'time [ms]'})
+    assert np.allclose(np.diff(told.time), np.diff(log[0]))
+    said = taken_words(read_measurement(table(log, time=('time', np.arange(ROWS)))))
     assert "time 'time' (s guessed, no unit given)" in said
     assert taken_words(read_measurement(table(log, time=('time', log[0])))) == ''
+
+
+def test_seconds_since_1970_need_no_unit(log):
+    """A logger of ten seconds a row writes 1710152142, 1710152152: no other unit has that size."""
+    data = read_measurement(table(log, time=('time', 1710152142 + 10.0 * np.arange(ROWS))))
+    assert np.allclose(np.diff(data.time), 10.0)
+
+
+def test_a_log_without_a_known_clock_says_which_column_may_be_one(log, tmp_path):
+    """It is read as a static map; a column that rises evenly is named, a count of rows as that,
+    and a sample rate above the table.
+    """
+    data = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))))
+    assert data.is_static
+    assert any('"time=Name [ms]"' in note for note in data.notes)
+    data = read_measurement(table(log, time=('Scan', np.arange(ROWS))))
+    assert any('"time=100 Hz"' in note for note in data.notes)
+    path = tmp_path / 'log.csv'
+    path.write_text('Sample rate: 20 Hz\nstrain,pressure [kPa],force [N]\n' + '\n'.join(
+        f'{e:.5f},{p / 1e3:.2f},{f:.3f}' for _, e, p, f in zip(*log)))
+    assert any("'Sample rate: 20 Hz'" in note for note in read_measurement(path).notes)
+    silent = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))),
+                              columns={'time': 'none'})
+    assert not any('clock' in note for note in silent.notes)
 
 
 def test_a_displacement_that_is_never_shorter_than_at_rest_is_noticed(log):
@@ -420,14 +449,14 @@ def test_a_preview_shows_what_reading_would_do(log):
 def test_a_unit_that_pint_knows_too_is_the_same(like):
     """Where the table of spellings and pint both know a unit, they agree."""
     both = 0
-    for text in vocabulary._UNITS[like]:
+    for text in unit_names._UNITS[like]:
         try:
             # Upper and lower case are told apart by pint: mn is no unit of force there.
             expected = si_factor(text, like)
         except InputError:
             continue
         if like != 'N' or not text.endswith(('g', 'lb', 'lbs', 'pound', 'pounds')):
-            assert vocabulary._UNITS[like][text] == pytest.approx(expected, rel=1e-5), text
+            assert unit_names._UNITS[like][text] == pytest.approx(expected, rel=1e-5), text
             both += 1
     assert both >= 2
 
@@ -505,3 +534,25 @@ def test_a_page_of_words_has_no_data():
     words = [['one', 'two', 'three']] * 6
     assert find_data(words) == (-1, 0)
     assert find_data([*words, ['1', '2', '3'], *words[:3]]) == (-1, 0)
+
+
+def test_the_pressure_of_the_line_is_taken_where_no_other_is_there(log):
+    """Without one of the muscle it is that of the muscle; beside one it is not read."""
+    alone = read_measurement(table(log, pressure=('line pressure [bar]', log[2] / 1e5)))
+    assert np.allclose(alone.pressure[:, 0], log[2])
+    beside = read_measurement({**table(log), 'line pressure [bar]': np.full(ROWS, 7.0)})
+    assert np.allclose(beside.pressure[:, 0], log[2])
+
+
+def test_a_column_without_a_name_is_said(tmp_path, log):
+    """Names may be those of the first columns or of the last: which was taken stands in a note."""
+    for which in ('first', 'last'):
+        path = tmp_path / f'{which}.csv'
+        rows = [f'{t:.2f},{e:.5f},{p / 1e3:.2f},{f:.3f}' for t, e, p, f in zip(*log)]
+        path.write_text('time [s],strain,pressure [kPa],force [N]\n' + ''.join(
+            f'{k},{row}\n' if which == 'first' else f'{row},1\n'
+            for k, row in enumerate(rows, 1)))
+        data = read_measurement(path)
+        assert np.allclose(data.force, log[3], atol=1e-3)
+        assert any(f'5 columns below 4 names: the {which} has none' in note
+                   for note in data.notes)

@@ -12,6 +12,7 @@ from fam_bundle_ros.data import read_measurement, taken_words
 from fam_bundle_ros.data.formats.layout import BLANKS
 from fam_bundle_ros.errors import InputError
 
+from .instrument_forms import INSTRUMENTS
 from .library_forms import (
     by_h5py,
     by_nptdms_runs,
@@ -45,10 +46,10 @@ def same(data, log):
 
 
 @pytest.mark.filterwarnings('error')
-@pytest.mark.parametrize('form', TEXTS)
+@pytest.mark.parametrize('form', TEXTS | INSTRUMENTS)
 def test_a_log_written_as_labs_write_text_reads_the_same(form, log, tmp_path):
     """Separators, commas, preambles, units, encodings, clocks: the same numbers."""
-    content = TEXTS[form](log)
+    content = (TEXTS | INSTRUMENTS)[form](log)
     content, options = content if isinstance(content, tuple) else (content, {})
     path = tmp_path / ('log.lvm' if '.lvm' in form else 'log.jsonl' if 'JSON' in form else
                        'log.csv')

@@ -8,6 +8,7 @@ import pytest
 from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.data.formats.stacking import one_below_the_other, unstacked
 from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.errors import InputError
 
 LEVELS = (100e3, 250e3, 400e3)
 
@@ -53,6 +54,50 @@ def test_a_column_of_force_per_pressure_is_a_static_map(trials, name):
     same(data, trials)
     assert data.is_static
     assert len(data.trial_names) == 3
+
+
+@pytest.mark.parametrize('name', ['Run {}: {}', '{1} Run #{0}', 'Trial {} {}'])
+def test_runs_that_stand_in_each_name_are_trials(trials, tmp_path, name):
+    """As programs for schools export them: 'Run 1: Time (s)', 'Run 1: Force (N)', ..."""
+    names = ('Time (s)', 'strain', 'Pressure (kPa)', 'Force (N)')
+    path = tmp_path / 'runs.csv'
+    path.write_text('\n'.join([
+        ','.join(name.format(k, each) for k in (1, 2, 3) for each in names),
+        *(','.join(f'{t[k]:.3f},{e[k]:.7f},{p[k] / 1e3:.4f},{f[k]:.4f}' for t, e, p, f in trials)
+          for k in range(60))]))
+    data = read_measurement(path)
+    same(data, trials)
+    assert len(data.trial_names) == 3
+
+
+@pytest.mark.parametrize('ending', ['csv', 'xlsx'])
+def test_levels_below_a_merged_head_are_names_not_data(trials, tmp_path, ending):
+    """'Force [N]' merged over '1 bar', '2.5 bar', ...: the second row is no row of readings."""
+    rows = [['Strain [%]', 'Force [N] at gauge pressure', None, None],
+            [None, *(f'{p[0] / 1e5:g} bar' for _, _, p, _ in trials)],
+            *([100 * trials[0][1][k], *(f[k] for _, _, _, f in trials)] for k in range(60))]
+    path = tmp_path / f'map.{ending}'
+    if ending == 'csv':
+        path.write_text('\n'.join(','.join('' if cell is None else str(cell) for cell in row)
+                                  for row in rows))
+    else:
+        book = pytest.importorskip('openpyxl').Workbook()
+        for row in rows:
+            book.active.append(row)
+        book.save(path)
+    data = read_measurement(path)
+    same(data, trials)
+    assert len(data) == 180
+
+
+def test_a_constant_pressure_is_not_that_of_columns_of_several(trials):
+    """'1 bar' and '4 bar' are not both at 3 bar: the force is asked for."""
+    table = {'contraction [%]': 100 * trials[0][1],
+             **{f'{p[0] / 1e5:g} bar': f for _, _, p, f in trials}}
+    with pytest.raises(InputError, match="column 'force' is missing"):
+        read_measurement(table, columns={'pressure': '300 kPa'})
+    data = read_measurement(table, columns={'pressure': '250 kPa', 'force': '2.5 bar [N]'})
+    assert np.allclose(data.force, trials[1][3])
 
 
 def test_a_column_of_force_per_strain_is_a_static_map(muscle):

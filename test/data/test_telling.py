@@ -53,13 +53,21 @@ def test_volts_are_read_with_the_calibration_of_each_sensor(log, volts):
     assert "force 'AI1 [V]' (as told: * 50 N - 5 N)" in taken_words(data)
 
 
-def test_a_calibration_may_name_the_unit_that_it_takes_away(log, volts):
-    """50 N/V of a column in V is 50 N; N/mV of it is refused."""
+@pytest.mark.parametrize('told', ['AI1 * 50 N/V - 5 N', 'AI1 * 0.05 N/mV - 5 N'])
+def test_a_calibration_may_name_the_unit_that_it_takes_away(log, volts, told):
+    """50 N/V of a column in V is 50 N, and so is 0.05 N/mV."""
+    data = read_measurement(volts, columns={**CALIBRATION, 'force': told}, rest_length='250 mm')
+    assert np.allclose(data.force, log[3])
+
+
+def test_a_calibration_per_volt_fits_a_column_in_millivolts(log, volts):
+    """An oscilloscope writes mV where a channel is small; per mA it is refused."""
+    volts['AI1 [mV]'] = 1e3 * volts.pop('AI1 [V]')
     data = read_measurement(volts, columns={**CALIBRATION, 'force': 'AI1 * 50 N/V - 5 N'},
                             rest_length='250 mm')
     assert np.allclose(data.force, log[3])
-    with pytest.raises(InputError, match=r"unit 'N/mV' does not fit; expected a unit like N"):
-        read_measurement(volts, columns={**CALIBRATION, 'force': 'AI1 * 50 N/mV'},
+    with pytest.raises(InputError, match=r"unit 'N/mA' does not fit; expected a unit like N"):
+        read_measurement(volts, columns={**CALIBRATION, 'force': 'AI1 * 50 N/mA'},
                          rest_length='250 mm')
 
 
@@ -100,8 +108,9 @@ def test_a_column_in_volts_asks_for_its_calibration(volts):
     """The message shows how one is told, and of which column."""
     problem = preview({**volts, 'load cell [V]': volts['AI1 [V]']}, rest_length=0.25).problem
     example = problem.partition('for example')[2]
-    assert 'AI0 * 50 %' in example
+    assert 'contraction=AI0 * 50 mm' in example
     assert 'load cell' not in example
+    assert "'AI0 [V]' in V: tell what one V is worth" in problem
 
 
 def test_a_header_that_looks_like_a_calibration_is_a_header(log):

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -91,56 +91,95 @@ def read_json(path: Path, sheet: str | None = None) -> Table:
     return of_arrays(path.name, 'JSON', values if isinstance(values, dict) else {})
 
 
-def flattened(values: Mapping[str, Any], prefix: str = '', depth: int = 4) -> dict[str, Any]:
-    """Return nested mappings as one, inner names alone where they are still clear."""
+def flattened(values: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return nested mappings as one: 'log.force'.
+
+    A channel with times of its own has them before it; shorter ones are filled up with nan.
+    """
+    flat = _flat(values, '', 4)
+    channels = {name: value for name, value in flat.items() if isinstance(value, _Series)}
+    rows = max((len(each.clock) for each in channels.values()), default=0)
+    whole: dict[str, Any] = {}
+    clock, count = np.zeros(0), 0
+    for name, value in flat.items():
+        if not isinstance(value, _Series):
+            whole[name] = value
+            continue
+        if not count or not np.array_equal(clock, value.clock):
+            count, clock = count + 1, value.clock
+            whole['time' if count == 1 else f'time {count}'] = _filled_up(clock, rows)
+        whole[name] = _filled_up(value.readings, rows)
+        if value.unit:
+            whole[f'{name}_unit'] = value.unit
+    return whole
+
+
+class _Series(NamedTuple):
+    """A channel with its times."""
+
+    clock: np.ndarray
+    readings: np.ndarray
+    unit: str = ''
+
+
+def _filled_up(values: np.ndarray, rows: int) -> np.ndarray:
+    return np.concatenate([values, np.full(rows - len(values), np.nan)])
+
+
+def _flat(values: Mapping[str, Any], prefix: str, depth: int) -> dict[str, Any]:
+    """Return nested mappings as one, channels with times as `_Series`."""
     flat: dict[str, Any] = {}
+    pairs = _pairs(values)
     for key, value in values.items():
         name = f'{prefix}.{key}' if prefix else str(key)
         if isinstance(value, (list, np.ndarray)) and len(value) and all(
                 isinstance(entry, Mapping) for entry in value):
             value = _channels(list(value)) or _joined(list(value))
         channels = _channels([value]) if isinstance(value, Mapping) else {}
-        series = _series(value) if isinstance(value, Mapping) else None
+        series = _series(value) if isinstance(value, Mapping) else pairs.get(key)
         if series is not None:
-            clock, flat[name], unit = series
-            _insert_clock(flat, name, clock)
-            if unit:
-                flat[f'{name}_unit'] = unit
+            flat[name] = series
         elif channels and not flat.keys() & channels:
             flat.update(channels)
         elif isinstance(value, Mapping) and depth:
-            flat.update(flattened(value, name, depth - 1))
+            flat.update(_flat(value, name, depth - 1))
         else:
             flat[name] = value
     return flat
+
+
+def _pairs(values: Mapping[str, Any]) -> dict[str, _Series]:
+    """Return matrices of two columns, time and reading, as Simulink's To Workspace writes them."""
+    pairs = {}
+    for key, value in values.items():
+        if isinstance(value, np.ndarray) and value.dtype.kind in 'iuf' and value.ndim == 2 and (
+                min(value.shape) == 2 < max(value.shape)):
+            clock, readings = (value if len(value) == 2 else value.T).astype(float)
+            if (np.diff(clock) > 0).all():
+                pairs[key] = _Series(clock, readings)
+    known = {recognise(key).quantity for key in pairs} - {'', 'time'}
+    return pairs if len(known) > 1 else {}
 
 
 #: Fields of a struct that holds one channel and its times, as Simulink's timeseries.
 _SERIES = ('time', 't', 'times'), ('data', 'y', 'value', 'values', 'signal')
 
 
-def _series(entry: Mapping[str, Any]) -> tuple[Any, Any, str] | None:
-    """Return the times, the readings and the unit of a struct of one channel; else None."""
+def _series(entry: Mapping[str, Any]) -> _Series | None:
+    """Return the channel of a struct of one and its times; else None."""
     fields = {key.casefold(): value for key, value in entry.items()}
     clock, values = (next((fields[key] for key in keys if isinstance(
         fields.get(key), (list, np.ndarray))), ()) for keys in _SERIES)
-    if not 1 < np.size(clock) == np.size(values):
+    clock, values = np.ravel(clock), np.ravel(values)
+    if not 1 < len(clock) == len(values) or {clock.dtype.kind, values.dtype.kind} - set('biuf'):
         return None
     info = fields.get('datainfo')
     inner = {key.casefold(): value for key, value in info.items()} if isinstance(
         info, Mapping) else {}
     unit = next((found for found in (fields.get('units'), fields.get('unit'), inner.get('units'))
                  if isinstance(found, str)), '')
-    return np.ravel(clock), np.ravel(values), unit
-
-
-def _insert_clock(flat: dict[str, Any], name: str, clock: np.ndarray) -> None:
-    """Put a channel's times before it, unless those of the last channel are the same."""
-    clocks = [key for key in flat if key == 'time' or key.startswith('time ')]
-    if not clocks or not np.array_equal(flat[clocks[-1]], clock):
-        values = flat.pop(name)
-        flat[f'time {len(clocks) + 1}' if clocks else 'time'] = clock
-        flat[name] = values
+    return _Series(clock.astype(float), values.astype(float), unit)
 
 
 #: Fields of a struct that holds one channel, as dSPACE and Simulink write them: name, unit.

@@ -15,7 +15,8 @@ import re
 import numpy as np
 
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import is_unit, recognise
+from fam_bundle_ros.data.unit_names import is_unit
+from fam_bundle_ros.data.vocabulary import recognise
 
 _PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)\s*[:=]\s*'
                    r'([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[Nn]a[Nn]|inf)'

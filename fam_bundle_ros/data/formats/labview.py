@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.formats import layout
+from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.table import Table, unique, unreadable
-from fam_bundle_ros.data.formats.text import encoding_of
 from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library

@@ -12,12 +12,15 @@ units.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import takewhile
 import re
 from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.vocabulary import ELECTRIC, is_unit, recognise
+from fam_bundle_ros.data.formats import heads
+from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit
+from fam_bundle_ros.data.vocabulary import recognise, unit_text_of
 
 #: Cells that stand for no reading, in any case: blanks, what is no number in C and in Excel, and
 #: what instruments write beyond their range.
@@ -34,18 +37,25 @@ _NUMBER = {
     ',': re.compile(r'[-+]?(\d+(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
 }
 _CLOCK = re.compile(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}([T ]\S+.*)?|\d{8}T\S+|'
-                    r'\d{1,3}:\d{2}(:\d{2})?([.,]\d+|:\d{3})?(\s*[AaPp][Mm])?')
-#: Rows looked at above the data.
-_ABOVE = 8
+                    r'(\d+ days?,? )?\d{1,3}:\d{2}(:\d{2})?([.,]\d+|:\d{3})?(\s*[AaPp][Mm])?')
+#: What calls a row a statistic of others.
+_STATISTIC = re.compile(r'(mean|average|avg|max|min|std|st\.? ?dev|sd|sigma|median|sum|total|'
+                        r'range|mittelwert|mittel|summe|standardabw|moyenne|media)', re.I)
+#: Units of what is no reading of a muscle, in rows of units.
+_OTHER_UNITS = frozenset("""\u00b0C degC \u2103 K \u00b0F \u00b0 deg rad Nm W Hz kHz rpm 1/min
+    l/min L/min m/s mm/s m/s2 m/s\u00b2 Ohm \u03a9 dB bit""".split())
+#: Rows looked at above the data, and for names.
+_ABOVE, _HEAD = 8, 16
 
 
 class Layout(NamedTuple):
-    """Names and units of the columns, and the index of the first row of data in the grid."""
+    """Names and units of the columns, the index of the first row of data in the grid, a note."""
 
     names: list[str]
     units: dict[str, str]
     first: int
     width: int
+    note: str = ''
 
 
 def is_blank(cell: str) -> bool:
@@ -56,6 +66,11 @@ def is_blank(cell: str) -> bool:
 def is_number(cell: str, decimal: str = '.') -> bool:
     """Return whether a cell holds a number, with this sign before its decimals."""
     return _NUMBER[decimal].fullmatch(cell.strip()) is not None
+
+
+def is_statistic(cell: object) -> bool:
+    """Return whether a cell calls its row a statistic of others: 'Mean', 'Max.', 'Maximum'."""
+    return _STATISTIC.match(str(cell).strip()) is not None
 
 
 def in_groups(cells: Sequence[str], sign: str) -> bool:
@@ -137,9 +152,37 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
         if not numbers[at] and len(later_data) and sum(
                 recognise(cell).quantity != '' for cell in grid[at]) >= 2:
             first = int(later_data[0])
+    first = _below_settings(grid, good[good >= first])
     most = int(width[first:][data[first:]].max())
     above = width[:first].max(initial=0)
     return first, usual_width if usual_width < most and usual_width <= above < most else most
+
+
+def _below_settings(grid: Sequence[Sequence[str]], rows: np.ndarray) -> int:
+    """
+    Return the first of some rows of numbers that is no setting of the head.
+
+    Settings are a value below 'dt:' and above 'data:', levels ('3 bar', '1 bar') over plain
+    numbers, and rows that begin with a word where others do not, up to the last statistic:
+    'Length', 'Maximum'. Below that the word may be for the data, or of an event.
+    """
+    while len(rows) > 1:
+        first, then = grid[rows[0]], grid[rows[1]]
+        over = [at for at, cell in enumerate(first) if with_unit(cell)]
+        between = 0 < rows[0] < len(grid) - 1 and all(
+            len(trimmed(row)) == 1 and row[0].endswith(':')
+            for row in (grid[rows[0] - 1], grid[rows[0] + 1]))
+        levels = len(over) > 1 and all(at < len(then) and is_number(then[at]) for at in over)
+        if not between and not levels:
+            break
+        rows = rows[1:]
+    labels = [grid[row][0] for row in rows]
+    words = [not is_reading(label) and not is_blank(label) for label in labels]
+    if np.mean(words) < 0.1:
+        statistics = [at for at, label in enumerate(labels[:words.index(False)])
+                      if is_statistic(label)]
+        rows = rows[max(statistics, default=-1) + 1:]
+    return int(rows[0])
 
 
 def is_row(cells: Sequence[str], width: int, decimal: str = '.') -> bool:
@@ -154,11 +197,17 @@ def is_row(cells: Sequence[str], width: int, decimal: str = '.') -> bool:
             is_reading(cell, decimal) for cell in used)
 
 
+def with_bad_cells(rows: Sequence[Sequence[str]], width: int, decimal: str = '.') -> int:
+    """Return how many rows directly above the first sound one are data too, with bad cells."""
+    return sum(1 for _ in takewhile(lambda row: is_row(row, width, decimal), reversed(rows)))
+
+
 def may_name(cells: Sequence[str], width: int) -> bool:
-    """Return whether a row has a word for each column, and not a unit or a number."""
+    """Return whether a row has a word for each column, but for the first, and no readings."""
     used = trimmed(cells)
-    return len(used) == width and not _units_in(used) and not any(
-        is_number(cell) or is_blank(cell) for cell in used)
+    return len(used) == width and not are_units(used) and not any(
+        is_number(cell) or is_blank(cell) and at or _CLOCK.fullmatch(cell)
+        for at, cell in enumerate(used))
 
 
 def find_names(rows: Sequence[Sequence[str]], width: int,
@@ -175,27 +224,79 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     width : int
         Number of columns.
     """
-    begin = max(len(rows) - _ABOVE, 0)
+    pairs = heads.of_pairs(rows, width)
+    if pairs is not None:
+        return *pairs, len(rows) - 1
+    begin = max(len(rows) - _HEAD, 0)
     near = [(i, [*row, *[''] * width][:width]) for i, row in enumerate(rows[begin:], begin)
-            if 2 <= len(trimmed(row)) and (len(trimmed(row)) <= width + 1 or sum(
-                recognise(cell).score > 1 for cell in row[:width]) > 1)]
-    near = [(i, row) for i, row in near
-            if not any(is_number(cell) for cell in row if len(cell) > 1)]
+            if 2 <= len(trimmed(row)) and (len(trimmed(row)) <= width + 1 or _of_columns(
+                row[:width]) or i + 1 < len(rows) and are_units(rows[i + 1][:width]))]
+    near = heads.with_levels([(i, row) for i, row in near if not any(
+        is_number(cell) or _CLOCK.fullmatch(cell) for cell in row if len(cell) > 1)])
     if not near:
         return [f'column {i + 1}' for i in range(width)], {}, -1
+    filled = [all(cell.strip() for cell in row) for _, row in near]
     known = [sum(recognise(cell).quantity != '' for cell in row if cell.strip())
              for _, row in near]
-    unit_like = [_units_in(row) for _, row in near]
-    candidates = [i for i in range(len(near)) if not unit_like[i] or known[i] > 1]
-    at = max(candidates or range(len(near)), key=lambda i: (known[i], i))
-    names = [cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at][1])]
-    units_at = [i for i in range(len(near)) if i != at and unit_like[i]][-1:]
+    unit_like = [are_units(row) for _, row in near]
+    # 's' is the name of a path too, but not of each column
+    candidates = [i for i, (_, row) in enumerate(near) if not unit_like[i] or (
+        known[i] > 0.5 * len(row) < len(set(row)))]
+    # one known word in a row with gaps is of a setting
+    at = max(candidates, default=-1, key=lambda i: (
+        known[i] if known[i] > 1 or filled[i] else 0, filled[i], i))
+    names = [f'column {i + 1}' for i in range(width)] if at < 0 else [
+        cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at][1])]
+    units_at = sorted((i for i in range(len(near)) if i != at and unit_like[i]), key=lambda i: (
+        sum(recognise(*pair).score > 0 for pair in zip(names, near[i][1])), i))[-1:]
     units = {name: cell.strip().strip('[](){}<>') for i in units_at
              for name, cell in zip(names, near[i][1]) if cell.strip().strip('[](){}<>')}
-    return names, units, max(near[i][0] for i in (at, *units_at))
+    index = trimmed(rows[-1])
+    if at >= 0 and len(index) == 1 < width and recognise(index[0]).quantity in ('time', 'trial'):
+        names[0] = index[0]  # pandas writes the name of an index below those of the columns
+    return names, units, max(near[i][0] for i in (at, *units_at) if i >= 0)
 
 
-def _units_in(row: Sequence[str]) -> bool:
-    cells = [cell for cell in row if cell.strip()]
-    return bool(cells) and sum(is_unit(cell) or cell.strip().strip('[](){}<>') in ELECTRIC
-                               for cell in cells) > 0.6 * len(cells)
+def moved_right(names: list[str], data: Sequence[Sequence[str]]) -> list[str]:
+    """
+    Return names moved one column to the right where the first is of row names, without a name.
+
+    R and others write them so: one name less than columns, the first of which counts the rows, or
+    is blank or text.
+
+    Examples
+    --------
+    >>> moved_right(['p', 'F', 'column 3'], [['1', '5', '8'], ['2', '5', '9']])
+    ['column 1', 'p', 'F']
+    """
+    last = f'column {len(names)}'
+    if names[-1] != last or any(re.fullmatch(r'column \d+', name) for name in names[:-1]):
+        return names
+    rows = [row for row in data if len(row) == len(names)]
+    first = [row[0] for row in rows]
+    words = not any(map(is_reading, first))
+    if len(rows) < 2 or not (words or counts_rows(rows)) or all(is_blank(row[-1]) for row in rows):
+        return names
+    return ['column 1', *names[:-1]]
+
+
+def counts_rows(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether the first cells of rows count them: '1', '2', '3'."""
+    first = [row[0] for row in rows]
+    return all(re.fullmatch(r'\d+', cell) for cell in first) and {
+        int(later) - int(cell) for cell, later in zip(first, first[1:])} == {1}
+
+
+def _of_columns(row: Sequence[str]) -> bool:
+    """Return whether a row that is too long names columns: others of its cells are settings."""
+    known = [recognise(cell).score > 1 for cell in row]
+    return sum(known) > 1 or sum(
+        found or unit_text_of(cell) is not None for found, cell in zip(known, row)
+        ) > 0.6 * len(row)
+
+
+def are_units(row: Sequence[str]) -> bool:
+    """Return whether most of a row's cells are units."""
+    cells = [cell.strip().strip('[](){}<>') for cell in row if cell.strip()]
+    known = sum(is_unit(cell) or cell in ELECTRIC for cell in cells)
+    return known > 0 and known + sum(cell in _OTHER_UNITS for cell in cells) > 0.5 * len(cells)

@@ -16,11 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import recognise, STRAINS, unit_of
+from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.unit_names import unit_of
+from fam_bundle_ros.data.vocabulary import recognise, STRAINS
 
 #: The name of a second column of one name.
 _AGAIN = re.compile(r'.* \(\d+\)')
+#: A trial in a name: 'Run 2: F [N]', 'F [N] Run #2'.
+_TRIAL = re.compile(r'(?<!\w)([^\W\d_]+)[ _]?#?\d+(?!\w)\s*:?')
 #: A reading in a name: '1.5 bar', 'F at 200 kPa [N]'.
 _LEVEL = re.compile(r'(?<![\w.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?abs\b\.?)?|%)(?!\w)')
 
@@ -40,7 +43,19 @@ class _Level(NamedTuple):
 
 def unstacked(table: Table) -> Table:
     """Return a table with trials that lie side by side one below the other; others as they are."""
-    return _blocks(table) or _levels(table) or table
+    return _blocks(_without_runs(table)) or _levels(table) or table
+
+
+def _without_runs(table: Table) -> Table:
+    """Return a table whose headers all carry a trial, 'Run 2: F [N]', with 'F [N] (2)' instead."""
+    found = {header: _TRIAL.search(header) for header in table.columns}
+    kinds = {match[1].casefold() if match else '' for match in found.values()}
+    if len(kinds) > 1 or not all(recognise(kind).quantity == 'trial' for kind in kinds):
+        return table
+    plain = unique([(header[:match.start()] + ' ' + header[match.end():]).strip()
+                    for header, match in found.items() if match])
+    return replace(table, columns=dict(zip(plain, table.columns.values())), units={
+        name: table.units[header] for name, header in zip(plain, found) if header in table.units})
 
 
 def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:

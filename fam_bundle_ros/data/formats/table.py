@@ -36,8 +36,10 @@ class Table:
         What to call each row in messages.
     notes : tuple of str
         What was met on the way, such as sheets that were not read.
-    rest_length : float, m, optional
-        As told above the table.
+    above : tuple of str
+        Lines above the data, which may tell settings.
+    remarks : tuple of (int, str)
+        Comments between the rows, and in which line they stand.
     blanks : callable, optional
         Returns what stands in a cell of floats that is nan, by header and what its row is called.
     """
@@ -48,7 +50,8 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     rows: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     notes: tuple[str, ...] = ()
-    rest_length: float | None = None
+    above: tuple[str, ...] = ()
+    remarks: tuple[tuple[int, str], ...] = ()
     blanks: Callable[[str, int], str] | None = None
 
     def __post_init__(self) -> None:

@@ -10,7 +10,6 @@ or one endless line, is refused before it is in memory.
 from __future__ import annotations
 
 from array import array
-import codecs
 from collections.abc import Iterator
 import csv
 from functools import partial
@@ -24,10 +23,11 @@ import warnings
 import numpy as np
 
 from fam_bundle_ros.data.formats import layout
+from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import check_size, Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
-from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
+from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
@@ -42,9 +42,8 @@ _OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
 #: What the serial monitor of the Arduino IDE writes before each line.
 _MONITOR = re.compile(r'(\d{1,2}:\d\d:\d\d[.,]\d+) -> ')
 _COMMENTS = ('#', '%', '//', '!')
-_BOMS = ((codecs.BOM_UTF8, 'utf-8-sig'), (codecs.BOM_UTF32_LE, 'utf-32'),
-         (codecs.BOM_UTF32_BE, 'utf-32'), (codecs.BOM_UTF16_LE, 'utf-16'),
-         (codecs.BOM_UTF16_BE, 'utf-16'))
+#: Comments between rows that are kept.
+_REMARKS = 10_000
 
 
 class Dialect(NamedTuple):
@@ -70,23 +69,6 @@ def read_text(path: Path) -> Table:
         return _read(path, encoding)
     except UnicodeDecodeError:  # a Latin-1 letter far down
         return _read(path, 'cp1252')
-
-
-def encoding_of(path: Path) -> str:
-    """Return the encoding by the byte order mark, else by what the first MB can be."""
-    with open(path, 'rb') as stream:
-        head = stream.read(1 << 20)
-    for mark, name in _BOMS:
-        if head.startswith(mark):
-            return name
-    for offset, name in ((1, 'utf-16-le'), (0, 'utf-16-be')):
-        if len(head) > 8 and head[offset:4096:2].count(0) > 0.4 * len(head[offset:4096:2]):
-            return name
-    try:
-        codecs.getincrementaldecoder('utf-8')().decode(head)
-    except UnicodeDecodeError:
-        return 'cp1252'
-    return 'utf-8'
 
 
 def _read(path: Path, encoding: str) -> Table:
@@ -135,8 +117,8 @@ def _read(path: Path, encoding: str) -> Table:
                                                unit)
         if unit:
             units[name] = unit
-    told = filter(None, map(rest_length_of, head[:skipped]))
-    return Table(path.name, _kind(dialect), columns, units, at, rest_length=next(told, None),
+    return Table(path.name, _kind(dialect), columns, units, at, above=tuple(head[:skipped]),
+                 remarks=tuple(rows.remarks), notes=tuple(filter(None, [dialect.layout.note])),
                  blanks=partial(_cell, path, encoding, dialect.separator, names))
 
 
@@ -224,6 +206,8 @@ class _Rows(io.TextIOBase):
         self._end = self._separator + ' \t\r\n'
         #: Line number of each row handed on.
         self.numbers = array('q')
+        #: Line number and text of comments between them.
+        self.remarks: list[tuple[int, str]] = []
 
     def readable(self) -> bool:
         return True
@@ -234,7 +218,11 @@ class _Rows(io.TextIOBase):
         parts, length = [], 0
         for line in self._lines:
             self._at += 1
-            if self._at <= self._first or _is_comment(line) or not line.strip(' \t\r\n;,'):
+            if self._at <= self._first or not line.strip(' \t\r\n;,'):
+                continue
+            if _is_comment(line):
+                if len(self.remarks) < _REMARKS:
+                    self.remarks.append((self._at, line.strip()))
                 continue
             self.numbers.append(self._at)
             # blank cells at the end are left to pandas, which takes more cells for a mistake
@@ -260,7 +248,9 @@ class _Rows(io.TextIOBase):
 
 
 def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith(_COMMENTS)
+    begin = line.lstrip()[:2]
+    # '%,s,bar' is a row of units
+    return begin.startswith(_COMMENTS) and not re.fullmatch(r'%[,;\t|]', begin)
 
 
 def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
@@ -305,25 +295,35 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                          + '; expected a table with columns for strain (or length), pressure and '
                          'force')
     width = max([dialect.layout.width, *_named_columns(head[:line_at], dialect.separator)])
+    rows = [split(line, dialect.separator) for line in head[line_at:] if line.strip()]
+    if {len(row) for row in rows} == {width + 1} and layout.counts_rows(rows) and any(
+            row[-1] for row in rows):
+        width += 1  # row names without a name, and remarks that are mostly blank
     above = [i for i, line in enumerate(head[:line_at]) if line.strip()]
     cells = {i: _header_cells(head[i], dialect, width) for i in above}
     own = {i: len(split(head[i], dialect.separator)) for i in above}
     if any(own[i] == width and layout.may_name(cells[i], width) for i in above
            if not _is_comment(head[i])):
-        # beside a row of names a title, or a comment of another length, is a note about them
-        above = [i for i in above if own[i] == width or own[i] > 1 and not _is_comment(head[i])]
+        # beside a row of names a title, or a comment that is no row of units, is a note about them
+        above = [i for i in above if own[i] > 1 and not _is_comment(head[i])
+                 or own[i] == width and layout.are_units(cells[i])]
     names, units, last = layout.find_names([cells[i] for i in above], width)
-    named = sum(not cell.startswith('column ') for cell in names)
-    row = split(head[line_at], dialect.separator)
+    named, note = sum(not cell.startswith('column ') for cell in names), ''
+    if named == width - 1 and names[-1] == f'column {width}':
+        moved = layout.moved_right(names, rows)
+        which = 'first' if moved != names else 'last'
+        note, names = f'{width} columns below {named} names: the {which} has none', moved
+    row = rows[0]
     if dialect.separator == ',' and width == len(row) == 2 * named and all(
             re.fullmatch(r'-?\d+', cell) for cell in row):
         raise InputError(f'{name}, row {line_at + 1}: {width} cells under {named} names; expected '
                          'points for decimals, or quotes about each cell, where commas part cells')
-    # what stands between the names and the first sound row are data with bad cells
-    unsound = [i for i in above[last + 1:] if last >= 0 and not _is_comment(head[i])
-               and layout.is_row(split(head[i], dialect.separator), width, dialect.decimal)]
-    return dialect._replace(layout=layout.Layout(names, units, first, width)
-                            ), min([line_at, *unsound])
+    below = [i for i in range(above[last] + 1 if last >= 0 else line_at, line_at)
+             if head[i].strip() and not _is_comment(head[i])]
+    bad = layout.with_bad_cells([split(head[i], dialect.separator) for i in below], width,
+                                dialect.decimal)
+    return dialect._replace(layout=layout.Layout(names, units, first, width, note)
+                            ), min([line_at, *below[len(below) - bad:]])
 
 
 def _named_columns(above: list[str], separator: str) -> Iterator[int]:
@@ -358,7 +358,7 @@ def split(line: str, separator: str) -> list[str]:
 def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
     """Return the cells of a line above the data, be it a comment or written another way."""
     text = line.strip('\r\n')
-    for sign in _COMMENTS:
+    for sign in _COMMENTS if _is_comment(text) else ():
         if text.lstrip().startswith(sign):
             text = text.lstrip().lstrip(sign)
             break
@@ -371,9 +371,11 @@ def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
     tries.append(re.findall(r'[^\s\[({]+(?:\s*[\[({][^\])}]*[\])}])?|[\[({][^\])}]*[\])}]',
                             text))
     if dialect.separator == _BLANK:
-        tries.append(text.split())
-    tries[:0] = [tries[0]]
-    fitting = [cells for cells in tries if len(layout.trimmed(cells)) == width]
+        tries.append([cell.strip('"') for cell in text.split()])
+    # row names may have none: then there is one name less
+    fitting = [cells for cells in tries[:1] if len(layout.trimmed(cells)) == width - 1 > 1]
+    fitting += [cells for count in (width, width - 1) for cells in tries
+                if len(layout.trimmed(cells)) == count > 1]
     return fitting[0] if fitting else tries[0]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.stacking import one_below_the_other
 from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique, unreadable
-from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
+from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -91,18 +91,18 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
         return None, 0
     names, units, last = layout.find_names([head[i] for i in filled[:first]], width)
     names = unique(names)
-    begin = min([filled[first], *(i for i in filled[last + 1:first] if last >= 0
-                                  and layout.is_row(head[i], width, decimal))])
+    below = filled[last + 1:first] if last >= 0 else []
+    bad = layout.with_bad_cells([head[i] for i in below], width, decimal)
+    begin = min([filled[first], *below[len(below) - bad:]])
     columns = {name: _column(values[begin:, j], decimal) for name, j in zip(names, used)}
     words = {(name, begin + 1 + i): text for name, j in zip(names, used)
              if columns[name].dtype.kind == 'f' for i, cell in enumerate(values[begin:, j])
              if isinstance(cell, str) and layout.is_blank(text := cell.strip()) and text}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
-    told = filter(None, (rest_length_of(';'.join(row)) for row in head[:begin]))
     known = sum(recognise(name, units.get(name, '')).quantity != '' for name in names)
     return Table(file, f'sheet {sheet}', columns, units,
-                 np.flatnonzero(kept) + begin + 1, rest_length=next(told, None),
+                 np.flatnonzero(kept) + begin + 1, above=tuple(map(';'.join, head[:begin])),
                  blanks=partial(_word, words)), known
 
 

@@ -1,0 +1,236 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Tables with one reading per row, 'time, signal, value', as databases and controllers write them.
+
+Each signal becomes a column. Readings of one time share a row; of several signals with times of
+their own the others are blank there, and `data.clocks` brings them together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+import re
+from typing import Any
+
+import numpy as np
+
+from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers, seconds
+from fam_bundle_ros.data.cells import labels as trial_labels
+from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.measurement import counted
+from fam_bundle_ros.data.unit_names import is_unit
+from fam_bundle_ros.data.vocabulary import recognise, STRAINS, words_of
+from fam_bundle_ros.errors import InputError
+
+#: What columns of signal names, readings and units are called, their words joined.
+_SIGNAL = frozenset("""signal signalname signalid tag tagname tagid variable variablename varname
+    name channel channelname field parameter parametername series metric topic sensor sensorname
+    measurement point pointname key kanal messgroesse messstelle groesse""".split())
+_VALUE = frozenset("""value val varvalue reading tagvalue wert messwert istwert numericvalue
+    floatvalue valor valeur""".split())
+_UNIT = frozenset('unit units einheit unite unidad'.split())
+#: Columns that say whether a reading is good, and how.
+_QUALITY = frozenset('quality validity valid opcquality status'.split())
+_GOOD = frozenset('good ok valid true 1 192'.split())
+#: More different names than this are no signals.
+_MOST = 200
+#: s of one unit of a clock; controllers of Siemens count millionths of a day.
+_COUNTS = np.array([1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0, 0.0864])
+
+
+def wide(table: Table) -> Table:
+    """
+    Return a table of one reading per row with a column for each signal; others as they are.
+
+    Raises
+    ------
+    InputError
+        Where times go back, and not for all signals alike, so that no trials are seen.
+    """
+    found = _columns(table)
+    if found is None:
+        return table
+    signal, value, others = found
+    # heads that stand there again are no readings
+    named = np.array([not blank(cell) for cell in table.columns[signal]], bool)
+    rows = named & np.array([str(cell).strip() != signal for cell in table.columns[signal]], bool)
+    bad, qualities = _of_bad_quality(table, others, rows)
+    rows &= ~bad
+    labels, names = _counted(table.columns[signal][rows])
+    at, cells = table.rows[rows], table.columns[value][rows]
+    clock, times, clock_unit, instead_of = _clock(table, others, rows)
+    trial = next((header for header in others if recognise(header).quantity == 'trial'), '')
+    told = _counted(trial_labels(table.columns[trial][rows]) if trial else ['1'] * len(at))
+    runs, run_names = _with_resets(table.name, at, names, labels, times, *told)
+    place, first = _places(labels, times, runs)
+    columns: dict[str, np.ndarray] = {}
+    if trial or len(run_names) > 1:
+        columns[trial or 'trial'] = np.array(run_names, object)[runs[first]]
+    if clock:
+        columns[clock] = times[first]
+    headers = unique([*columns, *names])[len(columns):]
+    for k, header in enumerate(headers):
+        columns[header] = _spread(cells[labels == k], place[labels == k], len(first))
+    units = {header: unit for header, unit in table.units.items() if header in columns}
+    units |= {clock: clock_unit} if clock_unit else {}
+    units |= _units(table, others, rows, labels, headers)
+    unread = [repr(header) for header in others if not re.fullmatch(r'column \d+', header)
+              and header not in (*columns, *qualities, instead_of) and _key(header) not in _UNIT]
+    notes = [f"one reading per row: each of {len(names)} names in '{signal}' read as a column"
+             + (f"; not used: {', '.join(unread)}" if unread else '')]
+    if bad.any():
+        notes.append(f"{counted(int(bad.sum()), 'reading')} of bad quality left out (first row "
+                     f'{table.rows[np.argmax(bad)]})')
+    if not named.all():
+        notes.append(f"{counted(int((~named).sum()), 'row')} without a name in '{signal}' left "
+                     'out')
+    return replace(table, columns=columns, units=units, rows=at[first], blanks=None,
+                   notes=(*table.notes, *notes))
+
+
+def _columns(table: Table) -> tuple[str, str, list[str]] | None:
+    """Return the headers of signal names, of readings, and of the rest; None for other tables."""
+    known = {recognise(header, table.units.get(header, '')).quantity for header in table.columns}
+    if known & {'force', 'pressure'}:
+        return None
+    signals = {}
+    for header in (header for header, column in table.columns.items() if is_text(column)):
+        names = {str(cell).strip() for cell in table.columns[header] if not blank(cell)}
+        names -= {header}
+        if 1 < len(names) <= _MOST and not looks_like_time(table.columns[header]):
+            meant = {recognise(name).quantity for name in names}
+            sure = 'force' in meant and bool(meant & {'pressure', *STRAINS})
+            if sure or _key(header) in _SIGNAL:
+                signals[header] = sure, len(names)
+    values = [header for header in table.columns if _key(header) in _VALUE]
+    if not values and any(sure for sure, _ in signals.values()):
+        values = [header for header, column in table.columns.items() if column.dtype.kind == 'f'
+                  and not recognise(header).quantity and np.isfinite(column).any()]
+    if not signals or len(values) != 1:
+        return None
+    signal = max(signals, key=lambda header: signals[header])
+    return signal, values[0], [header for header in table.columns
+                               if header not in (signal, values[0])]
+
+
+def _key(header: str) -> str:
+    return ''.join(words_of(header))
+
+
+def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray,
+                    ) -> tuple[np.ndarray, list[str]]:
+    """Return the rows whose quality is not good, where that of most is, and by which columns."""
+    bad, used = np.zeros(len(rows), bool), []
+    for header in others:
+        if _key(header) in _QUALITY:
+            said = (f'{cell:g}' if isinstance(cell, float) else str(cell).strip().casefold()
+                    for cell in table.columns[header])
+            good = np.array([word in _GOOD for word in said], bool)
+            if good[rows].mean() > 0.5:
+                bad |= rows & ~good
+                used.append(header)
+    return bad, used
+
+
+def _counted(cells: Iterable[Any]) -> tuple[np.ndarray, list[str]]:
+    """Return the number of each cell's text among the different ones, and these."""
+    number: dict[str, int] = {}
+    codes = np.array([number.setdefault(str(cell).strip(), len(number)) for cell in cells], int)
+    return codes, list(number)
+
+
+def _clock(table: Table, others: Sequence[str], rows: np.ndarray,
+           ) -> tuple[str, np.ndarray, str, str]:
+    """
+    Return the clock: its header, times (R,), its unit, and its header before; '' for none.
+
+    Of several the one that tells most rows apart. A number's unit is checked by dates beside it.
+    """
+    clocks: dict[str, np.ndarray] = {}
+    dates: dict[str, np.ndarray] = {}
+    for header in others:
+        column = table.columns[header][rows]
+        if looks_like_time(column):
+            dates[header] = seconds(table.name, header, column, table.rows[rows])
+        elif recognise(header, table.units.get(header, '')).quantity == 'time':
+            clocks[header] = numbers(column)[0]
+    best = max([*dates, *clocks], default='', key=lambda header: len(np.unique(
+        (dates | clocks)[header])))
+    if not best:
+        return '', np.zeros(rows.sum()), '', ''
+    if best in dates:
+        named = best if recognise(best, 's').quantity == 'time' else 'time'
+        return named, dates[best], 's', best
+    times = clocks[best]
+    span = float(np.nanmax(next(iter(dates.values())))) if dates else 0.0
+    since = times - np.nanmin(times)
+    if span > 0.0 and np.nanmax(since) > 0.0:
+        ratios = span / np.nanmax(since) / _COUNTS
+        return 'time', since * _COUNTS[np.argmin(np.abs(np.log(ratios)))], 's', best
+    return best, times, '', best
+
+
+def _with_resets(name: str, rows: np.ndarray, names: Sequence[str], labels: np.ndarray,
+                 times: np.ndarray, runs: np.ndarray, run_names: list[str],
+                 ) -> tuple[np.ndarray, list[str]]:
+    """Return the trial of each row and their names, a new one where all signals' times go back."""
+    resets = np.zeros(len(times), int)
+    found = {}
+    for k, signal in enumerate(names):
+        mine = np.flatnonzero(labels == k)
+        back = (np.diff(times[mine]) < 0) & (np.diff(runs[mine]) == 0)
+        resets[mine[1:]] = np.cumsum(back)
+        if len(mine) > 2:
+            found[int(back.sum())] = signal, rows[mine[1:][back][:1]]
+    if len(found) > 1:
+        signal, at = found[max(found)]
+        raise InputError(f"{name}, row {at[0]}: the time of '{signal}' goes back, and not that of "
+                         'each signal; expected times in order, or a column for the trial')
+    if not resets.any():
+        return runs, run_names
+    count = resets.max() + 1
+    codes, runs = np.unique(runs * count + resets, return_inverse=True)
+    return runs.ravel(), [str(at + 1) if len(run_names) == 1 else
+                          f'{run_names[code // count]} {code % count + 1}'
+                          for at, code in enumerate(codes.tolist())]
+
+
+def _places(labels: np.ndarray, times: np.ndarray, runs: np.ndarray,
+            ) -> tuple[np.ndarray, np.ndarray]:
+    """Return the new row of each reading, and the first reading of each new row."""
+    moments = np.unique(times, return_inverse=True)[1].ravel() + runs * len(times)
+    order = np.lexsort((labels, moments))
+    begins = np.flatnonzero(np.r_[True, (np.diff(labels[order]) != 0)
+                                  | (np.diff(moments[order]) != 0)])
+    # a signal that is there twice at one time has two rows
+    turn = np.empty(len(order), int)
+    turn[order] = np.arange(len(order)) - np.repeat(begins, np.diff(np.r_[begins, len(order)]))
+    order = np.lexsort((turn, moments))
+    new = np.r_[True, (np.diff(moments[order]) != 0) | (np.diff(turn[order]) != 0)]
+    place = np.empty(len(order), int)
+    place[order] = np.cumsum(new) - 1
+    return place, order[new]
+
+
+def _spread(cells: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
+    """Return readings at their rows, blank in others; as text where a word is among numbers."""
+    values, words = numbers(cells)
+    column: np.ndarray[Any, Any] = np.full(count, np.nan)
+    if words.any() and not words.all():
+        column = np.full(count, None, object)
+        values = cells
+    column[place] = values
+    return column
+
+
+def _units(table: Table, others: Sequence[str], rows: np.ndarray, labels: np.ndarray,
+           headers: Sequence[str]) -> dict[str, str]:
+    """Return the unit of each signal, where a column tells one."""
+    unit = next((header for header in others if _key(header) in _UNIT), None)
+    if unit is None:
+        return {}
+    cells = table.columns[unit][rows]
+    return {header: str(text).strip() for k, header in enumerate(headers)
+            if not blank(text := cells[np.argmax(labels == k)]) and is_unit(str(text))}
