@@ -206,7 +206,7 @@ def watched(chromium, server):
 
 
 @pytest.fixture(scope='session')
-def pictures(tmp_path_factory):
-    """Return where screenshots go: docs/images with `make browser-test`."""
+def pictures():
+    """Return where screenshots go: docs/images with `make browser-test`, else None."""
     named = os.environ.get('FAM_BUNDLE_SCREENSHOTS')
-    return Path(named) if named else tmp_path_factory.mktemp('screenshots')
+    return Path(named) if named else None
