@@ -35,7 +35,7 @@ def climbs(page, *rungs):
 
 
 def settled(page, folder, name):
-    """Keep a picture once curves have come to rest and no button is pointed at, if it is wanted."""
+    """Keep a picture, if it is wanted, once curves are at rest and no button is pointed at."""
     if folder is None:
         return
     page.mouse.move(2, 400)
