@@ -86,6 +86,7 @@ def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp
     page.wait_for_selector('.sheet .trace')
     settled(page, pictures, '4_controller')
     shows(page, '.sheet', '% less')
+    shows(page, '.sheet', 'hidden_friction')
     tab.click('trial-close')
 
 
