@@ -29,8 +29,10 @@ install:  ## make .venv with pinned requirements and this package
 demo: install  ## run the whole story on simulated hardware and write report/
 	@$(BIN)/fam_bundle demo
 
+# A file goes to one worker, which makes its fixtures once: a browser, a cluster, a benchmark. In the
+# order of the folders, as the files with the fewest tests take the longest.
 test: install  ## run all tests (JOBS=2 in parallel)
-	@$(BIN)/python -m pytest -n $(JOBS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test-plain: install  ## run the tests of model, plant and control without numba
 	@FAM_BUNDLE_PLAIN=1 $(BIN)/python -m pytest -n $(JOBS) $(WITHOUT_NUMBA) $(PLAIN)

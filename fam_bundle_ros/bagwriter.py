@@ -20,6 +20,8 @@ from fam_bundle_ros.mcapfile import McapFile
 #: Bytes after which messages go to the file without a flush being asked for.
 _LARGEST_CHUNK = 2 ** 20
 _FOREVER = {'sec': 2147483647, 'nsec': 4294967295}
+#: libyaml where PyYAML has it: metadata are written at every flush, in plain Python for 0.1 s.
+_DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 
 
 class BagWriter:
@@ -90,9 +92,8 @@ class BagWriter:
             return
         self._flushed = self.count
         about = self._metadata()
-        self._file.flush(yaml.safe_dump(about, sort_keys=False))
-        write_whole(self.folder / 'metadata.yaml', yaml.safe_dump(
-            {'rosbag2_bagfile_information': about}, sort_keys=False))
+        self._file.flush(_yaml(about))
+        write_whole(self.folder / 'metadata.yaml', _yaml({'rosbag2_bagfile_information': about}))
 
     def close(self) -> None:
         """Finish the bag. An empty one is removed."""
@@ -110,7 +111,7 @@ class BagWriter:
             'offered_qos_profiles': qos, 'type_description_hash': self._types.hash_rihs01(kind)})
         encoding = 'ros2idl' if definition.startswith('=' * 80 + '\nIDL: ') else 'ros2msg'
         return self._file.add_channel(name, kind, definition, encoding, {
-            'offered_qos_profiles': yaml.safe_dump(qos, sort_keys=False).strip()})
+            'offered_qos_profiles': _yaml(qos).strip()})
 
     def _metadata(self) -> dict[str, Any]:
         """Return what metadata.yaml says, version 9 of rosbag2."""
@@ -127,6 +128,10 @@ class BagWriter:
             'files': [{'path': self._name, 'starting_time': begin, 'duration': lasts,
                        'message_count': self.count}],
             'custom_data': None, 'ros_distro': 'jazzy'}
+
+
+def _yaml(content: Any) -> str:
+    return str(yaml.dump(content, Dumper=_DUMPER, sort_keys=False))
 
 
 def _qos(latched: bool) -> dict[str, Any]:

@@ -175,7 +175,7 @@ def test_benchmark_control_reports_every_run_beside_equal_pressure(fam_bundle, t
     """One trajectory on two plants: rows and summary in JSON, a page, the terminal's tables."""
     result = fam_bundle('benchmark-control', '--trajectories', 'ramp_80', '--plants',
                         'nominal,units_5', '--units', '2', '--controllers', 'none', '--no-ros',
-                        '--json', 'runs.json', '--out', 'runs.html')
+                        '--workers', '1', '--json', 'runs.json', '--out', 'runs.html')
     assert result.returncode == 0, result.stderr
     found = json.loads((tmp_path / 'runs.json').read_text())
     assert [row['controller'] for row in found['rows']].count('equal_pressure') == 2

@@ -71,11 +71,11 @@ def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
     """Up and down through every state once, in order, and the force is met at the end."""
     bench = Bench(bundles[units], 0.12, policy=policy, outer=OPEN)
     top = bench.curves.top[-1] - 2.0
-    up = bench.ramp(2.0, top, 20.0)
+    up = bench.ramp(2.0, top, 40.0)
     assert sorted({c.state for c in up}) == list(range(1, units + 1))
     assert np.all(switches(up) >= 0)
     assert bench.bundle.force(0.12, bench.pressure) == pytest.approx(top, abs=0.3)
-    down = bench.ramp(top, 2.0, 20.0) + bench.hold(2.0, 2.0 * units)
+    down = bench.ramp(top, 2.0, 40.0) + bench.hold(2.0, units)
     assert np.all(switches(down) <= 0)
     assert down[-1].state == 1
 

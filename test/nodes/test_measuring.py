@@ -27,7 +27,7 @@ from fam_bundle_ros.data.protocol import (
     segments,
     Sweep,
 )
-from fam_bundle_ros.discovery import compare, diagnose
+from fam_bundle_ros.discovery import Choices, compare, diagnose
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model, Motion
 from fam_bundle_ros.nodes import interface
@@ -129,7 +129,7 @@ def test_the_next_experiment_breaks_the_tie_it_was_written_for(domain_id, tmp_pa
     motion = Motion(strain, pressure, rate, clock, np.diff(trial, prepend=-1) != 0)
     force = hidden.predict(motion) + 0.9 * np.random.default_rng(0).standard_normal(120)
     old = build('old', strain, pressure, force, trial, clock)
-    first = diagnose(model, old)
+    first = diagnose(model, old, choices=Choices(most=2))
     assert first.tied == (('threshold_pressure', 'pressure_sensor_bias'),)
     save_protocol(first.next_protocol, tmp_path / 'next.yaml')
     proposed = read_protocol(tmp_path / 'next.yaml')
@@ -137,7 +137,8 @@ def test_the_next_experiment_breaks_the_tie_it_was_written_for(domain_id, tmp_pa
     measure(proposed, tmp_path / 'next.csv', model, plant_model=hidden, rate=100.0,
             domain=domain_id)
     new = read_measurement(tmp_path / 'next.csv')
-    both = diagnose(model, join([old, new.select(np.arange(0, len(new), 4))]))
+    both = diagnose(model, join([old, new.select(np.arange(0, len(new), 4))]),
+                    choices=Choices(most=2))
     assert (both.effects, both.tied) == (('threshold_pressure',), ())
 
 

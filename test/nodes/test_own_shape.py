@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery import compare, diagnose
+from fam_bundle_ros.discovery import Choices, compare, diagnose
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes.session import run_trajectory
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.simulation import Trajectory
 
-#: Up through the overlap of RS1 and RS2 and down again, at a strain where an empty muscle folds.
-RAMP = Trajectory('ramp', 'force', 9.0, lambda t: 15.0 + 20.0 * max(0.0, 4.0 - abs(t - 5.0)),
-                  lambda t: 20.0 * np.sign(5.0 - t) * (abs(t - 5.0) < 4.0), Dynamometer(0.1))
+#: Up through the overlap of RS1 and RS2, at a strain where an empty muscle folds.
+RAMP = Trajectory('ramp', 'force', 4.5, lambda t: 45.0 + 20.0 * min(max(t - 1.0, 0.0), 2.5),
+                  lambda t: 20.0 * (1.0 < t < 3.5), Dynamometer(0.1))
 #: N, of the load cell.
 NOISE = 0.6
 
@@ -77,7 +77,7 @@ def test_push_back_of_an_unknown_shape_is_found_added_and_used(files, tmp_path, 
     believed, rig = files
     plant, old = load_model(rig), load_model(believed)
     data = measured(plant)
-    found = diagnose(old, data)
+    found = diagnose(old, data, choices=Choices(most=2))
     assert found.verdict == 'partial'
     assert found.effects == ('resistive_buckling',)
     found.recommended.save(tmp_path / 'better.yaml')

@@ -246,8 +246,9 @@ def test_old_reference_never_comes_back(graph, live, event):
     graph.until(lambda: publisher.get_subscription_count() == 1, 'the node')
     publisher.publish(interface.force_message(1, 60.0))
     graph.until(lambda: node._references.meter.last is not None, 'the reference')
-    # One from before the first enable counts.
-    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    # One from before the first enable counts; refused while a reading has not come yet.
+    graph.until(lambda: graph.call(SetBool, 'enable', SetBool.Request(data=True)).success,
+                'enable')
     graph.until(lambda: rig.rig.truth.force > 40.0, 'force')
     event(graph, node)
     assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success

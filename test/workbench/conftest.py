@@ -16,6 +16,7 @@ import urllib.request
 
 import pytest
 
+from fam_bundle_ros.discovery import Choices
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.workbench.cases import load_example
 from fam_bundle_ros.workbench.session import Refit, Session
@@ -57,9 +58,9 @@ def session():
 
 @pytest.fixture(scope='session')
 def friction_found():
-    """Return what discovery says about the hidden-friction example."""
+    """Return what discovery says about the hidden-friction example, where it needs one effect."""
     case = load_example('hidden_friction')
-    return diagnose(case.model, case.data)
+    return diagnose(case.model, case.data, choices=Choices(most=1))
 
 
 @pytest.fixture
@@ -205,7 +206,7 @@ def watched(chromium, server):
 
 
 @pytest.fixture(scope='session')
-def pictures(tmp_path_factory):
-    """Return where screenshots go: docs/images with `make browser-test`."""
+def pictures():
+    """Return where screenshots go: docs/images with `make browser-test`, else None."""
     named = os.environ.get('FAM_BUNDLE_SCREENSHOTS')
-    return Path(named) if named else tmp_path_factory.mktemp('screenshots')
+    return Path(named) if named else None

@@ -11,7 +11,7 @@ from test.workbench.test_browser_story import settled
 
 def test_a_hidden_effect_is_noticed_named_and_brought_into_the_model(watched, pictures, domain_id):
     """Friction comes into the rig; the page says so, names it, and both errors fall."""
-    tab = watched(device_scale_factor=1.5)
+    tab = watched(device_scale_factor=1.5 if pictures else 1.0)
     page = tab.open('live')
 
     def sees(words):

@@ -35,7 +35,9 @@ def climbs(page, *rungs):
 
 
 def settled(page, folder, name):
-    """Keep a picture once curves have come to rest and no button is pointed at."""
+    """Keep a picture, if it is wanted, once curves are at rest and no button is pointed at."""
+    if folder is None:
+        return
     page.mouse.move(2, 400)
     page.evaluate('scrollTo(0, 0)')
     page.wait_for_timeout(900)
@@ -48,9 +50,8 @@ def settled(page, folder, name):
 
 def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp_path):
     """A new user opens the example, asks what is missing, adds it, and takes the model home."""
-    tab = watched(device_scale_factor=1.5)
+    tab = watched(device_scale_factor=1.5 if pictures else 1.0)
     page = tab.open()
-    settled(page, tmp_path, 'start')
     tab.click('open-first')
     tab.drawn()
     climbs(page, 'model as it came 6.6 N')
@@ -85,11 +86,12 @@ def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp
     page.wait_for_selector('.sheet .trace')
     settled(page, pictures, '4_controller')
     shows(page, '.sheet', '% less')
+    shows(page, '.sheet', 'hidden_friction')
     tab.click('trial-close')
 
 
-def test_a_log_of_ones_own_from_a_workbook_to_the_controller(watched, tmp_path):
-    """An .xlsx of lengths, no model: columns and muscle are typed, an effect found, tried."""
+def test_a_log_of_ones_own_from_a_workbook_to_the_answer(watched, tmp_path):
+    """An .xlsx of lengths, no model: columns and muscle are typed, and an effect is found."""
     log = pandas.read_csv(CSV)
     pandas.DataFrame({
         'Zeit [s]': log['time [s]'], 'Versuch': log['trial'],
@@ -121,14 +123,6 @@ def test_a_log_of_ones_own_from_a_workbook_to_the_controller(watched, tmp_path):
     page.wait_for_selector('[data-mark=next-add]', timeout=180_000)
     shows(page, '[data-mark=next-add]', 'Add Coulomb friction')
     shows(page, '.command', 'fam_bundle add coulomb_friction --data lab.xlsx --columns')
-    tab.click('next-add')
-    climbs(page, 'model as it came 6.6 N', '+ Coulomb friction 0.88 N')
-    tab.click('try')
-    page.wait_for_selector('text=Tracking error', timeout=120_000)
-    shows(page, '.sheet', 'my_muscle')
-    tab.click('trial-close')
-    tab.click('undo')
-    page.wait_for_selector('.rung >> nth=1', state='detached')
 
 
 def test_a_bad_file_is_told_and_the_page_goes_on(watched, tmp_path):

@@ -87,7 +87,8 @@ async def test_a_worker_that_breaks_down_is_told():
 
 
 async def test_the_better_model_tracks_better(with_friction):
-    """On the simulated rig the controller with the friction in its model keeps the force."""
+    """On a rig of the user's own muscle the controller that knows the friction keeps the force."""
     job = Job(worker.trial_job, with_friction.steps[0].model, with_friction.now.model, 2.5)
     trial = await job.run()
     assert trial.new.error_N < 0.6 * trial.old.error_N
+    assert with_friction.now.model.name in trial.words

@@ -5,7 +5,7 @@
 import pytest
 
 from fam_bundle_ros.data.grouping import reversals, rms
-from fam_bundle_ros.discovery import compare
+from fam_bundle_ros.discovery import Choices, compare
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench.cases import load_example
@@ -86,7 +86,7 @@ def test_a_formula_without_finite_force_fails(session):
 def stranger_found():
     """Return what discovery says about an effect that no catalogue has."""
     case = load_example('a_stranger')
-    return diagnose(case.model, case.data)
+    return diagnose(case.model, case.data, choices=Choices(most=2))
 
 
 def test_a_stranger_stays_unexplained(stranger_found):
