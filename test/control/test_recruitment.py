@@ -104,7 +104,8 @@ def test_monotone_demand_gives_monotone_recruitment(bundles, units, strain, shar
 @settings(deadline=None, max_examples=10)
 def test_release_never_leaves_a_demand_unmet(bundles, strain, targets, rate):
     """After a release the state below can give the demand, whatever came before."""
-    bench = Bench(bundles[3], strain, outer=OPEN)
+    at_once = OuterConfig(feedback=False, lead_time=0.0, delay=0.0)
+    bench = Bench(bundles[3], strain, outer=at_once)
     low, high = max(bench.curves.top[0], 0.0) + 1.0, bench.curves.top[-1]
     last, state = low, 0
     for share in targets:
