@@ -272,8 +272,8 @@ def send(state: Any, change: float, shown: float) -> None:
     """
     Note the pressure change (Pa) that the command of this tick will make.
 
-    ``shown`` (s) is for how long it opens the valve, as far as the reading will show the dead band,
-    below 0 to exhaust.
+    ``shown`` (s) is for how long it opens the valve, as far as the reading will show the dead
+    band, below 0 to exhaust.
     """
     state.sent += change
     state.band.open += shown
