@@ -114,12 +114,8 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
     band.came = kept * band.came + (1.0 - kept) * (pressure - band.reading) / dt
     band.share = kept * band.share + (1.0 - kept) * (open_then - band.seen) / dt
     band.reading, band.due, band.seen = pressure, due, open_then
-    side = abs(band.share)
-    if band.share > 0.0:
-        band.fill_time += side * dt
-    else:
-        band.vent_time += side * dt
-    learnt = band.fill_time if band.share > 0.0 else band.vent_time
+    fills = band.share > 0.0
+    learnt = (band.fill_time if fills else band.vent_time) + abs(band.share) * dt
     # An integrator behind a dead time as long as its own time is stable (up to pi/2 of it).
     least = lag + time
     over = min(max(learnt, least), max(_LEARN_TIME, least))
@@ -128,12 +124,12 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
     # A pressure that stands still may have met a fault: only what has come was made up for.
     made_up = min(slow / band.missing, band.came / band.missing) if band.missing != 0.0 else 0.0
     made_up = min(max(made_up, 0.0), 1.0)
-    if band.share > 0.0 and filling > 0.0:
-        before = band.fill
+    if fills and filling > 0.0:
+        before, band.fill_time = band.fill, learnt
         band.fill = min(max(before + step / filling, -most), most)
         return made_up * (band.fill - before) * filling
     if band.share < 0.0 and venting > 0.0:
-        before = band.vent
+        before, band.vent_time = band.vent, learnt
         band.vent = min(max(before + step / venting, -most), most)
         return made_up * (before - band.vent) * venting
     return 0.0

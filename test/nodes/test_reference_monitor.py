@@ -117,7 +117,7 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     hidden = tmp_path / 'hidden.yaml'
     save_model(load_model(config_path('models/spie2021.yaml')).with_effect(
         'coulomb_friction', force=6.0).named('hidden'), hidden)
-    profile = Points('p', 'force', tuple(range(9)), (30.0, *(70.0, 30.0) * 4))
+    profile = Points('p', 'force', tuple(range(17)), (30.0, *(70.0, 30.0) * 8))
     nodes = make_nodes(graph.context, overrides={
         **quiet, 'sensors.force_noise': 0.5, 'lock_step': True, 'wait_for_reference': True,
         'start_enabled': True, 'plant_model': str(hidden), 'window': 2.0,
@@ -128,7 +128,7 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     rig = nodes[-1]
     residuals = graph.listen('model/residual', WrenchStamped)
     diagnostics = graph.listen('/diagnostics', DiagnosticArray)
-    graph.advance(rig, 8.0)
+    graph.advance(rig, 16.0)
     values = np.array([m.wrench.force.x for m in residuals[100:]])
     floor = noise_floor(values)
     assert floor == pytest.approx(0.5, rel=0.3)
