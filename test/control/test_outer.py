@@ -35,12 +35,12 @@ class Loop:
     def run(self, value, force=0.0, strain=0.1, believed=0.0, duration=DT, **more):
         """Return the last target."""
         given = {'kind': FORCE, 'rate': 0.0, 'saturated': FREE, 'speed': 0.0, 'lag': 0.0,
-                 'asked': believed, 'reach': 4.0, **more}
+                 'lead': 0.0, 'asked': believed, 'reach': 4.0, **more}
         for _ in range(round(duration / DT)):
             outer_step(self.settings, self.state,
                        MeasurementRecord(force, strain, given['speed'], [0.0, 0.0]), believed,
                        given['asked'], given['reach'], given['kind'], value, given['rate'],
-                       given['saturated'], given['lag'], 0.0, 0.0, DT)
+                       given['saturated'], given['lag'], 0.0, given['lead'], DT)
         return self.state.target
 
 
@@ -143,11 +143,12 @@ def test_a_force_that_is_late_by_the_dead_time_of_its_reading_is_no_error(
 
 
 def test_of_a_lag_that_is_learnt_the_load_cell_is_reckoned_to_have_a_quarter(paper_bundle):
-    """The rest is asked for earlier; beside a reading that late by a quarter is no error."""
-    loop = Loop(paper_bundle, delay=0.0, lead_time=0.0, force_gain=1.0)
-    target = loop.run(40.0, force=40.0 - 0.25 * 20e-3 * 200.0, believed=0.0, rate=200.0, lag=20e-3)
-    assert target.feed_forward == pytest.approx(40.0 + 0.75 * 20e-3 * 200.0)
-    assert loop.state.late == pytest.approx(0.0)
+    """The rest is asked for earlier; a reading that is late by a quarter is no error."""
+    for learnt in ({'lag': 20e-3}, {'lead': 20e-3}, {'lag': 5e-3, 'lead': 15e-3}):
+        loop = Loop(paper_bundle, delay=0.0, lead_time=0.0, force_gain=1.0)
+        target = loop.run(40.0, force=40.0 - 0.25 * 20e-3 * 200.0, rate=200.0, **learnt)
+        assert target.feed_forward == pytest.approx(40.0 + 0.75 * 20e-3 * 200.0)
+        assert loop.state.late == pytest.approx(0.0)
 
 
 def test_a_strain_that_is_late_by_the_dead_time_of_its_reading_is_no_error(paper_bundle):
@@ -203,6 +204,15 @@ def test_strain_feed_forward_is_the_load(paper_bundle):
         target = loop.run(0.1, kind=STRAIN, rate=rate)
     assert target.force == pytest.approx(10.0 + 20.0 + 3.0 * rate + 0.3 * 2.0, rel=1e-6)
     assert target.strain_rate == rate
+
+
+def test_a_load_is_held_where_the_reference_will_be_when_the_command_is_there(paper_bundle):
+    """Half of the dead time is on the way of the command."""
+    loop = Loop(paper_bundle, LoadModel(stiffness=200.0), feedback=False, lead_time=2e-3,
+                delay=10e-3)
+    target = loop.run(0.1, kind=STRAIN, rate=0.2)
+    assert target.strain == pytest.approx(0.1 + 7e-3 * 0.2)
+    assert target.force == pytest.approx(200.0 * target.strain)
 
 
 def test_strain_feedback_is_a_pid_behind_a_play(paper_bundle):

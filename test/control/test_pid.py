@@ -80,6 +80,21 @@ def test_a_step_with_a_dead_band_wider_than_told_does_not_overshoot(chamber):
     assert max(p for _, p, _ in loop.run(340e3, 1.5)) < 1.03 * 340e3
 
 
+def test_a_dead_band_is_learnt_at_once_and_then_kept():
+    """What the first 50 ms show is nearly believed; after a second of other readings, a third."""
+    def learnt(band, missing, duration):
+        begin_readings(band, 200e3)
+        before = band.fill
+        for k in range(1, round(duration / 2e-3) + 1):
+            learn_dead_band(band, 1.0, 200e3, missing * 2e-3 * k, 2e-3 * k, 0.0, 1e6, 1e6, 5e-3,
+                            2e-3)
+        return band.fill - before
+    new, old = DeadBandState(), DeadBandState()
+    learnt(old, 0.0, 1.0)
+    assert learnt(new, 2e4, 0.05) > 0.8 * 0.02
+    assert learnt(old, 2e4, 0.05) < 0.4 * 0.02
+
+
 def test_what_is_learnt_of_venting_is_the_mirror_of_filling():
     """Half of what is due comes, the integral makes up for some: both sides learn the same."""
     taken = {}
