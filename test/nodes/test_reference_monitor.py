@@ -117,7 +117,7 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     hidden = tmp_path / 'hidden.yaml'
     save_model(load_model(config_path('models/spie2021.yaml')).with_effect(
         'coulomb_friction', force=6.0).named('hidden'), hidden)
-    profile = Points('p', 'force', tuple(range(17)), (30.0, *(70.0, 30.0) * 8))
+    profile = Points('p', 'force', tuple(range(41)), (30.0, *(70.0, 30.0) * 20))
     nodes = make_nodes(graph.context, overrides={
         **quiet, 'sensors.force_noise': 0.5, 'lock_step': True, 'wait_for_reference': True,
         'start_enabled': True, 'plant_model': str(hidden), 'window': 2.0,
@@ -128,7 +128,8 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     rig = nodes[-1]
     residuals = graph.listen('model/residual', WrenchStamped)
     diagnostics = graph.listen('/diagnostics', DiagnosticArray)
-    graph.advance(rig, 16.0)
+    monitor = next(n for n in nodes if isinstance(n, ModelMonitor))
+    graph.advance(rig, lambda: not monitor.watch.holding.holds, 'an alarm', 40.0)
     values = np.array([m.wrench.force.x for m in residuals[100:]])
     floor = noise_floor(values)
     assert floor == pytest.approx(0.5, rel=0.3)
@@ -138,7 +139,6 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
         return [m.status[0].message for m in diagnostics
                 if m.status[0].name.endswith('model_monitor')]
     graph.until(lambda: text() and 'no longer holds' in text()[-1], 'the warning')
-    monitor = next(n for n in nodes if isinstance(n, ModelMonitor))
     assert graph.call(Trigger, 'diagnose').success
     assert 'at work already' in graph.call(Trigger, 'diagnose').message
     worker = monitor._diagnosing._worker
