@@ -290,6 +290,7 @@ class Bad(BundleNode):
         self.b = self.publisher('strain', JointState)
         self.c = self.publisher('mu1/pressure', FluidPressure)
         self.every(0.01, self.tick)
+        print('up', flush=True)
     def tick(self):
         force, strain, stamp, pressure = eval(sys.argv[1])
         self.a.publish(interface.force_message(stamp and self.now_ns(), force))
@@ -302,8 +303,9 @@ sys.exit(run(lambda context: [Bad(context)], '', ['driver']))
 def check_driver(domain_id, force, strain, stamp, pressure, **options):
     """Return what check_rig finds of a driver that sends these numbers."""
     process = subprocess.Popen([sys.executable, '-c', DRIVER,
-                                repr((force, strain, stamp, pressure))])
+                                repr((force, strain, stamp, pressure))], stdout=subprocess.PIPE)
     try:
+        process.stdout.readline()   # it is up
         return check_rig('driver', 1.0, domain=domain_id, **{'patience': 15.0, **options})
     finally:
         process.terminate()
