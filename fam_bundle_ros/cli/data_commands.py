@@ -36,14 +36,12 @@ from fam_bundle_ros.cli.specimens import diagnose_table
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
 
-DataArgument = Annotated[str, typer.Argument(metavar='DATA', help='Log (CSV or text, .xlsx, '
-                                             '.lvm, .tdms, .mat, .parquet), ROS 2 bag, or '
-                                             'the name of data that ships.')]
-
 
 @reads_data
 def compare(
-    data: DataArgument,
+    recordings: Annotated[list[str], typer.Argument(
+        metavar='DATA', help='Log (CSV or text, .xlsx, .lvm, .tdms, .mat, .parquet), ROS 2 bag, '
+        'or the name of data that ships; several of one muscle are taken together.')],
     model: ModelOption,
     out: PageFile = None,
     json_file: JsonFile = None,
@@ -53,8 +51,9 @@ def compare(
 ) -> None:
     """Compare a model with a measurement: how large the error is, and where."""
     from fam_bundle_ros import discovery
+    from fam_bundle_ros.data import join
     bundle = open_model(model, allow_python)
-    measured = read_data(data, reading, bundle)
+    measured = join([read_data(each, reading, bundle) for each in recordings])
     result = discovery.compare(bundle, measured)
     show_muscle(bundle)
     console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
@@ -74,7 +73,7 @@ def compare(
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import comparison_page
         from fam_bundle_ros.report.page import write_page
-        write_page(out, comparison_page(result, bundle, _files([data], model)))
+        write_page(out, comparison_page(result, bundle, _files(recordings, model)))
         wrote(out)
     save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
                           'data': measured.to_dict()})

@@ -27,7 +27,6 @@ from fam_bundle_ros.cli.common import (
     wrote,
     yaml_to_write,
 )
-from fam_bundle_ros.cli.data_commands import DataArgument
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
 
@@ -105,7 +104,8 @@ def add(
 
 @reads_data
 def ladder(
-    data: DataArgument,
+    data: Annotated[str, typer.Argument(metavar='DATA', help='Log of any format, ROS 2 bag, or '
+                                        'the name of data that ships.')],
     models: Annotated[list[str], typer.Argument(metavar='MODEL...', help='Model files, in the '
                                                 'order of the steps.')],
     word: Annotated[bool, typer.Option('--models', help='May stand before the models.')] = False,

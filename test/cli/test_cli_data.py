@@ -283,6 +283,19 @@ def test_columns_are_told_once_and_kept_in_a_recipe(fam_bundle, repository, tmp_
     assert told.stdout.splitlines()[1] == plain.stdout.splitlines()[1]
 
 
+def test_compare_takes_several_recordings_of_one_muscle(fam_bundle, repository, tmp_path):
+    """The first half and the second are as good as the whole."""
+    case = repository / 'test/data/practice/p03'
+    header, *rows = (repository / 'test/data/practice/p03.csv').read_text().splitlines()
+    half = len(rows) // 2
+    for name, part in (('one.csv', rows[:half]), ('two.csv', rows[half:])):
+        (tmp_path / name).write_text('\n'.join([header, *part]))
+    model = ('--model', f'{case}.model.yaml')
+    whole, parts = fam_bundle('compare', f'{case}.csv', *model), fam_bundle(
+        'compare', 'one.csv', 'two.csv', *model)
+    assert parts.stdout.splitlines()[1] == whole.stdout.splitlines()[1]
+
+
 def test_rows_left_out_are_counted_on_screen_and_in_json(fam_bundle, repository, tmp_path):
     """Blank cells are dropped, and both outputs say how many."""
     case = repository / 'test/data/practice/p03'
