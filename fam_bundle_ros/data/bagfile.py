@@ -5,10 +5,12 @@ A measurement from a ROS 2 bag (mcap or sqlite3) and into one, without ROS, by r
 
 Topics, under any namespace: `force` (WrenchStamped, force.x), `strain` (JointState, joints
 `strain` or `contraction`), `mu<i>/pressure` (FluidPressure, absolute). Everything is brought to
-the stamps of the force by linear interpolation, within the time that all topics cover.
+the stamps of the force by linear interpolation, within the time that all topics cover. A bag of
+other topics is a table of their numbers, read as other tables are.
 """
 
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 import re
 import shutil
@@ -17,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.bagwriter import BagWriter
+from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, MAX_ROWS, Measurement
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
@@ -24,14 +27,16 @@ from fam_bundle_ros.extras import library
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
 _GAP_PERIODS = 20.0
 _GAP = 0.5
+#: Longer arrays are no readings of a few joints.
+_ARRAY = 16
 
 
 def read_bag(path: Path, *, rest_length: float | None = None,
              gauge: bool | None = None, ambient_pressure: float = 101325.0,
              name: str | None = None, max_pressure: float | None = None,
-             max_strain: float | None = None) -> Measurement:
+             max_strain: float | None = None) -> Measurement | None:
     """
-    Return the measurement that a bag holds.
+    Return the measurement that a bag of a bundle's topics holds, None where one is missing.
 
     Parameters
     ----------
@@ -47,25 +52,84 @@ def read_bag(path: Path, *, rest_length: float | None = None,
     Raises
     ------
     InputError
-        Where rosbags is not installed, the bag cannot be read, or a topic is missing.
+        Where rosbags is not installed, the bag cannot be read, or topics are of two bundles.
     """
+    label = name or path.name
+    with _opened(path, label) as reader:
+        topics = _topics(label, reader.connections)
+        series = _collect(label, reader, topics) if topics else {}
+    if not series or not series['force'][:, 1].any():  # another axis than x
+        return None
+    limits = {'max_pressure': max_pressure, 'max_strain': max_strain}
+    return _resample(label, series, rest_length, ambient_pressure, gauge, limits)
+
+
+@contextmanager
+def _opened(path: Path, label: str) -> Iterator[Any]:
+    """Give the reader of a bag; what goes wrong inside is one sentence."""
     reading, types = (library(f'rosbags.{module}', f'{path.name}: reading a bag')
                       for module in ('highlevel', 'typesys'))
-    label = name or path.name
     if path.is_dir() and not (path / 'metadata.yaml').is_file():
         raise InputError(f'{label}: a folder without metadata.yaml; expected a ROS 2 bag or a CSV')
     try:
         with reading.AnyReader([path], default_typestore=types.get_typestore(
                 types.Stores.ROS2_JAZZY)) as reader:
-            topics = _topics(label, reader.connections)
-            series = _collect(label, reader, topics)
+            yield reader
     except InputError:
         raise
     except Exception as error:  # rosbags raises its own and sqlite's, zstd's, ...
         raise InputError(f'{label}: cannot be read as a ROS 2 bag ({in_short(error)})'
                          ) from error
-    limits = {'max_pressure': max_pressure, 'max_strain': max_strain}
-    return _resample(label, series, rest_length, ambient_pressure, gauge, limits)
+
+
+def bag_table(path: Path, name: str | None = None) -> Table:
+    """
+    Return the numbers of all topics of a bag, a column each, at the times of all messages.
+
+    Columns are called as PlotJuggler does, '/cell/wrench/force/z', '/joints/strain/position'; a
+    number that is all of a message as its topic.
+    """
+    label = name or path.name
+    stamps: dict[str, list[int]] = {}
+    readings: dict[str, list[float]] = {}
+    with _opened(path, label) as reader:
+        wanted = [one for one in reader.connections if not re.search(
+            r'/(\w*Image|PointCloud2|OccupancyGrid|Log|ParameterEvent|TFMessage)$', one.msgtype)]
+        for connection, received, raw in reader.messages(connections=wanted):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+            at = 1_000_000_000 * stamp.sec + stamp.nanosec if stamp is not None else 0
+            for header, value in _numbers(message, connection.topic):
+                stamps.setdefault(header, []).append(at or received)
+                readings.setdefault(header, []).append(value)
+                if len(readings[header]) > MAX_ROWS:
+                    raise InputError(f'{label}: more than {MAX_ROWS} messages on '
+                                     f'{connection.topic}')
+    if not stamps:
+        raise InputError(f'{label}: no messages with numbers; expected a log')
+    clock = np.unique(np.concatenate([*map(np.array, stamps.values())]))
+    columns = {'time': 1e-9 * (clock - clock[0])}
+    for header, values in readings.items():
+        columns[header] = np.full(len(clock), np.nan)
+        columns[header][np.searchsorted(clock, stamps[header])] = values
+    return Table(label, 'ROS 2 bag', columns, {'time': 's'})
+
+
+def _numbers(value: Any, path: str) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of a message and their paths; of long arrays none."""
+    if isinstance(value, (bool, int, float, np.number)):
+        yield path, float(value)
+    for name in getattr(value, '__dataclass_fields__', {}):
+        part = getattr(value, name)
+        inner = path if name == 'data' else f'{path}/{name}'
+        if isinstance(part, (list, np.ndarray)) and len(part) <= _ARRAY:
+            joints = getattr(value, 'name', None)
+            labels = joints if isinstance(joints, list) and len(joints) == len(part) else None
+            for at, each in enumerate(part):
+                yield from _numbers(each, f'{path}/{labels[at]}/{name}' if labels else
+                                    f'{inner}/{at}')
+        elif name not in ('header', 'stamp', '__msgtype__'):
+            yield from _numbers(part, inner)
 
 
 def _topics(label: str, connections: Any) -> dict[str, str]:
@@ -82,11 +146,9 @@ def _topics(label: str, connections: Any) -> dict[str, str]:
             found.setdefault(f'pressure.{match.group(1)}', []).append(topic)
     pressures = sorted((key for key in found if key.startswith('pressure.')),
                        key=lambda key: int(re.sub(r'\D', '', key)))
-    for key in ['force', 'strain'] + (pressures or ['mu1/pressure']):
-        if key not in found:
-            raise InputError(f"{label}: no topic '{key}' of the right type; expected force "
-                             '(WrenchStamped), strain (JointState) and mu<i>/pressure '
-                             '(FluidPressure)')
+    if not {'force', 'strain'} <= found.keys() or not pressures:
+        return {}
+    for key in ['force', 'strain', *pressures]:
         if len(found[key]) > 1:
             raise InputError(f"{label}: topics {' and '.join(sorted(found[key])[:2])}; expected "
                              'the topics of one bundle')

@@ -62,8 +62,8 @@ def no_reading(values: np.ndarray) -> float | None:
     """
     Return the number that a logger wrote for no reading, None where there is none: -999, 9999.
 
-    It is of nines alone, stands there more than once, and is farther from each other reading
-    than they are from one another; below zero, than neighbours among them are.
+    It is of nines alone and farther from each other reading than they are from one another; below
+    zero, than neighbours among them are. One that stands there once is ten times as far.
 
     Examples
     --------
@@ -79,10 +79,12 @@ def no_reading(values: np.ndarray) -> float | None:
         if abs(code) in _SCPI:
             return code
         others = np.sort(finite[finite != code])
-        if (len(others) and len(finite) - len(others) > 1 and re.fullmatch(
-                '-?999+', f'{code:g}'.replace('.', ''))
-                and 0.0 < (np.diff(others).max() if code < 0.0 else np.ptp(others))
-                < np.abs(others - code).min()):
+        if len(others) < 2 or not re.fullmatch('-?999+', f'{code:g}'.replace('.', '')):
+            continue
+        apart = np.diff(others).max() if code < 0.0 else np.ptp(others)
+        if len(finite) - len(others) == 1:
+            apart = 10.0 * np.ptp(others)
+        if 0.0 < apart < np.abs(others - code).min():
             return code
     return None
 
@@ -126,8 +128,11 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
     if filled and all(matches):
         values[filled] = [_of_clock(match) for match in matches if match]
         clock = values[filled]
-        # the clock starts anew at midnight
-        values[filled] = clock + _DAY * np.cumsum(np.diff(clock, prepend=clock[:1]) < -_DAY / 2)
+        # the clock starts anew at midnight, one without AM and PM at one
+        back = np.diff(clock, prepend=clock[:1])
+        twelve = (clock < 13.0 / 24.0 * _DAY).all() and (clock >= _DAY / 24.0).all()
+        anew = back < (-0.45 if twelve else -0.5) * _DAY
+        values[filled] = clock + (0.5 if twelve else 1.0) * _DAY * np.cumsum(anew)
         return values
     pandas = library('pandas', f'{name}: reading it')
     # 10:15:42,123 and 10:15:42:123

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.rates import begins, usual_step
+from fam_bundle_ros.data.rates import begins, PAUSE_STEPS, usual_step
 from fam_bundle_ros.errors import InputError
 
 #: Highest gauge pressure of a pneumatic muscle, Pa, and highest strain, unless told otherwise.
@@ -22,6 +22,8 @@ MAX_PRESSURE = 1.2e6
 MAX_STRAIN = 0.6
 #: Share of the usual distance of rows within which they have come in one packet.
 _PACKET = 0.1
+#: A log that stands still as long, s, has paused, where its steps are far shorter.
+_PAUSE = 5.0
 #: Variance inflation beyond which a column follows another one (the usual rule is 5 to 10).
 _INFLATION = 5.0
 
@@ -136,9 +138,9 @@ def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> li
     """
     along_strain, along_pressure, _ = partial_correlations(strain, pressure.sum(-1), force)
     found = []
-    if along_pressure < -0.5 and np.median(force) < 0.0:
-        found.append('the force is negative and falls as the pressure rises: expected tension '
-                     'positive; is its sign turned round?')
+    if np.median(force) < 0.0 and (along_pressure < -0.5 or along_strain > 0.5 > along_pressure):
+        found.append('the force is negative, and more so with pressure or when longer: expected '
+                     'tension positive; is its sign turned round?')
     elif along_strain > 0.5 and along_pressure > -0.5:
         found.append('the force rises with the strain: expected strain positive when shorter; is '
                      'its sign turned round?')
@@ -201,11 +203,12 @@ def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndar
     if trial is None:
         if time is None:
             return Trials(np.zeros(len(rows), int), ('0',), None)
-        back = np.diff(time) < 0
+        back, few = np.diff(time) < 0, max(1, len(rows) // 50)
         # a clock that restarts a few times is a file of several trials; many times is disorder
-        if back.sum() > max(1, len(rows) // 50):
+        if back.sum() > few:
             raise _disorder(name, time, np.zeros(len(rows), int), ('0',), rows)
-        index = np.concatenate([[0], np.cumsum(back)])
+        paused = pauses(time)
+        index = np.concatenate([[0], np.cumsum(back | paused if paused.sum() <= few else back)])
         return Trials(index, tuple(str(i) for i in range(index[-1] + 1)), None)
     labels = [str(value) for value in np.asarray(trial)]
     names: dict[str, int] = {}
@@ -220,6 +223,12 @@ def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndar
             raise _disorder(name, ordered, index, tuple(names),
                             rows if order is None else rows[order])
     return Trials(index, tuple(names), order)
+
+
+def pauses(time: np.ndarray) -> np.ndarray:
+    """Return the steps of a clock, (T - 1,) bool, in which nothing was logged: 5 s at least."""
+    usual = usual_step(time, np.zeros(len(time), int)) if len(time) > 1 else 1.0
+    return np.diff(time) > max(_PAUSE, PAUSE_STEPS * usual)
 
 
 def _disorder(name: str, time: np.ndarray, index: np.ndarray, names: tuple[str, ...],

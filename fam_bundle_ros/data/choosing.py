@@ -190,6 +190,12 @@ class Choices:
             best_score = max(match.score for _, match in entries)
             best_ones = self._different(key, [entry for entry in entries
                                               if entry[1].score == best_score])
+            if len(best_ones) > 1:  # of the axes of a load cell one is used
+                still = [entry for entry in best_ones
+                         if not np.nan_to_num(numbers(self.table.columns[entry[0]])[0]).any()]
+                if len(best_ones) == len(still) + 1:
+                    self._refuse(still, 'zero in all rows')
+                    best_ones = [entry for entry in best_ones if entry not in still]
             entries = [entry for entry in entries if entry[0] not in self.refused]
             if len(best_ones) > 1:
                 self._refuse(best_ones, f'may be {_shown(key)}, as another may')

@@ -18,6 +18,9 @@ from fam_bundle_ros.errors import about, InputError
 _TOGETHER = 0.5
 #: Steps of a clock differ by no more than this share of one.
 _EVEN = 0.05
+#: Where counters begin anew, and how even the step is in which they do, as a share of the usual.
+_COUNTERS = 2.0 ** 16, *(2.0 ** 32 / count for count in (1, 1e3, 1e6)), 86400.0, 864e5
+_ANEW = 0.3
 
 
 def same_name(header: str, other: str) -> bool:
@@ -32,6 +35,32 @@ def same_name(header: str, other: str) -> bool:
     first, second = (re.sub(r'[ ._]*(\(\d+\)|\d+)$', '', name).casefold()
                      for name in (header, other))
     return first == second
+
+
+def run_on(clock: np.ndarray) -> tuple[np.ndarray, float]:
+    """
+    Return a clock that runs on where its counter began anew, and at how much that did; 0 for none.
+
+    Counters of 16 and 32 bits do, those of microseconds shown as ms or s too, and seconds of a
+    day.
+
+    Examples
+    --------
+    >>> run_on(np.array([65500.0, 65520.0, 4.0, 24.0]))
+    (array([65500., 65520., 65540., 65560.]), 65536.0)
+    """
+    known = np.flatnonzero(np.isfinite(clock))
+    steps = np.diff(clock[known])
+    if not (steps < 0.0).any() or not (steps > 0.0).any():
+        return clock, 0.0
+    usual = np.median(steps[steps > 0.0])
+    for period in _COUNTERS:
+        anew = np.abs(steps + period - usual) < _ANEW * usual
+        if anew.any():
+            clock = clock.copy()
+            clock[known[1:]] += period * np.cumsum(anew)
+            return clock, period
+    return clock, 0.0
 
 
 def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str, str]:

@@ -33,13 +33,15 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.guesses import guess_unit, time_unit
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.telling import Choice
+from fam_bundle_ros.data.telling import Choice, with_sums
 from fam_bundle_ros.data.unit_names import is_unit, Unit
 from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
 from fam_bundle_ros.errors import InputError
 
 #: By how much a rest length may be another than the file says.
 _SAME_LENGTH = 0.02
+#: The lowest reading of a vented sensor that shows absolute pressures, Pa.
+_ATMOSPHERE = 94e3, 104e3
 
 
 @dataclass
@@ -66,7 +68,8 @@ class _Reader:
             choice = self.choices.chosen[key]
             values[key] = values[key] * unit.factor * choice.sign + choice.offset
             given[key] = (unit.text, unit.factor)
-        pressure = np.stack([values[key] - self._ambient(key) for key in pressures], -1)
+        pressure = np.stack([values[key] - self._ambient(key, values[key])
+                             for key in pressures], -1)
         strain = self._strain(strains[0], values, pressure)
         trial = self.choices.chosen.get('trial')
         measured = build(
@@ -252,6 +255,9 @@ class _Reader:
                                          self.table.rows)
         clock, words = numbers(column)
         self._refuse_words(header, words & rows)
+        clock, anew = clocks.run_on(clock)
+        if anew and header == choice.header:
+            self.notes.append(f"the counter '{header}' began anew at {anew:.10g}: read on")
         if choice.unit is None:
             choice.unit, choice.why = time_unit(self.table.name, header, clock)
         # digits of a clock that counts since 1970 are worth more than its origin
@@ -285,10 +291,14 @@ class _Reader:
                                                  self.rest_length)
         return choice.unit
 
-    def _ambient(self, key: str) -> float:
+    def _ambient(self, key: str, values: np.ndarray) -> float:
         choice, gauge = self.choices.chosen[key], self.recipe.gauge
         absolute = choice.absolute if gauge is None else not gauge
         choice.absolute = bool(absolute)
+        lowest = np.nanmin(values) if absolute is None and np.isfinite(values).any() else 0.0
+        if _ATMOSPHERE[0] < lowest < _ATMOSPHERE[1] and lowest != 1e5:  # 1 bar is a level
+            self.notes.append(f"the lowest pressure of '{choice.header}' is {lowest / 1e3:.4g} "
+                              'kPa: taken as gauge; is it absolute (--absolute)?')
         return self.recipe.ambient_pressure if absolute else 0.0
 
     def _strain(self, key: str, values: dict[str, np.ndarray], pressure: np.ndarray,
@@ -318,9 +328,11 @@ class _Reader:
         if in_lengths and low > 0.05 and low > 0.5 * (high - low):
             self.notes.append(f"'{shown}' never is near zero ({low:.3f} of the rest length at "
                               'least): expected zero at the rest length')
-        if in_lengths and low < -0.05 and high < 0.0:
-            self.notes.append(f"by '{shown}' the muscle never is shorter than at rest: expected "
-                              'zero at the rest length')
+        if low < -0.05:
+            self.notes.append(f"by '{shown}' the muscle " + (
+                'never is shorter than at rest: expected positive when shorter, ' if high < 0.02
+                else f'is stretched by {-100.0 * low:.0f} %: expected ')
+                + 'zero at the rest length')
         if choice.unit is not None and choice.unit.factor == 0.01 and np.nanmax(
                 np.abs(given)) < 0.006:
             self.notes.append(f"'{shown}' reaches only {100 * np.nanmax(np.abs(given)):.2g} %: is "
@@ -386,11 +398,13 @@ def read_columns(table: Table, recipe: Recipe) -> Measurement:
     """
     if not table.columns:
         raise InputError(f'{table.name}: no columns; expected strain, pressure and force')
+    table = with_sums(table, recipe.columns)
     return _Reader(table, recipe, Choices(table)).measurement()
 
 
 def described(table: Table, recipe: Recipe) -> tuple[tuple[Taken, ...], str, Measurement | None]:
     """Return what each column was taken for, the error that reading ends in, and the data."""
+    table = with_sums(table, recipe.columns)
     reader = _Reader(table, recipe, Choices(table))
     try:
         measured = reader.measurement()

@@ -358,7 +358,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     strain, force = named['strain'], named['force']
     pressure = np.stack([named[label] for label in labels], -1)
     if trial is None:
-        notes += _short_trials(trials.of_row, rows)
+        notes += _new_trials(trials.of_row, named.get('time'), rows)
     notes += _what_does_not_change(name, strain, pressure)
     notes += checks.odd_signs(strain, pressure, force)
     if time is None:
@@ -406,12 +406,18 @@ def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarr
     return keep, dropped, first
 
 
-def _short_trials(of_row: np.ndarray, rows: np.ndarray) -> list[str]:
-    """Return what to look at where the clock goes back for a few rows: another small table."""
-    counts = np.bincount(of_row).tolist()
-    return [f'the clock goes back at row {rows[np.argmax(of_row == k)]} for '
-            f'{counted(count, "row")}: read as a trial'
-            for k, count in enumerate(counts) if k and count < MIN_ROWS]
+def _new_trials(of_row: np.ndarray, time: np.ndarray | None, rows: np.ndarray) -> list[str]:
+    """Return what to look at where the clock pauses, or goes back for a few rows."""
+    begin = np.flatnonzero(np.diff(of_row)) + 1
+    steps = np.zeros(0) if time is None else time[begin] - time[begin - 1]
+    notes = [f'the clock pauses for {step:.3g} s before row {rows[at]}: a new trial'
+             for at, step in zip(begin, steps) if step > 0.0]
+    if len(notes) > 3:
+        notes = [f'{notes[0]}, as at {len(notes) - 1} further pauses']
+    counts = np.bincount(of_row)[1:].tolist()
+    return notes + [f'the clock goes back at row {rows[at]} for {counted(count, "row")}: read as '
+                    'a trial' for at, step, count in zip(begin, steps, counts)
+                    if step < 0.0 and count < MIN_ROWS]
 
 
 def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:
@@ -422,6 +428,11 @@ def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -
         raise InputError(
             f'{name}: neither strain ({strain.mean():.4f}) nor pressure '
             f'({pressure.mean() / 1e3:.1f} kPa) changes; expected at least one of them to')
+    low, high = pressure.min(axis=0), pressure.max(axis=0)
+    if len(low) > 1 and low.max() >= high.max() * 0.8:
+        return [f'pressure {np.argmax(low) + 1} of {len(low)} never is below '
+                f'{low.max() / 1e3:.4g} kPa, where the others hardly get: is it a supply? Tell '
+                'the others (--columns)']
     if isometric:
         return [f'one strain only ({strain.mean():.4f}): effects of strain cannot be told apart']
     if isobaric:

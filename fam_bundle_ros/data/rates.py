@@ -16,6 +16,8 @@ from scipy.ndimage import maximum_filter1d
 from scipy.stats import norm
 
 _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
+#: A step of the clock that is as many usual ones is a pause of the log.
+PAUSE_STEPS = _WINDOWS[-1]
 #: Windows of `smooth`: wider ones would take the bends of a moving signal along.
 _SMOOTHED = (5, 9, 17, 33)
 #: Chance that a log without corners shows one.
@@ -120,7 +122,7 @@ def _parts(time: np.ndarray, trial: np.ndarray) -> list[np.ndarray]:
     A pause is longer than the widest window. Fitted across one of hours, the rows on either side
     of it would be at one time.
     """
-    pause = np.diff(time) > _WINDOWS[-1] * usual_step(time, trial)
+    pause = np.diff(time) > PAUSE_STEPS * usual_step(time, trial)
     return np.split(np.arange(len(time)), np.flatnonzero(pause | (np.diff(trial) != 0)) + 1)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from fam_bundle_ros.data.bagfile import read_bag
+from fam_bundle_ros.data.bagfile import bag_table, read_bag
 from fam_bundle_ros.data.columns import described, read_columns
 from fam_bundle_ros.data.formats import is_bag, read_table, Table
 from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
@@ -20,7 +20,6 @@ from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.titles import titled
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
 from fam_bundle_ros.data.recipe import load_recipe, Recipe
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path
 
 #: Rows that `preview` shows.
@@ -89,13 +88,12 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
                    ambient_pressure=ambient_pressure, max_pressure=max_pressure,
                    max_strain=max_strain, sheet=sheet, drop_bad=drop_bad)
     path = _path(source)
-    if path is not None and is_bag(path):
-        if used.columns:
-            raise InputError(f'{path.name}: columns are told for a bag; expected its topics '
-                             'force, strain and mu<i>/pressure')
-        return read_bag(path, rest_length=used.rest_length, gauge=used.gauge,
-                        ambient_pressure=used.ambient_pressure, name=name,
-                        max_pressure=used.max_pressure, max_strain=used.max_strain)
+    if path is not None and is_bag(path) and not used.columns:
+        measured = read_bag(path, rest_length=used.rest_length, gauge=used.gauge,
+                            ambient_pressure=used.ambient_pressure, name=name,
+                            max_pressure=used.max_pressure, max_strain=used.max_strain)
+        if measured is not None:
+            return measured
     measured = read_columns(_table(source, path, used, name), used)
     return measured if path is None else replace(measured, sha256=file_digest(path))
 
@@ -194,7 +192,7 @@ def _path(source: Any) -> Path | None:
 
 def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> Table:
     if path is not None:
-        table = read_table(path, recipe.sheet)
+        table = bag_table(path) if is_bag(path) else read_table(path, recipe.sheet)
     elif isinstance(source, Table):
         table = source
     elif isinstance(source, Mapping):

@@ -3,14 +3,17 @@
 """
 What a user's words for a quantity mean: a column, a column with its calibration, a constant.
 
-``L [mm]``, ``-Kanal 3 [N]``, ``AI1 [V] * 50 N - 2 N``, ``position [mm] - 12 mm``, ``300 kPa``.
+``L [mm]``, ``-Kanal 3 [N]``, ``AI1 [V] * 50 N - 2 N``, ``position [mm] - 12 mm``, ``F1 + F2``,
+``300 kPa``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 import re
 
+from fam_bundle_ros.data.cells import is_text
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import Unit, unit_of, VOLTS
 from fam_bundle_ros.data.vocabulary import likes, QUANTITIES, recognise, unit_text_of
@@ -54,6 +57,34 @@ class Choice:
     value: float = 0.0
     absolute: bool | None = None
     why: str = ''
+
+
+def with_sums(table: Table, told: Mapping[str, str]) -> Table:
+    """
+    Return a table with a column for each sum or difference of two that is told.
+
+    Raises
+    ------
+    InputError
+        Where the two have not the same unit.
+    """
+    columns, units = dict(table.columns), dict(table.units)
+    for text in map(str.strip, told.values()):
+        parts = re.fullmatch(r'(.*?\S)\s+([-+])\s+(\S.*)', text)
+        if parts is None or _header(table, text)[0]:
+            continue
+        one, other = (_header(table, parts[at])[0] for at in (1, 3))
+        if not one or not other or is_text(columns[one]) or is_text(columns[other]):
+            continue
+        unit, second = (table.units.get(header) or unit_text_of(header)
+                        for header in (one, other))
+        if unit != second:
+            raise InputError(f"{table.name}: '{one}' is in {unit}, '{other}' in {second}; "
+                             'expected one unit')
+        columns[text] = columns[one] + (1 if parts[2] == '+' else -1) * columns[other]
+        if unit:
+            units[text] = unit
+    return replace(table, columns=columns, units=units)
 
 
 def told_column(table: Table, key: str, text: str) -> Choice:

@@ -23,13 +23,13 @@ STRAINS = ('strain', 'contraction', 'elongation', 'shift', 'length')
 
 #: Quantity: its names, the words of each in any order.
 _NAMES: dict[str, tuple[str, ...]] = {
-    'time': ('time', 't', 'zeit', 'timestamp', 'time stamp', 'stamp', 'zeitstempel', 'uhrzeit',
-             'elapsed', 'elapsed time', 'clock', 'x value', 'seconds', 'sekunden', 'datetime',
-             'date time', 'datum uhrzeit', 'datum zeit', 'messzeit', 'laufzeit', 'zeitpunkt',
-             'relative time', 'rel time', 'test time', 'run time', 'tout', '時間', '時刻', '时间'),
+    'time': ('time', 't', 'ts', 'zeit', 'timestamp', 'time stamp', 'stamp', 'zeitstempel',
+             'uhrzeit', 'elapsed', 'elapsed time', 'clock', 'x value', 'seconds', 'sekunden',
+             'datetime', 'date time', 'datum uhrzeit', 'datum zeit', 'messzeit', 'laufzeit',
+             'zeitpunkt', 'relative time', 'rel time', 'test time', 'run time', 'tout', '時間',
+             '時刻', '时间'),
     'trial': ('trial', 'run', 'test', 'versuch', 'messung', 'lauf', 'wiederholung', 'rep',
-              'repeat', 'repetition', 'experiment', 'cycle', 'zyklus', 'series', 'reihe',
-              'messreihe'),
+              'repeat', 'repetition', 'experiment', 'series', 'reihe', 'messreihe'),
     'force': ('force', 'f', 'kraft', 'load', 'last', 'tension', 'pull', 'load cell', 'loadcell',
               'fx', 'fz', 'zugkraft', 'kraftsensor', 'kraftmessdose', 'axialkraft', 'force x',
               'force z', 'tensile', 'tensile force', 'load force', 'load cell force',
@@ -51,10 +51,10 @@ _NAMES: dict[str, tuple[str, ...]] = {
     'strain_rate': ('strain rate', 'contraction rate', 'dehnrate'),
 }
 #: Words that say nothing about which quantity it is.
-_NEUTRAL = frozenset("""measured meas measurement actual act ist current gemessen messwert value
-    wert sensor signal channel kanal ch ai raw roh reading muscle muskel pam mckibben bpa dmsp
-    mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen der
-    des the of in am im total id nr no number nummer name avg average mean mittelwert filtered
+_NEUTRAL = frozenset("""measured meas measurement actual act ist current gemessen mess messwert
+    value wert sensor signal channel kanal ch ai raw roh reading muscle muskel pam mckibben bpa
+    dmsp mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen
+    der des the of in am im total id nr no number nummer name avg average mean mittelwert filtered
     filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared tariert zeroed
     signals values data line""".split())
 #: Of these a column of its own is better, where there is one.
@@ -166,15 +166,18 @@ def _of_topic(path: str, unit_text: str) -> Match:
         return Match('pressure', 3, Unit('Pa', 1.0, 'Pa', absolute=True), part, absolute=True)
     if names[-2:-1] == ['force']:
         return Match('force', 3, unit_of('N', 'N'))
-    for tail in (names[-1:], names[-2:]):
-        found = recognise(' '.join(tail), unit_text)
-        if found.quantity and found.score:
-            return found
-    return Match('')
+    last, two = (recognise(' '.join(tail), unit_text) for tail in (names[-1:], names[-2:]))
+    if 'no reading' in two.why:  # 'torque/x'
+        return two
+    return next((found for found in (last, two) if found.quantity and found.score), Match(''))
 
 
 #: Units that columns of other things carry too: masses, a share, an acceleration.
 _VAGUE = frozenset(('g', 'kg', 'lb', 'lbs', 'at', 'd', 'h', 'nm', 'um', '-', '', '1', '%'))
+
+
+#: Units that are a column's whole name: 'PSIG'.
+_BARE = re.compile(r'(psi|m?bar|[kmh]?pa|lbf|kgf|newtons?|mm)[ _]?([ag]|abs)?', re.IGNORECASE)
 
 
 def dimension_of(header: str, unit_text: str = '') -> Unit | None:
@@ -186,7 +189,9 @@ def dimension_of(header: str, unit_text: str = '') -> Unit | None:
     >>> dimension_of('Longueur (mm)').like, dimension_of('ai0', 'lbf').like, dimension_of('T [%]')
     ('m', 'N', None)
     """
-    for _, text in _splits(header, unit_text):
+    for name, text in _splits(header, unit_text):
+        if text is None and _BARE.fullmatch(name.strip()):
+            text = name
         if text is None or text.strip().casefold() in _VAGUE:
             continue
         for like in ('N', 'Pa', 'm', 's'):
@@ -234,7 +239,7 @@ def unit_text_of(header: str) -> str | None:
 
 def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
     """Return the ways to take a header apart into name and unit (None: it has none)."""
-    header = half_width(header)
+    header = half_width(header).rstrip('_ ')
     brackets = list(_BRACKET.finditer(header))
     if unit_text:
         return [(header, unit_text)]
@@ -282,7 +287,8 @@ def likes(quantity: str) -> tuple[str, ...]:
 
 
 def _named(name: str) -> Match:
-    words = words_of(name)
+    # 'des' is desired at the end, and of the else: 'Druck des Muskels'
+    words = words_of(re.sub(r'(?<=[\W_])des(?=[\W\d_]*$)', 'desired', name))
     if not words:
         return Match('', why='no name')
     for quantity, names in _NAMES.items():

@@ -158,3 +158,39 @@ def test_milliseconds_beside_a_clock_are_added_where_it_has_none(muscle, whole):
         'Date&Time': np.array(stamps, object), 'ms': np.round(1e3 * (time - np.floor(time))),
         'strain': strain(time), 'p [kPa]': pressure(time), 'F [N]': force(time, muscle)})
     assert np.allclose(data.time - data.time[0], time - time[0], atol=1e-6)
+
+
+def of_clock(header, clock, muscle):
+    """Return a log of one trial with this clock."""
+    return read_measurement({header: clock, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+                             'F [N]': force(TIME, muscle)})
+
+
+@pytest.mark.parametrize(('header', 'bits', 'count'), [
+    ('millis', 32, 1e3), ('t_us', 32, 1e6), ('time_ms', 16, 1e3)])
+def test_a_counter_that_begins_anew_is_no_new_trial(header, bits, count, muscle):
+    """millis() and micros() of a microcontroller; a clock that restarts elsewhere is one."""
+    ticks = np.round(TIME * count)
+    data = of_clock(header, (ticks + 2 ** bits - 3.3 * count) % 2 ** bits, muscle)
+    assert len(data.trial_names) == 1
+    assert np.allclose(np.diff(data.time), 0.05)
+    assert any('began anew' in note for note in data.notes)
+    assert len(of_clock(header, ticks % (6.0 * count), muscle).trial_names) == 4
+
+
+def test_a_clock_of_twelve_hours_runs_on_past_one(muscle):
+    """12:59:59 without AM and PM is followed by 1:00:00."""
+    at = [divmod(3590.0 + second, 3600.0) for second in TIME]
+    clock = [f'{int(hour) or 12}:{int(rest // 60):02}:{rest % 60:05.2f}' for hour, rest in at]
+    data = of_clock('Time', np.array(clock, object), muscle)
+    assert len(data.trial_names) == 1
+    assert np.allclose(np.diff(data.time), 0.05)
+
+
+def test_a_pause_of_the_log_begins_a_trial_and_is_said(muscle):
+    """Runs in one file with one clock; a dropout of a second is no pause."""
+    pause = np.where(TIME >= 10.0, 60.0, 0.0)
+    data = of_clock('time [s]', TIME + pause, muscle)
+    assert np.bincount(data.trial).tolist() == [200, 200]
+    assert any('pauses for 60 s before row 201' in note for note in data.notes)
+    assert len(of_clock('time [s]', TIME + pause / 60.0, muscle).trial_names) == 1

@@ -37,6 +37,7 @@ def table(log, **renamed):
     ('\u03b5 [%]', 'strain', '%', 1e-2), ('t_ms', 'time', 'ms', 1e-3),
     ('PRESSURE_KPA', 'pressure', 'KPA', 1e3), ('Weg [\u00b5m]', 'shift', '\u00b5m', 1e-6),
     ('Verk\u00fcrzung [%]', 'contraction', '%', 1e-2),
+    ('Pressure_kPa_', 'pressure', 'kPa', 1e3), ('p_mess [bar]', 'pressure', 'bar', 1e5),
 ])
 def test_names_and_units_are_recognised(header, quantity, unit, factor):
     """English and German, brackets or not, whatever the case."""
@@ -49,7 +50,8 @@ def test_names_and_units_are_recognised(header, quantity, unit, factor):
     'Solldruck [bar]', 'pressure setpoint [kPa]', 'supply pressure [bar]', 'p_ref [kPa]',
     'Luftdruck [hPa]', 'ambient pressure [kPa]', 'model force [N]', 'residual [N]',
     'force error [N]', 'torque [Nm]', 'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]',
-    'target length [mm]', 'radial displacement [mm]', 'estimated force [N]'])
+    'target length [mm]', 'radial displacement [mm]', 'estimated force [N]', 'p_des [kPa]',
+    'p_des_1 [bar]', '/cell/wrench/torque/x'])
 def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
     """Setpoints, supplies, models and other sensors are left alone."""
     assert recognise(header).quantity == ''
@@ -206,7 +208,7 @@ def test_the_best_of_two_columns_is_taken_and_a_tie_is_asked(log):
     better = {**table(log), 'force filtered [N]': np.zeros(ROWS)}
     assert np.allclose(read_measurement(better).force, log[3])
     with pytest.raises(InputError, match=r"'force \[N\]' and 'Kraft \[N\]' both may be force"):
-        read_measurement({**table(log), 'Kraft [N]': np.zeros(ROWS)})
+        read_measurement({**table(log), 'Kraft [N]': np.ones(ROWS)})
 
 
 def test_two_pressures_are_two_motor_units(log):
@@ -556,3 +558,56 @@ def test_a_column_without_a_name_is_said(tmp_path, log):
         assert np.allclose(data.force, log[3], atol=1e-3)
         assert any(f'5 columns below 4 names: the {which} has none' in note
                    for note in data.notes)
+
+
+def test_a_column_that_is_called_by_a_unit_alone_is_taken_by_it(log):
+    """PSIG is a gauge pressure; a column 'min' is no time."""
+    data = read_measurement({**table(log, pressure=('PSIG', log[2] / 6894.757)), 'min': log[1]})
+    assert np.allclose(data.pressure[:, 0], log[2])
+    assert np.allclose(data.time, log[0])
+
+
+@pytest.mark.parametrize(('changed', 'words'), [
+    ({'pressure': ('p [kPa]', np.linspace(101.4, 400.0, ROWS))}, r'is 101.4 kPa: taken as gauge'),
+    ({'strain': ('strain', -0.3 * np.linspace(0.0, 0.5, ROWS))}, 'expected positive when shorter'),
+    ({'strain': ('strain', np.linspace(-0.1, 0.1, ROWS))}, 'is stretched by 10 %'),
+    ({'further': ('p2 [kPa]', np.linspace(600.0, 590.0, ROWS))}, 'pressure 2 of 2 never is below'),
+    ({'force': ('force [N]', np.linspace(-300.0, -20.0, ROWS)),
+      'strain': ('strain', np.linspace(0.0, 0.2, ROWS)),
+      'pressure': ('p [kPa]', np.full(ROWS, 2e2))}, 'the force is negative')])
+def test_what_may_be_misread_is_asked(log, changed, words):
+    """Absolute pressure, a strain of the wrong sign or zero, a supply, a cell that pushes."""
+    names = table(log, **changed)
+    if 'further' in changed:
+        names['p1 [kPa]'] = names.pop('pressure [kPa]')
+    notes = ' '.join(read_measurement(names).notes)
+    assert words in notes
+    assert words not in ' '.join(read_measurement(table(log)).notes)
+
+
+def test_two_columns_may_be_told_as_their_sum_or_difference(log):
+    """A length between two markers, the force of two cells; not of two units."""
+    data = {**table(log, strain=('top [mm]', 300 + 0 * log[1]), force=('a [N]', log[3] - 5.0)),
+            'low [mm]': 50 + 250 * log[1], 'b [N]': np.full(ROWS, 5.0)}
+    told = {'length': 'top - low [mm]', 'force': 'a [N] + b'}
+    read = read_measurement(data, columns=told, rest_length=0.25)
+    assert np.allclose(read.strain, log[1])
+    assert np.allclose(read.force, log[3])
+    with pytest.raises(InputError, match=r"'top \[mm\]' is in mm, 'a \[N\]' in N; expected one"):
+        read_measurement(data, columns={'length': 'top - a'})
+
+
+def test_the_axes_of_a_load_cell_that_feel_nothing_are_passed_over(log):
+    """Fx is zero throughout, Fz is the force."""
+    data = read_measurement({**table(log, force=('Fz [N]', log[3])), 'Fx [N]': np.zeros(ROWS)})
+    assert np.allclose(data.force, log[3])
+    assert "'Fx [N]' (zero in all rows)" in taken_words(data)
+
+
+def test_one_reading_of_nines_far_from_all_others_is_none(log):
+    """-9999 N once among forces up to 200 N; 999 among readings up to 900 stays."""
+    force = log[3].copy()
+    force[7] = -9999.0
+    assert len(read_measurement(table(log, force=('force [N]', force)))) == ROWS - 1
+    force[7] = 999.0
+    assert len(read_measurement(table(log, force=('force [N]', force)))) == ROWS

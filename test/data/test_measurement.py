@@ -169,6 +169,38 @@ def test_bags_give_gauge_pressure_at_the_stamps_of_the_force(tmp_path, storage):
     assert data.force[10] == pytest.approx(20.0)
 
 
+def test_a_bag_of_other_topics_is_read_as_a_table(tmp_path):
+    """A lab's own topics and rates: plain numbers, a load cell of which z is the force."""
+    rosbags = pytest.importorskip('rosbags.rosbag2')
+    from rosbags.typesys import get_typestore, Stores
+    store = get_typestore(Stores.ROS2_JAZZY)
+    number, vector, wrench, cell = (store.types[name] for name in (
+        'std_msgs/msg/Float64', 'geometry_msgs/msg/Vector3', 'geometry_msgs/msg/Wrench',
+        'geometry_msgs/msg/WrenchStamped'))
+    head = store.types['std_msgs/msg/Header'](store.types['builtin_interfaces/msg/Time'](0, 0), '')
+    with rosbags.Writer(tmp_path / 'run', version=9) as writer:
+        topics = {name: writer.add_connection(name, kind.__msgtype__, typestore=store)
+                  for name, kind in (('/length_mm', number), ('/gauge/pressure_kPa', number),
+                                     ('/cell', cell))}
+        for k in range(400):
+            length, pressure, force = 100.0 - 0.05 * k, 300.0 - 0.1 * k, 90.0 - 0.2 * k
+            values = {'/length_mm': number(length), '/gauge/pressure_kPa': number(pressure),
+                      '/cell': cell(head, wrench(vector(0.0, 0.0, force), vector(1.0, 2.0, 3.0)))}
+            for name, message in values.items():
+                if name != '/cell' or k % 2:
+                    writer.write(topics[name], 10**9 + 10**7 * k, store.serialize_cdr(
+                        message, message.__msgtype__))
+    data = read_measurement(tmp_path / 'run', rest_length='100 mm')
+    assert len(data) == 200
+    assert np.allclose(data.time - data.time[0], 0.02 * np.arange(200))
+    assert np.allclose(data.strain, 5e-4 * np.arange(1, 400, 2))
+    assert np.allclose(data.pressure[:, 0] / 1e3, 300.0 - 0.1 * np.arange(1, 400, 2))
+    assert np.allclose(data.force, 90.0 - 0.2 * np.arange(1, 400, 2))
+    turned = read_measurement(tmp_path / 'run', rest_length=0.1, columns={
+        'force': '-/cell/wrench/force/z [N]'})
+    assert np.allclose(turned.force, -data.force)
+
+
 def test_a_measurement_survives_the_way_into_a_bag_and_back(sweeps, tmp_path):
     """Written as a bag and read again, a log has the same samples, trials and clock."""
     pytest.importorskip('rosbags')

@@ -199,6 +199,9 @@ TEXTS = {
         cells(log, time=lambda t: f'{1e3 * t:.0f}')),
     'JSON lines': lambda log: ''.join(json.dumps(
         dict(zip(HEAD.split(','), map(float, row)))) + '\n' for row in cells(log)),
+    'JSON lines of sensors': lambda log: ''.join(json.dumps(
+        {'ts': t, 'muscle': {'contraction_mm': x, 'p_kPa': p}, 'cell': {'force_N': f}}) + '\n'
+        for t, x, p, f in (map(float, row) for row in cells(log))),
     'a clock beside each channel': lambda log: text(
         ['Time [s],Contraction [mm],Time [s],Pressure [kPa],Time [s],Force [N]'],
         [[r[0], r[1], r[0], r[2], r[0], r[3]] for r in cells(log)]),

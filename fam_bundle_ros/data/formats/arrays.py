@@ -80,13 +80,15 @@ def read_json(path: Path, sheet: str | None = None) -> Table:
         values = json.loads(path.read_text(encoding='utf-8-sig'))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
         try:
-            return of_frame(pandas.read_json(path, lines=True), path.name, 'JSON lines')
-        except ValueError as error:
+            lines = path.read_text(encoding='utf-8-sig').splitlines()
+            records = [json.loads(line) for line in lines if line.strip()]
+            return of_frame(pandas.json_normalize(records), path.name, 'JSON lines')
+        except (ValueError, RecursionError, AttributeError) as error:
             raise unreadable(path, 'JSON', error) from error
     if isinstance(values, list):
         try:
-            return of_frame(pandas.DataFrame(values), path.name, 'JSON')
-        except (ValueError, TypeError) as error:
+            return of_frame(pandas.json_normalize(values), path.name, 'JSON')
+        except (ValueError, TypeError, AttributeError) as error:
             raise unreadable(path, 'JSON', error) from error
     return of_arrays(path.name, 'JSON', values if isinstance(values, dict) else {})
 
@@ -133,7 +135,7 @@ def _flat(values: Mapping[str, Any], prefix: str, depth: int) -> dict[str, Any]:
     pairs = _pairs(values)
     for key, value in values.items():
         name = f'{prefix}.{key}' if prefix else str(key)
-        if isinstance(value, (list, np.ndarray)) and len(value) and all(
+        if isinstance(value, (list, np.ndarray)) and np.size(value) and np.ndim(value) and all(
                 isinstance(entry, Mapping) for entry in value):
             value = _channels(list(value)) or _joined(list(value))
         channels = _channels([value]) if isinstance(value, Mapping) else {}

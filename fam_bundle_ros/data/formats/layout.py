@@ -25,11 +25,11 @@ from fam_bundle_ros.data.vocabulary import recognise, unit_text_of
 #: Cells that stand for no reading, in any case: blanks, what is no number in C and in Excel, and
 #: what instruments write beyond their range.
 BLANKS = ('', '-', '--', '---', '----', '\u2013', '.', '..', '...', '?', '*', '**', '***', '****',
-          '*****', 'nan', '-nan', '+nan', 'nan(ind)', '-nan(ind)', 'na', 'n/a', 'null', 'none',
-          'nil', 'inf', '+inf', '-inf', 'infinity', '-infinity', '1.#ind', '-1.#ind', '1.#qnan',
-          '-1.#qnan', '1.#inf', '-1.#inf', '#n/a', '#nv', '#na', '#div/0!', '#value!', '#wert!',
-          '#ref!', '#bezug!', '#num!', '#zahl!', '#name?', '#null!', 'ol', '+ol', '-ol', 'o.l.',
-          'ovl', 'ovld', 'ovfl', 'over', 'overflow', 'overload', 'overrange', 'over range',
+          '*****', 'nan', '-nan', '+nan', 'nan(ind)', '-nan(ind)', 'na', 'n/a', 'n.a.', 'null',
+          'none', 'nil', 'inf', '+inf', '-inf', 'infinity', '-infinity', '1.#ind', '-1.#ind',
+          '1.#qnan', '-1.#qnan', '1.#inf', '-1.#inf', '#n/a', '#nv', '#na', '#div/0!', '#value!',
+          '#wert!', '#ref!', '#bezug!', '#num!', '#zahl!', '#name?', '#null!', 'ol', '+ol', '-ol',
+          'o.l.', 'ovl', 'ovld', 'ovfl', 'over', 'overflow', 'overload', 'overrange', 'over range',
           'underflow', 'underrange', 'out of range', 'missing', 'invalid', 'no data', 'nodata')
 _BLANKS = frozenset(BLANKS)
 _NUMBER = {
