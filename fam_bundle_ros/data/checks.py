@@ -24,6 +24,8 @@ MAX_STRAIN = 0.6
 _PACKET = 0.1
 #: A log that stands still as long, s, has paused, where its steps are far shorter.
 _PAUSE = 5.0
+#: Rows whose times go back by no more usual steps were written in another order.
+_SWAPPED = 3.0
 #: Variance inflation beyond which a column follows another one (the usual rule is 5 to 10).
 _INFLATION = 5.0
 
@@ -125,7 +127,7 @@ def _guess(quantity: str, given: np.ndarray, unit: str, low: float, high: float)
 
 def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> list[str]:
     """
-    Return what is odd about the signs, in words: a muscle pulls, and less when it is shorter.
+    Return what is odd about signs and sizes: a muscle pulls, and less when it is shorter.
 
     A plane is fitted to the force; its slopes are spoken of only where they carry most of what
     the plane explains.
@@ -144,6 +146,9 @@ def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> li
     elif along_strain > 0.5 and along_pressure > -0.5:
         found.append('the force rises with the strain: expected strain positive when shorter; is '
                      'its sign turned round?')
+    most = np.abs(force).max()
+    if most < _SMALLEST['force'] and pressure.max() > _SMALLEST['pressure']:
+        found.append(f'the force reaches only {most:.3g} N: is it in another unit?')
     return found
 
 
@@ -207,6 +212,9 @@ def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndar
         # a clock that restarts a few times is a file of several trials; many times is disorder
         if back.sum() > few:
             raise _disorder(name, time, np.zeros(len(rows), int), ('0',), rows)
+        usual = usual_step(time, np.zeros(len(rows), int))
+        if back.any() and np.diff(time).min() > -_SWAPPED * usual:
+            return Trials(np.zeros(len(rows), int), ('0',), np.argsort(time, kind='stable'))
         paused = pauses(time)
         index = np.concatenate([[0], np.cumsum(back | paused if paused.sum() <= few else back)])
         return Trials(index, tuple(str(i) for i in range(index[-1] + 1)), None)

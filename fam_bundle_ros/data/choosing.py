@@ -21,7 +21,7 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.telling import Choice, name_of, told_column
-from fam_bundle_ros.data.unit_names import ELECTRIC, unit_of
+from fam_bundle_ros.data.unit_names import ELECTRIC, Unit, unit_of
 from fam_bundle_ros.data.vocabulary import (
     absolute_of,
     dimension_of,
@@ -41,6 +41,10 @@ NONE = 'none'
 _EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
 #: More trials than rows over this: the column counts rows.
 _ROWS_PER_TRIAL = 2
+#: Strains in smaller units, \u00b5\u03b5, are no muscle's.
+_MICRO = 1e-5
+#: The same readings in two units differ by no more than this share of the largest.
+_ROUNDED = 2e-3
 
 
 @dataclass
@@ -135,7 +139,7 @@ class Choices:
             if len(found) != 1:
                 continue
             (header, unit, values), = found
-            if family == 'time' and (np.diff(values) < 0).mean() > 0.02:
+            if family == 'time' and ((np.diff(values) < 0).mean() > 0.02 or not np.ptp(values)):
                 continue
             # a displacement comes near zero, a length never does: no muscle shortens by half
             key = family if family != 'strain' else 'length' if (
@@ -157,6 +161,8 @@ class Choices:
             return f'may be {match.quantity}, but for its other words'
         if _family(match.quantity) in families:
             return f'{_family(match.quantity)} was told'
+        if match.quantity == 'strain' and match.unit and match.unit.factor < _MICRO:
+            return 'of a strain gauge'
         if match.quantity == 'trial':
             count = len({cell for cell in column.tolist() if cell == cell})
             return (f'{count} different values in {len(column)} rows: no trials'
@@ -217,9 +223,10 @@ class Choices:
             header, match = entry
             cells = self.table.columns[header]
             # forces of two cells add up, be they equal
-            same = next((other for other, known in kept if known.unit == match.unit
-                         and (key != 'force' or known.part == match.part)
-                         and _equal(self.table.columns[other], cells)), None)
+            same = next((other for other, known in kept
+                         if (key != 'force' or known.part == match.part)
+                         and _same(self.table.columns[other], cells, known.unit, match.unit)
+                         ), None)
             first = next((other for other, _ in kept if same_name(other, header)), None)
             if same is None and key == 'time' and first is not None:
                 self.refused[header] = f"called as '{first}'"
@@ -320,8 +327,14 @@ class Choices:
         return fitting or without or electric
 
 
-def _equal(one: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether two columns hold the same cells."""
+def _same(one: np.ndarray, other: np.ndarray, unit: Unit | None, another: Unit | None) -> bool:
+    """Return whether two columns hold the same cells, or the same readings in two units."""
+    if unit is not None and another is not None and unit.factor != another.factor and (
+            one.dtype.kind == other.dtype.kind == 'f' and unit[2:] == another[2:]):
+        size = _ROUNDED * np.nanmax(np.abs(one), initial=0.0) * unit.factor
+        return bool(np.allclose(one * unit.factor, other * another.factor, 0.0, size, True))
+    if unit != another:
+        return False
     if one.dtype.kind == 'f' and other.dtype.kind == 'f':
         return np.array_equal(one, other, equal_nan=True)
     return one.dtype.kind == other.dtype.kind and one.tolist() == other.tolist()

@@ -11,7 +11,7 @@ import numpy as np
 
 from fam_bundle_ros.data.formats.heads import rate_in
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.data.vocabulary import dimension_of, recognise
 from fam_bundle_ros.errors import about, InputError
 
 #: Channels of one clock have at least this share of the readings of the slowest in common rows.
@@ -103,6 +103,12 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
                 '"time=100 Hz"' if (steps == 1.0).all() else
                 f'rises evenly: if it is the clock, tell it, --columns "time={header} [{unit}]"')
         return f"no time, read as a static map; '{header}' {tell}"
+    for header in table.columns:
+        unit = dimension_of(header, table.units.get(header, ''))
+        if header not in used and unit and unit.like == 's':
+            return (f"no time, read as a static map; '{header}' in {unit.text} is no clock, it "
+                    'does not rise: if rows are evenly spaced, tell their rate, --columns '
+                    '"time=100 Hz"')
     rate = rate_in(table.above)
     return rate and (f"no time, read as a static map; above the table stands '{rate[:60]}': if "
                      'that is the rate of the rows, tell it, --columns "time=100 Hz"')

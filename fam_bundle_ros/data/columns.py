@@ -103,6 +103,7 @@ class _Reader:
     def _told_length(self) -> float | None:
         """What the file says of the rest length, above the table or in a column that stays."""
         for line in self.table.above:
+            line = re.sub('(?i)(muscle|actuator|pam|active)(?= length)', 'rest', line)
             if (above := rest_length_of(line)) is not None:
                 return above
         for header, column in self.table.columns.items():

@@ -357,7 +357,9 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     notes = list(notes)
     strain, force = named['strain'], named['force']
     pressure = np.stack([named[label] for label in labels], -1)
-    if trial is None:
+    if trial is None and trials.order is not None:
+        notes.append('rows out of order by their times: put in order')
+    elif trial is None:
         notes += _new_trials(trials.of_row, named.get('time'), rows)
     notes += _what_does_not_change(name, strain, pressure)
     notes += checks.odd_signs(strain, pressure, force)
@@ -414,6 +416,11 @@ def _new_trials(of_row: np.ndarray, time: np.ndarray | None, rows: np.ndarray) -
              for at, step in zip(begin, steps) if step > 0.0]
     if len(notes) > 3:
         notes = [f'{notes[0]}, as at {len(notes) - 1} further pauses']
+    for first, at, step in zip([0, *begin], begin, steps):
+        if time is not None and step < 0.0 and time[at] - time[first] > 0.5 * (
+                time[at - 1] - time[first]):
+            notes.append(f'the clock goes back by {-step:.3g} s at row {rows[at]}, not to where '
+                         'it began: read as a new trial')
     counts = np.bincount(of_row)[1:].tolist()
     return notes + [f'the clock goes back at row {rows[at]} for {counted(count, "row")}: read as '
                     'a trial' for at, step, count in zip(begin, steps, counts)

@@ -42,12 +42,11 @@ _UNITS: dict[str, dict[str, float]] = {
           '秒': 1.0, 'ミリ秒': 1e-3, '毫秒': 1e-3},
     '1': {'1': 1.0, '-': 1.0, '': 1.0, 'ratio': 1.0, 'mm/mm': 1.0, 'm/m': 1.0, 'in/in': 1.0,
           'dimensionless': 1.0, 'unitless': 1.0, 'none': 1.0, '%': 1e-2, 'percent': 1e-2,
-          'pct': 1e-2, 'prozent': 1e-2, 'permille': 1e-3, '\u2030': 1e-3, 'um/m': 1e-6,
-          'microstrain': 1e-6, 'u\u03b5': 1e-6, 'l0': 1.0},
+          'pct': 1e-2, 'prozent': 1e-2, 'permille': 1e-3, '\u2030': 1e-3, 'l0': 1.0},
     '1/s': {'1/s': 1.0, '/s': 1.0, 's-1': 1.0, 's^-1': 1.0, '%/s': 1e-2, '%/min': 1e-2 / 60.0},
 }
-_ABSOLUTE = re.compile(r'^(?P<unit>.*?)[\s_(]*(?:(?P<abs>absolute|absolut|abs|a)|'
-                       r'(?P<gauge>gauge|relative|relativ|rel|g|\u00fc))[.)]*$', re.IGNORECASE)
+_ABSOLUTE = re.compile(r'^(?P<unit>.*?)[\s_(\[]*(?:(?P<abs>absolute|absolut|abs|a)|'
+                       r'(?P<gauge>gauge|relative|relativ|rel|g|\u00fc))[.)\]]*$', re.IGNORECASE)
 
 
 class Unit(NamedTuple):

@@ -76,7 +76,7 @@ _GAUGE_WORD = re.compile(
     r'(?<=\w)\s*\((\u00fcberdruck|ueberdruck|gauge|relativ\w*|absol\w*)\)\s*$', re.IGNORECASE)
 #: What ControlDesk puts around a name: 'Model Root/Force/Out1'.
 _DSPACE = re.compile(r'^.*\bModel Root/|(?<=\w)/(Out|In)\d*$')
-_BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])}>]')
+_BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:[(\[][^()\[\]]*[)\]][^\[\](){}<>]*)?)[\])}>]')
 
 
 class Match(NamedTuple):
@@ -203,7 +203,8 @@ def dimension_of(header: str, unit_text: str = '') -> Unit | None:
 
 #: The rest length above a table: 'L0 = 250 mm', 'Rest length [mm];250,0', 'L0;250;mm'.
 _REST = re.compile(
-    r'(?<![^\W_])(?:l_?0|(?:rest|resting|initial|original|nominal)[ _]length|'
+    r'(?<![^\W_])(?:l_?0|(?:rest|resting|initial|original|nominal|free|slack|relaxed|deflated|'
+    r'uninflated|unpressuri[sz]ed)[ _]length|'
     r'(?:ruhe|anfangs|ausgangs|nenn)l(?:\u00e4|ae)nge)(?:[\s_]*[\[(]?(mm|cm|m|in)\b[\])]?)?'
     r'[\s:=;,|]+(\d+(?:[.,]\d+)?)[\s;,|]*(?:[\[(]?(mm|cm|m|in)\b)?', re.IGNORECASE)
 
@@ -298,6 +299,7 @@ def _named(name: str) -> Match:
     if dotted and dotted[1].casefold() in _NAMES['pressure']:
         return Match('pressure', 3, part=dotted[2])
     out = [word for word in words if word in _RULED_OUT or _compound(word, _RULED_OUT)]
+    out += re.findall('strain gau?ge', ' '.join(words))  # of a load cell
     if out:
         return Match('', why=f"'{out[0]}' is no reading of the muscle")
     part = [word for word in words if re.fullmatch(r'(mu)?\d+', word)]

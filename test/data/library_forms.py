@@ -280,6 +280,7 @@ LIBRARIES = {
     'pandas.to_feather': ('a.feather', lambda log, path: frame(log).to_feather(path)),
     'numpy.savez': ('a.npz', lambda log, path: np.savez(path, **log, rate=20.0)),
     'pandas.to_json': ('a.json', lambda log, path: frame(log).to_json(path, orient='records')),
+    'pandas.to_json by default': ('a.json', lambda log, path: frame(log).to_json(path)),
     'json module': ('a.json', lambda log, path: path.write_text(json.dumps(
         {'data': frame(log).to_dict('list'), 'operator': 'KM'}))),
     'rosbags': ('bag', by_rosbags),

@@ -194,3 +194,23 @@ def test_a_pause_of_the_log_begins_a_trial_and_is_said(muscle):
     assert np.bincount(data.trial).tolist() == [200, 200]
     assert any('pauses for 60 s before row 201' in note for note in data.notes)
     assert len(of_clock('time [s]', TIME + pause / 60.0, muscle).trial_names) == 1
+
+
+def test_rows_that_were_written_in_another_order_are_put_in_order(muscle):
+    """Threads that write rows: two of them swapped are no trial."""
+    order = np.arange(len(TIME))
+    order[[100, 101, 250, 251]] = order[[101, 100, 251, 250]]
+    data = read_measurement({'time [s]': TIME[order], 'strain': strain(TIME[order]), 'p [kPa]':
+                             pressure(TIME[order]), 'F [N]': force(TIME[order], muscle)})
+    assert len(data.trial_names) == 1
+    assert np.array_equal(data.time, TIME)
+    assert np.allclose(data.force, force(TIME, muscle))
+    assert any('put in order' in note for note in data.notes)
+
+
+def test_a_clock_that_is_set_back_is_told(muscle):
+    """By half a second in the middle, not to the beginning."""
+    data = of_clock('time [s]', TIME - np.where(TIME >= 10.0, 0.5, 0.0), muscle)
+    assert any('goes back by 0.45 s at row 201, not to where' in note for note in data.notes)
+    assert not any('not to where' in note for note in of_clock(
+        'time [s]', TIME % 10.0, muscle).notes)

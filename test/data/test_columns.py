@@ -51,7 +51,7 @@ def test_names_and_units_are_recognised(header, quantity, unit, factor):
     'Luftdruck [hPa]', 'ambient pressure [kPa]', 'model force [N]', 'residual [N]',
     'force error [N]', 'torque [Nm]', 'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]',
     'target length [mm]', 'radial displacement [mm]', 'estimated force [N]', 'p_des [kPa]',
-    'p_des_1 [bar]', '/cell/wrench/torque/x'])
+    'p_des_1 [bar]', '/cell/wrench/torque/x', 'strain gauge', 'Strain gage 2'])
 def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
     """Setpoints, supplies, models and other sensors are left alone."""
     assert recognise(header).quantity == ''
@@ -59,8 +59,9 @@ def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
 
 @pytest.mark.parametrize(('unit', 'factor', 'absolute'), [
     ('kPa', 1e3, False), ('psi', 6894.757, False), ('psia', 6894.757, True),
-    ('bar abs', 1e5, True), ('bar(a)', 1e5, True), ('barg', 1e5, False), ('kPa rel', 1e3, False),
-    ('bar \u00fc', 1e5, False), ('MPa', 1e6, False), ('mmHg', 133.32237, False)])
+    ('MPa[abs]', 1e6, True), ('bar abs', 1e5, True), ('bar(a)', 1e5, True), ('barg', 1e5, False),
+    ('kPa rel', 1e3, False), ('bar \u00fc', 1e5, False),
+    ('MPa', 1e6, False), ('mmHg', 133.32237, False)])
 def test_pressures_arrive_as_gauge(log, unit, factor, absolute):
     """What the unit says of absolute and gauge is heard."""
     given = (log[2] + (101325.0 if absolute else 0.0)) / factor
@@ -611,3 +612,42 @@ def test_one_reading_of_nines_far_from_all_others_is_none(log):
     assert len(read_measurement(table(log, force=('force [N]', force)))) == ROWS - 1
     force[7] = 999.0
     assert len(read_measurement(table(log, force=('force [N]', force)))) == ROWS
+
+
+def test_the_same_readings_in_two_units_are_one(log):
+    """A display writes kPa and psi: the first is taken. Two sensors in two units are two."""
+    data = {**table(log), 'strain [%]': 100 * log[1], 'pressure [psi]': log[2] / 6894.757}
+    read = read_measurement(data)
+    assert np.allclose(read.pressure[:, 0], log[2])
+    assert "'pressure [psi]' (the same as 'pressure [kPa]')" in taken_words(read)
+    with pytest.raises(InputError, match='both may be pressure'):
+        read_measurement({**data, 'pressure [psi]': log[2] / 6800.0})
+
+
+def test_microstrain_is_of_a_strain_gauge(log):
+    """A muscle shortens by a tenth; the bridge of a load cell is in µε."""
+    data = {**table(log, strain=('L [mm]', 250 * (1 - log[1]))), 'strain [µε]': log[3]}
+    assert np.allclose(read_measurement(data, rest_length=0.25).strain, log[1])
+
+
+def test_a_force_of_millinewtons_is_asked(log):
+    """Readings in kN under a header of N pass every range."""
+    notes = read_measurement(table(log, force=('force [N]', log[3] / 1e3))).notes
+    assert any('reaches only 0.194 N: is it in another unit?' in note for note in notes)
+
+
+def test_a_column_of_the_loop_s_duration_is_no_clock(log):
+    """It does not rise; without another clock a note says what to tell."""
+    data = {**table(log, time=None), 'dt_ms': np.full(ROWS, 50.0)}
+    assert any("'dt_ms' in ms is no clock" in note for note in read_measurement(data).notes)
+    assert read_measurement({**data, 't_us': 1e6 * log[0]}).time[-1] == pytest.approx(log[0][-1])
+
+
+@pytest.mark.parametrize('line', ['Muscle length: 200 mm', 'slack length [mm];200,0',
+                                  'Uninflated length = 20 cm'])
+def test_a_rest_length_above_the_table_may_have_other_names(line, log, tmp_path):
+    """Of the muscle, slack, uninflated."""
+    rows = ['time [s],contraction [mm],p [Pa],F [N]', *(
+        f'{t:.2f},{200 * e:.4f},{p:.3f},{f:.3f}' for t, e, p, f in zip(*log))]
+    (tmp_path / 'a.csv').write_text('\n'.join([line, *rows]))
+    assert np.allclose(read_measurement(tmp_path / 'a.csv').strain, log[1], atol=1e-6)

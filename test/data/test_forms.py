@@ -3,6 +3,7 @@
 """One and the same log, saved in the ways in which labs save logs, gives the same numbers."""
 
 import hashlib
+import json
 from pathlib import Path
 
 import numpy as np
@@ -577,3 +578,39 @@ def test_structs_of_times_and_readings_are_channels(names, tmp_path, log):
     data = read_measurement(tmp_path / 'log.mat', rest_length='250 mm')
     same(data, log)
     assert 'guessed' not in taken_words(data)
+
+
+def test_matrices_with_a_column_for_each_trial_are_trials(log, tmp_path):
+    """One force has several columns: trials; the clock is one for all."""
+    data = frame(log)
+    runs = {name: data[header].to_numpy().reshape(3, ROWS // 3) for name, header in (
+        ('L_mm', 'L [mm]'), ('p_bar', 'pressure [bar]'), ('F_N', 'force [N]'))}
+    np.savez(tmp_path / 'a.npz', t_s=log['time'][:ROWS // 3], **runs)
+    read = read_measurement(tmp_path / 'a.npz', rest_length=REST)
+    assert np.bincount(read.trial).tolist() == [ROWS // 3] * 3
+    assert np.allclose(read.force, log['force'])
+    assert np.allclose(read.strain, log['strain'])
+
+
+def test_a_rest_length_beside_the_arrays_is_the_file_s(log, tmp_path):
+    """A field L0_mm: taken where none is told, and said where another is."""
+    (tmp_path / 'a.json').write_text(json.dumps(
+        {'L0_mm': 1e3 * REST, 'rig': 3, 'log': {'t_s': log['time'].tolist(), 'contraction_mm': (
+            1e3 * REST * log['strain']).tolist(), 'p_kPa': (log['pressure'] / 1e3).tolist(),
+            'F_N': log['force'].tolist()}}))
+    same(read_measurement(tmp_path / 'a.json'), log)
+    notes = read_measurement(tmp_path / 'a.json', rest_length=0.2).notes
+    assert any('the file says 250 mm' in note for note in notes)
+
+
+def test_a_sheet_of_results_does_not_stand_for_the_log(log, tmp_path):
+    """It has a column more, and fewer rows: the log is read and the other named."""
+    pytest.importorskip('openpyxl')
+    data = frame(log)
+    with pandas.ExcelWriter(tmp_path / 'a.xlsx') as book:
+        data[::20].assign(Test=range(len(data[::20]))).to_excel(book, sheet_name='Summary',
+                                                                index=False)
+        data.to_excel(book, sheet_name='Raw', index=False)
+    read = read_measurement(tmp_path / 'a.xlsx', rest_length=REST)
+    same(read, log)
+    assert read.notes == ('not read: sheet Summary (tell the sheet)',)

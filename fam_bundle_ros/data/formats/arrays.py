@@ -90,6 +90,10 @@ def read_json(path: Path, sheet: str | None = None) -> Table:
             return of_frame(pandas.json_normalize(values), path.name, 'JSON')
         except (ValueError, TypeError, AttributeError) as error:
             raise unreadable(path, 'JSON', error) from error
+    inner = list(values.values()) if isinstance(values, dict) else []
+    if inner and all(isinstance(each, dict) and len(each) > len(inner) and not any(
+            isinstance(cell, (dict, list)) for cell in each.values()) for each in inner):
+        return of_frame(pandas.DataFrame(values), path.name, 'JSON')  # as pandas writes by default
     return of_arrays(path.name, 'JSON', values if isinstance(values, dict) else {})
 
 
@@ -248,11 +252,11 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
             array = np.asarray(value)
         except ValueError:
             continue
+        array = np.squeeze(array)
         if array.ndim == 0 or not array.size:
-            if array.dtype.kind in 'US' and array.size:
+            if array.dtype.kind in 'USif' and array.size:
                 texts[key] = str(array[()])
             continue
-        array = np.squeeze(array)
         if array.dtype.kind in 'USO' and array.ndim == 1 and len(array) < 60 and all(
                 isinstance(cell, str) for cell in array.tolist()):
             labels.append([str(cell) for cell in array.tolist()])
@@ -260,9 +264,10 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
             kinds = array.astype(object) if array.dtype.kind in 'USO' else array
             vectors[key] = kinds.astype(float) if array.dtype.kind in 'biuf' else kinds
         elif array.ndim == 2 and array.dtype.kind in 'biuf':
-            matrices[key] = array.astype(float)
-    for key, matrix in matrices.items():
-        columns = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
+            matrices[key] = (array if array.shape[0] >= array.shape[1] else array.T).astype(float)
+    trials = _side_by_side(vectors, matrices)
+    vectors = trials or vectors
+    for key, columns in matrices.items():
         fitting = [names for names in labels if len(names) == columns.shape[1]]
         heads = fitting[0] if fitting else [f'{key} {i + 1}' for i in range(columns.shape[1])]
         vectors.update(dict(zip(heads, columns.T)))
@@ -284,8 +289,24 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
                     tail in (f'{last}_unit', f'{last}_units')):
                 units[head] = text
     other = [key for key in vectors if key not in kept and vectors[key].dtype.kind == 'f']
-    notes = (f'of another length, not used: {", ".join(other)}',) if other else ()
-    return Table(name, kind, columns_of, units, notes=notes)
+    notes = [f'of another length, not used: {", ".join(other)}'] if other else []
+    notes += ['columns of matrices are trials: read one below the other'] if trials else []
+    return Table(name, kind, columns_of, units, notes=tuple(notes), above=tuple(
+        f'{key.rpartition(".")[2]} = {text}' for key, text in texts.items()))
+
+
+def _side_by_side(vectors: Mapping[str, np.ndarray], matrices: dict[str, np.ndarray],
+                  ) -> dict[str, np.ndarray]:
+    """Return trials that are the columns of matrices, and take these away; {} for none."""
+    shape = next((matrix.shape for key, matrix in matrices.items()
+                  if recognise(key.rpartition('.')[2]).quantity == 'force'), (0, 0))
+    alike = [key for key, matrix in matrices.items() if matrix.shape == shape]
+    if len(alike) < 2:  # a bundle has one force, and a pressure for each motor unit
+        return {}
+    rows, count = shape
+    found = {key: np.tile(vector, count) for key, vector in vectors.items() if len(vector) == rows}
+    found |= {key: matrices.pop(key).ravel('F') for key in alike}
+    return {**found, 'trial': np.repeat(np.arange(1.0, count + 1.0), rows)}
 
 
 def _short_names(keys: list[str]) -> list[str]:

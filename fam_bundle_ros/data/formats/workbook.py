@@ -15,7 +15,7 @@ import numpy as np
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.stacking import one_below_the_other
 from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique, unreadable
-from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.data.vocabulary import recognise, STRAINS
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -43,7 +43,7 @@ def read_zip(path: Path, sheet: str | None = None) -> Table:
 
 def read_workbook(path: Path, sheet: str | None = None) -> Table:
     """
-    Return a sheet's table: the one that is named, else the one with most known columns.
+    Return a sheet's table: the one that is named, else that of most known quantities and rows.
 
     Sheets of the same columns that are called as trials or as pressures are one table.
 
@@ -67,7 +67,7 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     if not found:
         raise InputError(f'{path.name}: no rows of numbers in {", ".join(names)}; expected a '
                          'table (formulas need the values that Excel saves with them)')
-    table, known = max(found, key=lambda pair: pair[1])
+    table, known = max(found, key=lambda pair: (pair[1], len(pair[0].rows)))
     alike = {other.kind.removeprefix('sheet '): other for other, also in found if also >= known}
     whole = one_below_the_other(alike)
     if whole is not None:
@@ -78,7 +78,7 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
 
 
 def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
-    """Return a sheet's table, or None, and how many of its columns are known."""
+    """Return a sheet's table, or None, and how many quantities it has."""
     values = frame.to_numpy(object)
     decimal = ',' if any(map(_has_decimal_comma, values[:_SNIFFED].T)) else '.'
     head = [[_text(cell, decimal) for cell in row] for row in values[:_SNIFFED]]
@@ -100,7 +100,8 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
              if isinstance(cell, str) and layout.is_blank(text := cell.strip()) and text}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
-    known = sum(recognise(name, units.get(name, '')).quantity != '' for name in names)
+    meant = {recognise(name, units.get(name, '')).quantity for name in names}
+    known = len(meant & {'time', 'force', 'pressure'}) + bool(meant & set(STRAINS))
     return Table(file, f'sheet {sheet}', columns, units,
                  np.flatnonzero(kept) + begin + 1, above=tuple(map(';'.join, head[:begin])),
                  blanks=partial(_word, words)), known
