@@ -244,7 +244,8 @@ def _disorder(name: str, time: np.ndarray, index: np.ndarray, names: tuple[str, 
     at = int(np.argmax((np.diff(time) < 0) & (np.diff(index) == 0))) + 1
     return InputError(f'{name}, row {rows[at]}: time goes from {time[at - 1]:.6g} s to '
                       f'{time[at]:.6g} s within trial {names[index[at]]}; expected time to '
-                      'increase')
+                      'increase' + (', or to restart with each trial (--columns "trial=none")'
+                                    if len(names) == 1 and names != ('0',) else ''))
 
 
 def fresh_stamps(time: np.ndarray, trial: np.ndarray) -> np.ndarray:

@@ -208,7 +208,9 @@ class Choices:
                 names = ' and '.join(f"'{header}'" for header, _ in best_ones[:3])
                 raise InputError(
                     f'{self.table.name}: {names} both may be {_shown(key)}; expected one, or to '
-                    f'be told, for example --columns "{_shown(key)}={best_ones[0][0]}"')
+                    f'be told, for example --columns "{_shown(key)}={best_ones[0][0]}"'
+                    + f', or their sum, "force={" + ".join(header for header, _ in best_ones)}"'
+                    * (key == 'force'))
             self._refuse([entry for entry in entries if entry is not best_ones[0]],
                          f"less like {_shown(key)} than '{best_ones[0][0]}'")
             header, match = best_ones[0]

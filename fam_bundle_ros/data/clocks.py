@@ -104,9 +104,9 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
                 f'rises evenly: if it is the clock, tell it, --columns "time={header} [{unit}]"')
         return f"no time, read as a static map; '{header}' {tell}"
     for header in table.columns:
-        unit = dimension_of(header, table.units.get(header, ''))
-        if header not in used and unit and unit.like == 's':
-            return (f"no time, read as a static map; '{header}' in {unit.text} is no clock, it "
+        meant = dimension_of(header, table.units.get(header, ''))
+        if header not in used and meant and meant.like == 's':
+            return (f"no time, read as a static map; '{header}' in {meant.text} is no clock, it "
                     'does not rise: if rows are evenly spaced, tell their rate, --columns '
                     '"time=100 Hz"')
     rate = rate_in(table.above)

@@ -35,11 +35,13 @@ from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.telling import Choice, with_sums
 from fam_bundle_ros.data.unit_names import is_unit, Unit
-from fam_bundle_ros.data.vocabulary import recognise, rest_length_of
+from fam_bundle_ros.data.vocabulary import absolute_of, recognise, rest_length_of
 from fam_bundle_ros.errors import InputError
 
 #: By how much a rest length may be another than the file says.
 _SAME_LENGTH = 0.02
+#: Beside these a force may be in lbf.
+_INCHES = ('psi', 'psia', 'psig', 'in', 'inch', 'inches')
 #: The lowest reading of a vented sensor that shows absolute pressures, Pa.
 _ATMOSPHERE = 94e3, 104e3
 
@@ -287,6 +289,12 @@ class _Reader:
     def _unit(self, key: str, values: np.ndarray) -> Unit:
         choice = self.choices.chosen[key]
         if choice.unit is None:
+            inches = [each.unit.text for each in self.choices.chosen.values()
+                      if each.unit and each.unit.text.casefold() in _INCHES]
+            if key == 'force' and inches:
+                raise InputError(f"{self.table.name}: column '{choice.header}' has no unit, and "
+                                 f'another is in {inches[0]}; expected it told, for example '
+                                 f'--columns "force={choice.header} [lbf]", or [N]')
             choice.unit, choice.why = guess_unit(self.table.name, choice.header or key,
                                                  key.partition('.')[0], values,
                                                  self.rest_length)
@@ -297,9 +305,13 @@ class _Reader:
         absolute = choice.absolute if gauge is None else not gauge
         choice.absolute = bool(absolute)
         lowest = np.nanmin(values) if absolute is None and np.isfinite(values).any() else 0.0
-        if _ATMOSPHERE[0] < lowest < _ATMOSPHERE[1] and lowest != 1e5:  # 1 bar is a level
-            self.notes.append(f"the lowest pressure of '{choice.header}' is {lowest / 1e3:.4g} "
-                              'kPa: taken as gauge; is it absolute (--absolute)?')
+        said = [line.strip() for line in (*self.table.above, *(text for _, text in
+                                                               self.table.remarks))
+                if absolute is None and absolute_of(line) and re.search('(?i)press|druck', line)]
+        if said or _ATMOSPHERE[0] < lowest < _ATMOSPHERE[1] and lowest != 1e5:  # 1 bar is a level
+            why = f"in the file stands '{said[0][:60]}'" if said else (
+                f"the lowest pressure of '{choice.header}' is {lowest / 1e3:.4g} kPa")
+            self.notes.append(f'{why}: taken as gauge; is it absolute (--absolute)?')
         return self.recipe.ambient_pressure if absolute else 0.0
 
     def _strain(self, key: str, values: dict[str, np.ndarray], pressure: np.ndarray,

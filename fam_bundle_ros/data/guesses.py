@@ -25,6 +25,8 @@ _LENGTHS = {'length': (0.6, 1.15), 'contraction': (0.03, 0.45), 'elongation': (0
             'shift': (0.03, 0.45)}
 #: A clock without a unit whose steps are as large may count milliseconds.
 _SLOWEST = 2.0
+#: Steps of a clock in s are longer; at less than the other it may count minutes.
+_FASTEST, _QUICK = 2e-6, 2e-3
 _LIKE = {'pressure': 'Pa', 'force': 'N', 'strain': '1', 'strain_rate': '1/s'}
 
 
@@ -108,6 +110,10 @@ def time_unit(name: str, header: str, values: np.ndarray) -> tuple[Unit, str]:
         raise InputError(f"{name}: column '{header}' has no unit, and its steps of {step:.4g} may "
                          f'be s, ms or us; expected it told, for example --columns '
                          f'"time={header} [{example}]"')
-    # whole numbers may count milliseconds
-    whole = len(steps) > 0 and bool((finite == np.round(finite)).all())
-    return Unit('s', 1.0, 's'), 's guessed, no unit given' if whole else ''
+    if 0.0 < step < _FASTEST:
+        raise InputError(f"{name}: column '{header}' has no unit, and its steps of {step:.4g} are "
+                         f'short for s; expected it told, for example --columns "time={header} '
+                         '[d]"')
+    # whole numbers may count milliseconds, quick ones minutes
+    sure = len(steps) > 0 and step > _QUICK and bool((finite != np.round(finite)).any())
+    return Unit('s', 1.0, 's'), '' if sure else 's guessed, no unit given'

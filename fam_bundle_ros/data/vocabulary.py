@@ -44,8 +44,8 @@ _NAMES: dict[str, tuple[str, ...]] = {
                     'contraction length', 'kontraktionsweg', '収縮', '収縮量', '收缩量'),
     'elongation': ('elongation', 'elong', 'extension', 'ext', 'verlaengerung', 'auszug'),
     'shift': ('displacement', 'disp', 'displ', 'position', 'pos', 'weg', 'stroke', 'hub', 'travel',
-              'deflection', 'verschiebung', 'auslenkung', 'x', 's', 'dehnung', 'crosshead',
-              'traverse', 'traversenweg', 'standardweg', 'kolbenweg', '変位', '位移'),
+              'deflection', 'verschiebung', 'auslenkung', 'x', 'y', 'z', 's', 'dehnung',
+              'crosshead', 'traverse', 'traversenweg', 'standardweg', 'kolbenweg', '変位', '位移'),
     'length': ('length', 'l', 'len', 'laenge', 'stretch', 'stretch ratio', 'lambda', '\u03bb',
                '長さ', '长度'),
     'strain_rate': ('strain rate', 'contraction rate', 'dehnrate'),
@@ -56,10 +56,13 @@ _NEUTRAL = frozenset("""measured meas measurement actual act ist current gemesse
     dmsp mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen
     der des the of in am im total id nr no number nummer name avg average mean mittelwert filtered
     filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared tariert zeroed
-    signals values data line""".split())
+    compensated kompensiert signals values data line""".split())
 #: Of these a column of its own is better, where there is one.
 _LESSER = frozenset("""raw roh filtered filt gefiltert smoothed smooth avg average mean
     mittelwert line""".split())
+#: Of these a column is as good as one without.
+_BETTER = frozenset("""corrected korrigiert calibrated kalibriert tared tariert zeroed
+    compensated kompensiert""".split())
 #: Words of columns that are no reading of the muscle.
 _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref reference cmd command
     demand supply versorgung versorgungs tank source speise speicher ambient umgebung umgebungs
@@ -306,10 +309,10 @@ def _named(name: str) -> Match:
     rest = [_last_of(word) for word in words if word not in part]
     core = [word for word in rest if word not in _NEUTRAL] or rest
     number = part[0].removeprefix('mu') if len(part) == 1 else ''
-    lesser = bool(_LESSER & set(words))
+    score = 1 if _LESSER & set(words) else 3 if _BETTER & set(words) else 2
     for quantity, names in _NAMES.items():
         if any(sorted(core) == sorted(known.split()) for known in names):
-            return Match(quantity, 1 if lesser else 2, part=f'mu{number}' if number else '')
+            return Match(quantity, score, part=f'mu{number}' if number else '')
     for quantity, names in _NAMES.items():
         if any(word in names and len(word) > 2 for word in core):
             return Match(quantity, 1, part=f'mu{number}' if number else '')

@@ -214,3 +214,12 @@ def test_a_clock_that_is_set_back_is_told(muscle):
     assert any('goes back by 0.45 s at row 201, not to where' in note for note in data.notes)
     assert not any('not to where' in note for note in of_clock(
         'time [s]', TIME % 10.0, muscle).notes)
+
+
+def test_a_name_in_all_rows_beside_a_clock_that_restarts_is_answered(muscle):
+    """The error tells what to write where the column names the specimen."""
+    data = {'time [s]': TIME % 10.0, 'Test': np.full(len(TIME), 'PAM 3', object), 'strain': strain(
+        TIME), 'p [kPa]': pressure(TIME), 'F [N]': force(TIME, muscle)}
+    with pytest.raises(InputError, match='restart with each trial .--columns "trial=none"'):
+        read_measurement(data)
+    assert len(read_measurement(data, columns={'trial': 'none'}).trial_names) == 2

@@ -651,3 +651,46 @@ def test_a_rest_length_above_the_table_may_have_other_names(line, log, tmp_path)
         f'{t:.2f},{200 * e:.4f},{p:.3f},{f:.3f}' for t, e, p, f in zip(*log))]
     (tmp_path / 'a.csv').write_text('\n'.join([line, *rows]))
     assert np.allclose(read_measurement(tmp_path / 'a.csv').strain, log[1], atol=1e-6)
+
+
+def test_beside_psi_a_force_without_a_unit_is_asked(log):
+    """It may be in lbf; beside kPa it is taken as N."""
+    data = table(log, pressure=('p [psi]', log[2] / 6894.757), force=('force', log[3]))
+    with pytest.raises(InputError, match=r'another is in psi; .* "force=force \[lbf\]", or \[N\]'):
+        read_measurement(data)
+    read_measurement(table(log, force=('force', log[3])))
+
+
+@pytest.mark.parametrize('other', ['Force corrected [N]', 'Force tared [N]'])
+def test_a_corrected_column_is_as_good_as_the_plain_one(log, other):
+    """Neither is chosen without a word, and two cells may be added."""
+    words = rf'both may be force.*or their sum, "force=force \[N\] \+ {other[:-4]} \[N\]"'
+    with pytest.raises(InputError, match=words):
+        read_measurement({**table(log), other: log[3] + 5.0})
+    assert np.allclose(read_measurement(table(log, force=(other, log[3]))).force, log[3])
+
+
+def test_of_three_axes_none_is_chosen_by_its_letter(log):
+    """A camera's x, y and z."""
+    data = table(log, strain=('x [mm]', 250 * log[1]))
+    assert np.allclose(read_measurement(data, rest_length=0.25).strain, log[1])
+    with pytest.raises(InputError, match=r"'x \[mm\]' and 'z \[mm\]' both may be contraction"):
+        read_measurement({**data, 'z [mm]': 250 * log[1] + 1.0}, rest_length=0.25)
+
+
+def test_what_stands_above_of_absolute_pressure_is_asked(log, tmp_path):
+    """A remark is no unit: a note shows it."""
+    rows = [f'{t:.2f},{e:.5f},{p / 1e3:.2f},{f:.2f}' for t, e, p, f in zip(*log)]
+    (tmp_path / 'a.csv').write_text('\n'.join([
+        '# all pressures are absolute', 'time [s],strain,pressure [kPa],force [N]', *rows]))
+    notes = read_measurement(tmp_path / 'a.csv').notes
+    assert any("stands '# all pressures are absolute': taken as gauge" in note for note in notes)
+    assert not read_measurement(tmp_path / 'a.csv', gauge=True).notes
+
+
+def test_a_clock_with_steps_too_short_for_seconds_is_asked(log):
+    """Fractions of a day; steps of a millisecond may be of minutes, which is said."""
+    with pytest.raises(InputError, match=r'are short for s; .*time \[d\]'):
+        read_measurement(table(log, time=('time', log[0] / 86400)))
+    assert 's guessed' in taken_words(read_measurement(table(log, time=('time', log[0] / 60))))
+    assert not taken_words(read_measurement(table(log, time=('time', log[0]))))
