@@ -22,7 +22,7 @@ import typer
 from fam_bundle_ros import palette
 from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.report.numbers import shown
-from fam_bundle_ros.resources import data_path, model_path
+from fam_bundle_ros.resources import model_path
 
 #: A pipe or a file has no width: wide enough that no row of a table is folded for it.
 _PIPE_WIDTH = 160
@@ -158,15 +158,16 @@ def reads_data(command: Callable[..., None]) -> Callable[..., None]:
     return extended
 
 
-def read_data(data: str, reading: Reading, model: Any = None) -> Any:
+def read_data(data: str | Sequence[str], reading: Reading, model: Any = None) -> Any:
     """
-    Return the Measurement that an argument names, and say what its columns were taken for.
+    Return the Measurement that one or more arguments name, and say what columns were taken for.
 
     A model may tell the rest length and the limits of pressure and strain.
     """
     from fam_bundle_ros.data import (
+        join,
         load_recipe,
-        read_measurement,
+        read_recordings,
         Recipe,
         recipe_of,
         save_recipe,
@@ -193,15 +194,16 @@ def read_data(data: str, reading: Reading, model: Any = None) -> Any:
                     f'{model.name} {1e3 * length:.4g} mm')
     if model is not None:
         recipe = recipe_for(model, recipe)
-    measured = read_measurement(data_path(data), recipe=recipe)
-    words = taken_words(measured)
-    for line in [*([words] if words else []), *([measured.dropped_words] if measured.dropped
-                                                else []), *measured.notes]:
-        notes.print(escape(f'{measured.name}: {line}'), style='dim', soft_wrap=True)
+    recordings = read_recordings([data] if isinstance(data, str) else data, recipe=recipe)
+    for measured in recordings:
+        words = taken_words(measured)
+        for line in [*([words] if words else []), *([measured.dropped_words] if measured.dropped
+                                                    else []), *measured.notes]:
+            notes.print(escape(f'{measured.name}: {line}'), style='dim', soft_wrap=True)
     if reading.save_recipe is not None:
         save_recipe(recipe_of(measured, recipe), reading.save_recipe)
         wrote(reading.save_recipe)
-    return measured
+    return join(recordings)
 
 
 def open_model(name: str, allow_python: bool = False):

@@ -41,7 +41,8 @@ from fam_bundle_ros.resources import data_path, model_path
 def compare(
     recordings: Annotated[list[str], typer.Argument(
         metavar='DATA', help='Log (CSV or text, .xlsx, .lvm, .tdms, .mat, .parquet), ROS 2 bag, '
-        'or the name of data that ships; several of one muscle are taken together.')],
+        'or the name of data that ships; several of one muscle are taken together, be they trials '
+        'or a file for each sensor.')],
     model: ModelOption,
     out: PageFile = None,
     json_file: JsonFile = None,
@@ -51,9 +52,8 @@ def compare(
 ) -> None:
     """Compare a model with a measurement: how large the error is, and where."""
     from fam_bundle_ros import discovery
-    from fam_bundle_ros.data import join
     bundle = open_model(model, allow_python)
-    measured = join([read_data(each, reading, bundle) for each in recordings])
+    measured = read_data(recordings, reading, bundle)
     result = discovery.compare(bundle, measured)
     show_muscle(bundle)
     console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
@@ -111,7 +111,7 @@ def diagnose(
 ) -> None:
     """Find out which physical effect a model is missing, if any, and what to measure next."""
     from fam_bundle_ros import discovery
-    from fam_bundle_ros.data import join, save_protocol
+    from fam_bundle_ros.data import save_protocol
     bundle = open_model(model, allow_python)
     choices = discovery.Choices(unexplained=unexplained, odds=odds)
     for what, file in (('model', model_out), ('protocol', protocol_out)):
@@ -128,7 +128,7 @@ def diagnose(
         raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with '
                          'a table of their dimensions, or --one-muscle where all are of one')
     data = recordings[0]
-    measured = join([read_data(each, reading, bundle) for each in recordings])
+    measured = read_data(recordings, reading, bundle)
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick, choices=choices)
     show_muscle(bundle)

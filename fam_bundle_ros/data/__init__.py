@@ -17,11 +17,12 @@ from fam_bundle_ros.data.reading import (
     Preview,
     preview,
     read_measurement,
+    read_recordings,
     taken_words,
 )
 from fam_bundle_ros.data.recipe import load_recipe, Recipe, recipe_of, save_recipe
 
 __all__ = ['as_measurement', 'duration', 'join', 'load_recipe', 'Measurement', 'noise_floor',
            'NoiseFloor', 'Preview', 'preview', 'Protocol', 'read_measurement', 'read_protocol',
-           'Recipe', 'recipe_of', 'save_protocol', 'save_recipe', 'segments', 'Taken',
-           'taken_words', 'write_bag', 'write_csv']
+           'read_recordings', 'Recipe', 'recipe_of', 'save_protocol', 'save_recipe', 'segments',
+           'Taken', 'taken_words', 'write_bag', 'write_csv']

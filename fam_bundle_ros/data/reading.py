@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 import re
@@ -15,7 +15,7 @@ from fam_bundle_ros.data.columns import described, read_columns
 from fam_bundle_ros.data.formats import is_bag, read_table, Table
 from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
 from fam_bundle_ros.data.formats.long import wide
-from fam_bundle_ros.data.formats.stacking import unstacked
+from fam_bundle_ros.data.formats.stacking import parts_of_one, unstacked
 from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.titles import titled
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
@@ -96,6 +96,35 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
             return measured
     measured = read_columns(_table(source, path, used, name), used)
     return measured if path is None else replace(measured, sha256=file_digest(path))
+
+
+def read_recordings(sources: Sequence[str | Path], *, recipe: Recipe | str | Path | None = None,
+                    ) -> list[Measurement]:
+    """
+    Return the measurements of several files; one where each file has a part of one recording.
+
+    Such are a file for each topic or logger, with a clock each and no quantity in two of them. A
+    header that stands in two, or none, is told with the name of its file: 'force column 4'.
+
+    Parameters
+    ----------
+    sources : sequence of path
+    recipe : Recipe or path, optional
+
+    Raises
+    ------
+    InputError
+        As `read_measurement`.
+    """
+    used = _recipe(recipe)
+    paths = [data_path(source) for source in sources]
+    if len(paths) > 1 and not any(map(is_bag, paths)):
+        tables = [_table(path, path, used, None) for path in paths]
+        if (whole := parts_of_one(tables)) is not None:
+            return [read_columns(whole, used)]
+        return [replace(read_columns(table, used), sha256=file_digest(path))
+                for table, path in zip(tables, paths)]
+    return [read_measurement(path, recipe=used) for path in paths]
 
 
 @dataclass(frozen=True)

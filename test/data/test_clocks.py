@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import read_measurement
+from fam_bundle_ros.data import read_measurement, read_recordings, Recipe
 from fam_bundle_ros.errors import InputError
 
 TIME = 0.05 * np.arange(400)
@@ -223,3 +223,42 @@ def test_a_name_in_all_rows_beside_a_clock_that_restarts_is_answered(muscle):
     with pytest.raises(InputError, match='restart with each trial .--columns "trial=none"'):
         read_measurement(data)
     assert len(read_measurement(data, columns={'trial': 'none'}).trial_names) == 2
+
+
+def table(path, header, *columns):
+    """Write a CSV file with these columns."""
+    rows = [','.join(f'{cell:.4f}' if isinstance(cell, float) else str(cell) for cell in row)
+            for row in zip(*columns)]
+    path.write_text('\n'.join([*([header] if header else []), *rows]))
+    return path
+
+
+def test_a_file_for_each_sensor_is_one_recording(muscle, tmp_path):
+    """Two loggers with the time since 1970 in s and in ms; runs stay runs."""
+    force_file = table(tmp_path / 'daq.csv', 'Time (s),Force (N),strain', 1.7e9 + TIME,
+                       force(TIME, muscle), strain(TIME))
+    slow = TIME[4::4]
+    pressure_file = table(tmp_path / 'plc.csv', 'stamp [ms],p [bar]', 1.7e12 + 1e3 * slow,
+                          pressure(slow) / 100.0)
+    (data,) = read_recordings([force_file, pressure_file])
+    assert np.allclose(data.time - data.time[0], slow - slow[0], atol=1e-5)
+    assert np.allclose(data.strain, strain(slow), atol=1e-4)
+    assert np.allclose(data.force, force(slow, muscle), atol=0.5)
+    assert any('daq.csv, plc.csv: parts of one recording' in note for note in data.notes)
+    whole = table(tmp_path / 'run.csv', 'time [s],strain,p [kPa],F [N]', TIME, strain(TIME),
+                  pressure(TIME), force(TIME, muscle))
+    assert [len(run) for run in read_recordings([whole, whole])] == [len(TIME)] * 2
+
+
+def test_files_of_topics_without_names_are_told_with_their_files_names(muscle, tmp_path):
+    """`ros2 topic echo --csv` writes seconds, nanoseconds, a frame and the numbers."""
+    whole, part = np.divmod(np.round(TIME * 1e9).astype(int), 10 ** 9)
+    stamp = (whole + 1_700_000_000, part, ['cell'] * len(TIME))
+    files = [table(tmp_path / f'{name}.csv', '', *stamp, values, *[np.zeros(len(TIME))] * more)
+             for name, values, more in (('cell', force(TIME, muscle), 5), ('gauge', 1e3 * pressure(
+                 TIME), 1), ('pot', strain(TIME), 0))]
+    told = {'force': 'cell column 4 [N]', 'pressure': 'gauge column 4 [Pa]',
+            'strain': 'pot column 4'}
+    (data,) = read_recordings(files, recipe=Recipe(columns=told))
+    assert np.allclose(data.time - data.time[0], TIME, atol=1e-5)
+    assert np.allclose(data.force, force(TIME, muscle), atol=1e-3)

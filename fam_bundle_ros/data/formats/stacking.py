@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.guesses import time_unit
 from fam_bundle_ros.data.unit_names import unit_of
 from fam_bundle_ros.data.vocabulary import recognise, STRAINS
 
@@ -80,6 +81,50 @@ def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:
     return replace(first, columns=columns, units=units, blanks=None,
                    rows=np.concatenate([table.rows for table in tables.values()]),
                    notes=(*first.notes, f'read one below the other: {", ".join(tables)}'))
+
+
+def parts_of_one(tables: Sequence[Table]) -> Table | None:
+    """
+    Return tables that each hold a part of one recording, with a clock each, side by side.
+
+    None where a quantity is in two, all have the same headers, or one has not one clock.
+
+    Raises
+    ------
+    InputError
+        Where the unit of a clock cannot be told.
+    """
+    known = [{header: recognise(header, table.units.get(header, '')) for header in table.columns}
+             for table in tables]
+    clocks = [[header for header, match in each.items()
+               if match.quantity == 'time' and match.score > 1] for each in known]
+    families = [family for each in known for family in {
+        'strain' if match.quantity in STRAINS else match.quantity
+        for match in each.values() if match.score} & {'strain', 'force', 'pressure'}]
+    if len(set(families)) < len(families) or any(len(found) != 1 for found in clocks) or len(
+            {tuple(table.columns) for table in tables}) == 1:
+        return None
+    rows = max(len(table.rows) for table in tables)
+    headers = [header for table in tables for header in table.columns]
+    columns: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    for at, (table, (clock,)) in enumerate(zip(tables, clocks), 1):
+        for header, column in table.columns.items():
+            name, unit = header, table.units.get(header, '')
+            if header == clock:
+                name = 'time' if at == 1 else f'time {at}'
+                if column.dtype.kind == 'f':
+                    own = known[at - 1][header].unit or time_unit(table.name, header, column)[0]
+                    column, unit = column * own.factor, 's'
+            elif headers.count(header) > 1 or re.fullmatch(r'column \d+', header):
+                name = f'{table.name.rpartition(".")[0]} {header}'
+            blank = np.full(rows - len(column), np.nan)
+            columns[name] = _joined([column, blank])
+            units |= {name: unit} if unit else {}
+    names = [table.name for table in tables]
+    return Table(' + '.join(names), 'files side by side', columns, units, notes=(
+        *(note for table in tables for note in table.notes),
+        f'{", ".join(names)}: parts of one recording, their times taken as of one clock'))
 
 
 def _blocks(table: Table) -> Table | None:

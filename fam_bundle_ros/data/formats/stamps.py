@@ -75,7 +75,6 @@ def _stamp(table: Table, header: str, beside: str) -> np.ndarray | None:
         return clock + 1e-3 * part if _are_whole(clock) else None
     if whole.dtype.kind != 'f' or part.dtype.kind != 'f' or not np.isfinite(whole).any():
         return None
-    first = float(whole[np.isfinite(whole)][0])
     match = _SECONDS.fullmatch(header)
     if match:
         worth = next((worth for word, worth in _FRACTIONS if re.fullmatch(
@@ -84,7 +83,7 @@ def _stamp(table: Table, header: str, beside: str) -> np.ndarray | None:
         unnamed = re.fullmatch(r'column \d+', header) and re.fullmatch(r'column \d+', beside)
         worth = 1e-9 if unnamed and 1e9 < np.nanmin(whole) and np.nanmax(whole) < 4e9 and (
             1e6 < np.nanmax(part) < 1e9) and _are_whole(whole) and _are_whole(part) else 0.0
-    return whole - first + worth * part if worth else None
+    return whole + worth * part if worth else None
 
 
 def _are_whole(column: np.ndarray) -> bool:
