@@ -34,16 +34,21 @@ from fam_bundle_ros.data.guesses import guess_unit, time_unit
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.telling import Choice, with_sums
-from fam_bundle_ros.data.unit_names import is_unit, Unit
-from fam_bundle_ros.data.vocabulary import absolute_of, recognise, rest_length_of
+from fam_bundle_ros.data.unit_names import is_unit, Unit, unit_of
+from fam_bundle_ros.data.vocabulary import absolute_of, likes, recognise, rest_length_of
 from fam_bundle_ros.errors import InputError
 
+#: What else a rest length is called above a table.
+_OF_MUSCLE = re.compile('(muscle|actuator|pam|active|gau?ge|specimen|sample)[ _]length|'
+                        '(muskel|einspann|mess)l(\u00e4|ae)nge', re.IGNORECASE)
 #: By how much a rest length may be another than the file says.
 _SAME_LENGTH = 0.02
 #: Beside these a force may be in lbf.
 _INCHES = ('psi', 'psia', 'psig', 'in', 'inch', 'inches')
 #: The lowest reading of a vented sensor that shows absolute pressures, Pa.
 _ATMOSPHERE = 94e3, 104e3
+#: Pressures that differ by less are one, Pa.
+_VENTED = 3e3
 
 
 @dataclass
@@ -70,8 +75,7 @@ class _Reader:
             choice = self.choices.chosen[key]
             values[key] = values[key] * unit.factor * choice.sign + choice.offset
             given[key] = (unit.text, unit.factor)
-        pressure = np.stack([values[key] - self._ambient(key, values[key])
-                             for key in pressures], -1)
+        pressure = np.stack([values[key] - self._ambient(key, values) for key in pressures], -1)
         strain = self._strain(strains[0], values, pressure)
         trial = self.choices.chosen.get('trial')
         measured = build(
@@ -105,7 +109,7 @@ class _Reader:
     def _told_length(self) -> float | None:
         """What the file says of the rest length, above the table or in a column that stays."""
         for line in self.table.above:
-            line = re.sub('(?i)(muscle|actuator|pam|active)(?= length)', 'rest', line)
+            line = _OF_MUSCLE.sub('rest length', line)
             if (above := rest_length_of(line)) is not None:
                 return above
         for header, column in self.table.columns.items():
@@ -115,7 +119,19 @@ class _Reader:
                 told = np.unique(readings[np.isfinite(readings)])
                 if len(told) == 1:
                     return rest_length_of(f'{name}={told[0]}')
-        return None
+        return self._length_of_sum()
+
+    def _length_of_sum(self) -> float | None:
+        """Return the length that a length and a contraction beside it add up to."""
+        parts = {}
+        for header, column in self.table.columns.items():
+            match = recognise(header, self.table.units.get(header, ''))
+            unit = match.unit
+            if match.quantity in ('length', 'contraction') and unit and unit.like == 'm':
+                parts[match.quantity] = numbers(column)[0] * unit.factor
+        total = sum(parts.values()) if len(parts) > 1 else np.zeros(1)
+        middle = float(np.nanmedian(total))
+        return middle if np.nanmax(np.abs(total - middle)) < 0.5 * _SAME_LENGTH * middle else None
 
     def _numbers(self) -> dict[str, np.ndarray]:
         """Return the readings of each quantity as floats; a word among readings is an error."""
@@ -261,6 +277,7 @@ class _Reader:
         clock, anew = clocks.run_on(clock)
         if anew and header == choice.header:
             self.notes.append(f"the counter '{header}' began anew at {anew:.10g}: read on")
+        choice.unit = choice.unit or self._unit_above(header, 'time')
         if choice.unit is None:
             choice.unit, choice.why = time_unit(self.table.name, header, clock)
         # digits of a clock that counts since 1970 are worth more than its origin
@@ -288,6 +305,7 @@ class _Reader:
 
     def _unit(self, key: str, values: np.ndarray) -> Unit:
         choice = self.choices.chosen[key]
+        choice.unit = choice.unit or self._unit_above(choice.header or '', key.partition('.')[0])
         if choice.unit is None:
             inches = [each.unit.text for each in self.choices.chosen.values()
                       if each.unit and each.unit.text.casefold() in _INCHES]
@@ -300,19 +318,36 @@ class _Reader:
                                                  self.rest_length)
         return choice.unit
 
-    def _ambient(self, key: str, values: np.ndarray) -> float:
+    def _unit_above(self, header: str, quantity: str) -> Unit | None:
+        """Return the unit that lines above the table give a name: 'Channel 1: Force (lbf)'."""
+        found = {unit for line in self.table.above for text in re.findall(
+            rf'(?<!\w){re.escape(header)}\s*[\[(]([^\])]+)[\])]', line, re.IGNORECASE)
+            for like in likes(quantity) if (unit := unit_of(text, like))}
+        return found.pop() if header and len(found) == 1 else None
+
+    def _ambient(self, key: str, values: dict[str, np.ndarray]) -> float:
         choice, gauge = self.choices.chosen[key], self.recipe.gauge
         absolute = choice.absolute if gauge is None else not gauge
         choice.absolute = bool(absolute)
-        lowest = np.nanmin(values) if absolute is None and np.isfinite(values).any() else 0.0
-        said = [line.strip() for line in (*self.table.above, *(text for _, text in
-                                                               self.table.remarks))
-                if absolute is None and absolute_of(line) and re.search('(?i)press|druck', line)]
-        if said or _ATMOSPHERE[0] < lowest < _ATMOSPHERE[1] and lowest != 1e5:  # 1 bar is a level
-            why = f"in the file stands '{said[0][:60]}'" if said else (
-                f"the lowest pressure of '{choice.header}' is {lowest / 1e3:.4g} kPa")
-            self.notes.append(f'{why}: taken as gauge; is it absolute (--absolute)?')
+        if absolute is None and (why := self._may_be_absolute(values[key], values['force'])):
+            self.notes.append(f"{why}: '{choice.header}' is taken as gauge; is it absolute "
+                              '(--absolute)?')
         return self.recipe.ambient_pressure if absolute else 0.0
+
+    def _may_be_absolute(self, pressure: np.ndarray, force: np.ndarray) -> str:
+        """Return what tells that: a remark, or hardly a force at that of the atmosphere; or ''."""
+        for line in (*self.table.above, *(text for _, text in self.table.remarks)):
+            if absolute_of(line) and re.search('(?i)press|druck', line):
+                return f"in the file stands '{line.strip()[:60]}'"
+        rows = np.isfinite(pressure) & np.isfinite(force)
+        lowest = pressure[rows].min(initial=np.inf)
+        if not _ATMOSPHERE[0] < lowest < _ATMOSPHERE[1]:
+            return ''
+        low, size = np.abs(force[rows & (pressure < lowest + _VENTED)]), np.abs(force[rows])
+        return (f'hardly a force at the lowest pressure, {lowest / 1e3:.4g} kPa'
+                if np.median(low) < 0.1 * size.max() else
+                f'the lowest pressure under a weight is {lowest / 1e3:.4g} kPa'
+                if np.ptp(size) < 0.2 * size.max() else '')
 
     def _strain(self, key: str, values: dict[str, np.ndarray], pressure: np.ndarray,
                 ) -> np.ndarray:

@@ -569,7 +569,11 @@ def test_a_column_that_is_called_by_a_unit_alone_is_taken_by_it(log):
 
 
 @pytest.mark.parametrize(('changed', 'words'), [
-    ({'pressure': ('p [kPa]', np.linspace(101.4, 400.0, ROWS))}, r'is 101.4 kPa: taken as gauge'),
+    ({'pressure': ('p [kPa]', np.linspace(101.4, 400.0, ROWS)),
+      'force': ('force [N]', np.linspace(0.0, 200.0, ROWS))}, 'hardly a force at the lowest pres'),
+    ({'pressure': ('p [kPa]', np.linspace(101.4, 400.0, ROWS)), 'strain': (
+        'strain', np.linspace(0.0, 0.2, ROWS)), 'force': ('force [N]', np.linspace(
+            50.0, 51.0, ROWS))}, 'under a weight is 101.4 kPa'),
     ({'strain': ('strain', -0.3 * np.linspace(0.0, 0.5, ROWS))}, 'expected positive when shorter'),
     ({'strain': ('strain', np.linspace(-0.1, 0.1, ROWS))}, 'is stretched by 10 %'),
     ({'further': ('p2 [kPa]', np.linspace(600.0, 590.0, ROWS))}, 'pressure 2 of 2 never is below'),
@@ -644,7 +648,8 @@ def test_a_column_of_the_loop_s_duration_is_no_clock(log):
 
 
 @pytest.mark.parametrize('line', ['Muscle length: 200 mm', 'slack length [mm];200,0',
-                                  'Uninflated length = 20 cm'])
+                                  'Uninflated length = 20 cm', 'Gauge length,200,mm',
+                                  'Muskell\u00e4nge;200;mm'])
 def test_a_rest_length_above_the_table_may_have_other_names(line, log, tmp_path):
     """Of the muscle, slack, uninflated."""
     rows = ['time [s],contraction [mm],p [Pa],F [N]', *(
@@ -684,7 +689,8 @@ def test_what_stands_above_of_absolute_pressure_is_asked(log, tmp_path):
     (tmp_path / 'a.csv').write_text('\n'.join([
         '# all pressures are absolute', 'time [s],strain,pressure [kPa],force [N]', *rows]))
     notes = read_measurement(tmp_path / 'a.csv').notes
-    assert any("stands '# all pressures are absolute': taken as gauge" in note for note in notes)
+    assert any("'# all pressures are absolute': 'pressure [kPa]' is taken as gauge" in note
+               for note in notes)
     assert not read_measurement(tmp_path / 'a.csv', gauge=True).notes
 
 
@@ -694,3 +700,18 @@ def test_a_clock_with_steps_too_short_for_seconds_is_asked(log):
         read_measurement(table(log, time=('time', log[0] / 86400)))
     assert 's guessed' in taken_words(read_measurement(table(log, time=('time', log[0] / 60))))
     assert not taken_words(read_measurement(table(log, time=('time', log[0]))))
+
+
+def test_a_level_of_one_bar_is_not_taken_for_the_atmosphere(log):
+    """The muscle pulls at it."""
+    data = table(log, pressure=('p [kPa]', log[2] / 1e3 - 50.5))
+    assert not read_measurement(data).notes
+
+
+def test_a_length_and_a_contraction_beside_it_tell_the_rest_length(log):
+    """Their sum; where the model has another, a note says so."""
+    data = table(log, strain=('contraction [mm]', 300 * log[1]))
+    data['length [cm]'] = 30 * (1 - log[1])
+    assert np.allclose(read_measurement(data).strain, log[1])
+    assert any('the file says 300 mm' in note for note in
+               read_measurement(data, rest_length=0.25).notes)

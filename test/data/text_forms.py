@@ -202,6 +202,24 @@ TEXTS = {
     'JSON lines of sensors': lambda log: ''.join(json.dumps(
         {'ts': t, 'muscle': {'contraction_mm': x, 'p_kPa': p}, 'cell': {'force_N': f}}) + '\n'
         for t, x, p, f in (map(float, row) for row in cells(log))),
+    'dicts that Python printed': lambda log: ''.join(
+        str(dict(zip(('t', 'contraction_mm', 'p_kPa', 'F_N'), map(float, row)))) + '\n'
+        for row in cells(log)),
+    'tuples that Python printed': lambda log: (text([], [[f'({r[0]}', *r[1:3], f'{r[3]})']
+                                                         for r in cells(log)], ', '), {
+        'columns': {'time': '1 [s]', 'contraction': '2 [mm]', 'pressure': '3 [kPa]',
+                    'force': '4 [N]'}}),
+    "Python's logging": lambda log: ''.join(
+        f'2026-05-03 10:00:{float(t):06.3f} INFO x={x}mm p={p}kPa F={f}N\n'.replace('.', ',', 1)
+        for t, x, p, f in cells(log)),
+    'units in lines of channels above': lambda log: text(
+        ['Channel 1: Contraction (mm)', 'Channel 2: Pressure (kPa)', 'Channel 3: Force (N)',
+         'Time (s),Contraction,Pressure,Force'], cells(log)),
+    'thousands apart by a blank': lambda log: text(
+        ['Temps (ms);Contraction (mm);Pression (hPa);Force (N)'],
+        [[f'{1e3 * float(t):,.0f}'.replace(',', ' '), x.replace('.', ','),
+          f'{10 * float(p):,.2f}'.replace(',', ' ').replace('.', ','), f.replace('.', ',')]
+         for t, x, p, f in cells(log)], ';'),
     'a clock beside each channel': lambda log: text(
         ['Time [s],Contraction [mm],Time [s],Pressure [kPa],Time [s],Force [N]'],
         [[r[0], r[1], r[0], r[2], r[0], r[3]] for r in cells(log)]),

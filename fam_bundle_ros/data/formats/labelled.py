@@ -18,11 +18,12 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.data.vocabulary import recognise
 
-_PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)\s*[:=]\s*'
+_PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)[\'"]?\s*[:=]\s*'
                    r'([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[Nn]a[Nn]|inf)'
                    r'(?:\s*([A-Za-z%\u00b0]+[/\w\u00b2^]*)(?![\w:=]|\s*[:=]))?')
-#: What a terminal writes before each line.
-_CLOCK = re.compile(r'\s*[\[(]?\s*(\d[\d.:]*)\s*[\])]?\s*(?:->|[:,;>|])?\s*(?=[^\W\d])')
+#: What a terminal or Python's logging writes before each line.
+_CLOCK = re.compile(r'\s*[\[(]?\s*((?:\d{4}-\d\d-\d\d[ T])?\d[\d.:]*(?:,\d{3})?)\s*[\])]?\s*'
+                    r'(?:->|[-:,;>|])?\s*(?:[\[(]?(?:INFO|DEBUG)[\])]?[\s:-]*)?(?=[^\W\d])')
 
 
 def labelled(name: str, lines: Sequence[str]) -> Table | None:

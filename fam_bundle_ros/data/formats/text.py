@@ -22,6 +22,7 @@ import warnings
 
 import numpy as np
 
+from fam_bundle_ros.data.cells import numbers
 from fam_bundle_ros.data.formats import layout
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
@@ -37,10 +38,13 @@ _BLANK = r'\s+'
 _SEPARATORS = (',', ';', '\t', '|', _BLANK)
 #: Between the digits of 1'234 and 1\u202f234.
 _GROUPS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f](?=\\d{3}(?!\\d))")
+_SPACED = re.compile(r'[-+]?\d{1,3}( \d{3})+([.,]\d*)?')
 #: A quote that begins a cell and does not end on its line, and the most lines of such a header.
 _OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
 #: What the serial monitor of the Arduino IDE writes before each line.
 _MONITOR = re.compile(r'(\d{1,2}:\d\d:\d\d[.,]\d+) -> ')
+#: What Python prints of a row.
+_TUPLE = re.compile(r'[\[(]([-+\w., \t]+)[\])](?=\s*$)')
 _COMMENTS = ('#', '%', '//', '!')
 #: Comments between rows that are kept.
 _REMARKS = 10_000
@@ -143,9 +147,14 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
         unit = first[1]  # each cell carries it: '12.5 mm'
         text = np.array([cell.rstrip()[:-len(unit)].strip() if isinstance(cell, str) else cell
                          for cell in text], object)
+    spaced = [isinstance(cell, str) and _SPACED.fullmatch(cell) is not None for cell in text]
+    text = np.array([cell.replace(' ', '') if fits else cell for cell, fits in zip(text, spaced)],
+                    object)  # 1 234,5
     if decimal == ',':  # cells that pandas left as text keep their comma
         text = np.array([cell.replace(',', '.') if isinstance(cell, str)
                          and layout.is_number(cell, ',') else cell for cell in text], object)
+    if any(spaced) and not (found := numbers(text))[1].any():
+        return found[0], unit
     return text, unit
 
 
@@ -178,6 +187,8 @@ def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
             return
         if "'" in line or not line.isascii():
             line = _GROUPS.sub('', line)
+        if line[:1] in '[(':
+            line = _TUPLE.sub(r'\1', line)
         if ' -> ' in line:
             line = _MONITOR.sub(_clock_cell, line, count=1)
         if '\0' in line:
