@@ -130,9 +130,10 @@ class Choices:
             for header in self.table.columns:
                 why, column = self.refused.get(header, ''), self.table.columns[header]
                 unit = dimension_of(header, self.table.units.get(header, ''))
-                if unit is not None and unit.like == like and column.dtype.kind == 'f' and (
+                if unit is not None and unit.like == like and column.dtype.kind in 'fO' and (
                         why == 'not known' or why.startswith('may be ')):
-                    found.append((header, unit, column[np.isfinite(column)]))
+                    values = numbers(column)[0]
+                    found.append((header, unit, values[np.isfinite(values)]))
             relative = [entry for entry in found if absolute_of(entry[0]) is False]
             if family == 'pressure' and len(relative) == 1:
                 found = relative  # beside the absolute one
@@ -153,7 +154,7 @@ class Choices:
     def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
         if not match.quantity and match.why == 'not known':
             unit = (self.table.units.get(header) or unit_text_of(header) or '').strip()
-            return 'text' if is_text(column) else match.why if unit not in ELECTRIC else (
+            return 'text' if _mostly_text(column) else match.why if unit not in ELECTRIC else (
                 f'in {unit}: tell what one {unit} is worth')
         if not match.quantity or not match.score:
             return match.why
@@ -312,7 +313,7 @@ class Choices:
         without: list[str] = []
         electric: list[str] = []
         for header, column in self.table.columns.items():
-            if header not in self.refused or header == besides or is_text(column):
+            if header not in self.refused or header == besides or _mostly_text(column):
                 continue
             meant = recognise(header, self.table.units.get(header, '')).quantity
             alike = _family(meant) == key
@@ -327,6 +328,11 @@ class Choices:
                 told = told.replace('strain', 'contraction')  # a voltage is rarely of a ratio
                 electric.append(f'{told}={name_of(header)} * 50 {_EXAMPLES.get(told, "mm")}')
         return fitting or without or electric
+
+
+def _mostly_text(column: np.ndarray) -> bool:
+    """Return whether most cells are words: below readings may stand a footer."""
+    return is_text(column) and np.isfinite(numbers(column)[0]).mean() < 0.5
 
 
 def _same(one: np.ndarray, other: np.ndarray, unit: Unit | None, another: Unit | None) -> bool:

@@ -55,7 +55,7 @@ def run_on(clock: np.ndarray) -> tuple[np.ndarray, float]:
         return clock, 0.0
     usual = np.median(steps[steps > 0.0])
     for period in _COUNTERS:
-        anew = np.abs(steps + period - usual) < _ANEW * usual
+        anew = (steps < 0.0) & (np.abs(steps + period - usual) < _ANEW * usual)
         if anew.any():
             clock = clock.copy()
             clock[known[1:]] += period * np.cumsum(anew)

@@ -321,7 +321,7 @@ class _Reader:
     def _unit_above(self, header: str, quantity: str) -> Unit | None:
         """Return the unit that lines above the table give a name: 'Channel 1: Force (lbf)'."""
         found = {unit for line in self.table.above for text in re.findall(
-            rf'(?<!\w){re.escape(header)}\s*[\[(]([^\])]+)[\])]', line, re.IGNORECASE)
+            rf'(?:^|[:;,=|\t])\s*{re.escape(header)}\s*[\[(]([^\])]+)[\])]', line, re.IGNORECASE)
             for like in likes(quantity) if (unit := unit_of(text, like))}
         return found.pop() if header and len(found) == 1 else None
 

@@ -109,8 +109,8 @@ def _factor(text: str, like: str) -> float | None:
     key = plain.casefold()
     if like in _UNITS and key in _UNITS[like]:
         return _UNITS[like][key]
-    if like not in _UNITS or not re.search(r'[A-Za-z]', plain):
-        return None
+    if like not in _UNITS or not re.search('[A-Za-z]', plain) or re.match(r'\d', plain):
+        return None  # 'P 2 kPa' is a second pressure
     try:
         return si_factor(text, like)
     except InputError:

@@ -715,3 +715,27 @@ def test_a_length_and_a_contraction_beside_it_tell_the_rest_length(log):
     assert np.allclose(read_measurement(data).strain, log[1])
     assert any('the file says 300 mm' in note for note in
                read_measurement(data, rest_length=0.25).notes)
+
+
+def test_an_unknown_name_above_a_footer_is_taken_by_its_unit(log, tmp_path):
+    """The word of the footer stands in the column of the laser."""
+    rows = [f'{250 * e:.4f},{t:.2f},{p / 1e3:.2f},{f:.2f}' for t, e, p, f in zip(*log)]
+    (tmp_path / 'a.csv').write_text('\n'.join([
+        'Laser [mm],t [s],p [kPa],F [N]', *rows, 'Mean,1,2,3']))
+    data = read_measurement(tmp_path / 'a.csv', rest_length=0.25)
+    assert len(data) == ROWS
+    assert np.allclose(data.strain, log[1], atol=1e-5)
+
+
+def test_the_unit_of_another_column_above_is_not_that_of_the_pressure(log, tmp_path):
+    """'Ambient pressure [hPa]' beside 'Pressure': the latter is in kPa by its size."""
+    rows = [f'{t:.2f},{e:.4f},{p / 1e3:.2f},{f:.2f},1013' for t, e, p, f in zip(*log)]
+    (tmp_path / 'a.csv').write_text('\n'.join([
+        't [s],strain,Pressure,F [N],Ambient pressure [hPa]', *rows]))
+    assert np.allclose(read_measurement(tmp_path / 'a.csv').pressure[:, 0], log[2])
+
+
+def test_a_number_before_a_unit_is_that_of_the_sensor():
+    """'P 2, kPa' is a second pressure, not one in 2 kPa."""
+    found = recognise('P 2, kPa')
+    assert (found.part, found.unit.text, found.unit.factor) == ('mu2', 'kPa', 1e3)

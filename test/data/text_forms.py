@@ -220,6 +220,9 @@ TEXTS = {
         [[f'{1e3 * float(t):,.0f}'.replace(',', ' '), x.replace('.', ','),
           f'{10 * float(p):,.2f}'.replace(',', ' ').replace('.', ','), f.replace('.', ',')]
          for t, x, p, f in cells(log)], ';'),
+    'a footer of whole numbers below words': lambda log: text(
+        ['t [s]\tcontraction [mm]\tp [kPa]\tF [N]\tStatus\tValve'],
+        [*([*r, 'OK', 'open'] for r in cells(log)), ['Mean', '1', '1', '1', '1', '1']], '\t'),
     'a clock beside each channel': lambda log: text(
         ['Time [s],Contraction [mm],Time [s],Pressure [kPa],Time [s],Force [N]'],
         [[r[0], r[1], r[0], r[2], r[0], r[3]] for r in cells(log)]),

@@ -292,7 +292,8 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
             rows = grid[first:]
             readings = sum(layout.is_reading(cell, decimal) for row in rows for cell in row)
             # of equals the one whose sign before decimals is met
-            score = readings / len(rows) + 0.5 * _decimals(rows, decimal)
+            # a footer of whole numbers alone is no table
+            score = readings / max(len(rows), len(grid) // 2) + 0.5 * _decimals(rows, decimal)
             if score > best[0]:
                 found = layout.Layout([], {}, first, width)
                 best = (score, plain[first][0], first, Dialect(separator, decimal, found))
