@@ -39,6 +39,8 @@ _ENOUGH = 2
 NONE = 'none'
 #: Quantity: the unit in examples of messages.
 _EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
+#: Counts what is no break of the log.
+_CYCLE = re.compile('cycle|zyklus', re.IGNORECASE)
 #: More trials than rows over this: the column counts rows.
 _ROWS_PER_TRIAL = 2
 #: Strains in smaller units, \u00b5\u03b5, are no muscle's.
@@ -165,6 +167,9 @@ class Choices:
         if match.quantity == 'strain' and match.unit and match.unit.factor < _MICRO:
             return 'of a strain gauge'
         if match.quantity == 'trial':
+            if _CYCLE.search(header) and any(recognise(other).quantity == 'time'
+                                             for other in self.table.columns):
+                return 'cycles, of one trial where the clock runs on'
             count = len({cell for cell in column.tolist() if cell == cell})
             return (f'{count} different values in {len(column)} rows: no trials'
                     if count * _ROWS_PER_TRIAL > len(column) else '')

@@ -104,6 +104,7 @@ def _factor(text: str, like: str) -> float | None:
     plain = re.sub(r'[\s^*\u00b7]', '', text).replace('\u00b2', '2')
     plain = plain.replace('\u00b5', 'u').replace('\u03bc', 'u').rstrip('.')
     plain = re.sub(r'(?<=[a-z])-f(orce)?$', '', plain)  # kg-f, pound-force
+    plain = re.sub('_(?=[cm]?m2$)', '/', plain)  # kgf_cm2 of MATLAB, whose names have no slash
     if plain == 'MN' and like == 'N':
         return 1e6
     key = plain.casefold()

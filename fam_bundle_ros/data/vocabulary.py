@@ -29,7 +29,8 @@ _NAMES: dict[str, tuple[str, ...]] = {
              'zeitpunkt', 'relative time', 'rel time', 'test time', 'run time', 'tout', '時間',
              '時刻', '时间'),
     'trial': ('trial', 'run', 'test', 'versuch', 'messung', 'lauf', 'wiederholung', 'rep',
-              'repeat', 'repetition', 'experiment', 'series', 'reihe', 'messreihe'),
+              'repeat', 'repetition', 'experiment', 'cycle', 'zyklus', 'series', 'reihe',
+              'messreihe'),
     'force': ('force', 'f', 'kraft', 'load', 'last', 'tension', 'pull', 'load cell', 'loadcell',
               'fx', 'fz', 'zugkraft', 'kraftsensor', 'kraftmessdose', 'axialkraft', 'force x',
               'force z', 'tensile', 'tensile force', 'load force', 'load cell force',
@@ -66,10 +67,10 @@ _BETTER = frozenset("""corrected korrigiert calibrated kalibriert tared tariert 
 #: Words of columns that are no reading of the muscle.
 _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref reference cmd command
     demand supply versorgung versorgungs tank source speise speicher ambient umgebung umgebungs
-    luft vor atmospheric atmosphere barometric model predicted prediction simulated sim residual
-    error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration temperature
-    temperatur temp voltage volt spannung strom valve ventil derivative noise max min limit
-    offset regulator torque moment drehmoment weight gewicht friction reibung diameter
+    luft vor atm atmospheric atmosphere barometric model predicted prediction simulated sim
+    residual error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration
+    temperature temperatur temp voltage volt spannung strom valve ventil derivative noise max min
+    limit offset regulator torque moment drehmoment weight gewicht friction reibung diameter
     durchmesser radius radial thickness dicke width breite height hoehe stress modulus vacuum
     vakuum unterdruck preload vorlast theoretical theo theoretisch estimated estimate""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
@@ -243,7 +244,7 @@ def unit_text_of(header: str) -> str | None:
 
 def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
     """Return the ways to take a header apart into name and unit (None: it has none)."""
-    header = half_width(header).rstrip('_ ')
+    header = re.sub('(?<!_)_$', '', half_width(header).rstrip())  # 'Force_N_' of writetable
     brackets = list(_BRACKET.finditer(header))
     if unit_text:
         return [(header, unit_text)]

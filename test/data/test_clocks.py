@@ -264,3 +264,12 @@ def test_files_of_topics_without_names_are_told_with_their_files_names(muscle, t
     (data,) = read_recordings(files, recipe=Recipe(columns=told))
     assert np.allclose(data.time - data.time[0], TIME, atol=1e-5)
     assert np.allclose(data.force, force(TIME, muscle), atol=1e-3)
+
+
+def test_cycles_of_a_clock_that_runs_on_are_one_trial(muscle):
+    """Without a clock they are trials."""
+    data = {'cycle': np.repeat(np.arange(4.0), 100), 'strain': strain(TIME), 'p [kPa]':
+            pressure(TIME), 'F [N]': force(TIME, muscle)}
+    assert len(read_measurement(data).trial_names) == 4
+    assert len(read_measurement({**data, 'time [s]': TIME}).trial_names) == 1
+    assert len(read_measurement({**data, 'time [s]': TIME % 5.0}).trial_names) == 4

@@ -37,6 +37,7 @@ def table(log, **renamed):
     ('\u03b5 [%]', 'strain', '%', 1e-2), ('t_ms', 'time', 'ms', 1e-3),
     ('PRESSURE_KPA', 'pressure', 'KPA', 1e3), ('Weg [\u00b5m]', 'shift', '\u00b5m', 1e-6),
     ('Verk\u00fcrzung [%]', 'contraction', '%', 1e-2),
+    ('p_N_mm2', 'pressure', 'N_mm2', 1e6), ('p_atm', 'pressure', 'atm', 101325.0),
     ('Pressure_kPa_', 'pressure', 'kPa', 1e3), ('p_mess [bar]', 'pressure', 'bar', 1e5),
 ])
 def test_names_and_units_are_recognised(header, quantity, unit, factor):
@@ -51,7 +52,8 @@ def test_names_and_units_are_recognised(header, quantity, unit, factor):
     'Luftdruck [hPa]', 'ambient pressure [kPa]', 'model force [N]', 'residual [N]',
     'force error [N]', 'torque [Nm]', 'velocity [mm/s]', 'Temperature [K]', 'valve voltage [V]',
     'target length [mm]', 'radial displacement [mm]', 'estimated force [N]', 'p_des [kPa]',
-    'p_des_1 [bar]', '/cell/wrench/torque/x', 'strain gauge', 'Strain gage 2'])
+    'p_des_1 [bar]', '/cell/wrench/torque/x', 'p_atm [hPa]', 'strain gauge',
+    'Strain gage 2'])
 def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
     """Setpoints, supplies, models and other sensors are left alone."""
     assert recognise(header).quantity == ''
@@ -736,6 +738,7 @@ def test_the_unit_of_another_column_above_is_not_that_of_the_pressure(log, tmp_p
 
 
 def test_a_number_before_a_unit_is_that_of_the_sensor():
-    """'P 2, kPa' is a second pressure, not one in 2 kPa."""
+    """'P 2, kPa' is a second pressure, not one in 2 kPa; what MATLAB leaves of 'in -' no inch."""
     found = recognise('P 2, kPa')
     assert (found.part, found.unit.text, found.unit.factor) == ('mu2', 'kPa', 1e3)
+    assert recognise('Contraction_ratio_in__').unit is None
