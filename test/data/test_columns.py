@@ -556,3 +556,32 @@ def test_a_column_without_a_name_is_said(tmp_path, log):
         assert np.allclose(data.force, log[3], atol=1e-3)
         assert any(f'5 columns below 4 names: the {which} has none' in note
                    for note in data.notes)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_partial_correlations_are_those_of_what_the_third_leaves(seed):
+    """Residuals of straight lines, in any units, of any sign; one that is still has none."""
+    rng = np.random.default_rng(seed)
+    e, p, f = rng.normal(size=(3, 3)) @ rng.normal(size=(3, 60)) + [[1.0], [5.0], [-20.0]]
+
+    def left(of, given):
+        return of - np.polyval(np.polyfit(given, of, 1), given)
+    found = checks.partial_correlations(1e-3 * e, 1e5 * p, f)
+    if found.follows:
+        assert np.corrcoef(e, p)[0, 1] ** 2 > 0.8
+        assert found == pytest.approx((0.0, np.corrcoef(p, f)[0, 1], np.corrcoef(e, p)[0, 1]))
+    else:
+        assert found == pytest.approx((np.corrcoef(left(e, p), left(f, p))[0, 1],
+                                       np.corrcoef(left(p, e), left(f, e))[0, 1], 0.0))
+    still = checks.partial_correlations(e, np.full(60, 3e5), f)
+    assert still == pytest.approx((np.corrcoef(e, f)[0, 1], 0.0, 0.0))
+
+
+@pytest.mark.parametrize(('header', 'unit'), [
+    ('p2 [kPa]', 'mu1'), ('pressure 2 [kPa]', 'mu1'), ('pressure.mu2 [kPa]', 'mu2'),
+    ('pressure.left [kPa]', 'left')])
+def test_a_lone_pressure_has_the_name_that_the_file_gives_a_motor_unit(header, unit):
+    """A number alone names none: it may count the channels of a logger."""
+    e, p = np.tile(np.linspace(0.0, 0.2, 8), 5), np.repeat(np.linspace(100.0, 400.0, 5), 8)
+    data = read_measurement({'strain': e, header: p, 'force [N]': 0.1 * p * (1.0 - 3.0 * e)})
+    assert data.motor_units == (unit,)
