@@ -13,6 +13,7 @@ from fam_bundle_ros.data.noise import (
     _chosen,
     autocorrelation_time,
     force_step,
+    second_differences,
     visit_cells,
 )
 from fam_bundle_ros.data.trials import trial_offsets
@@ -198,3 +199,88 @@ def test_trials_are_correlated_each_with_itself_only():
     assert autocorrelation_time(np.ones(50), np.zeros(50, int)) == 1.0
     alternating = np.where(np.arange(400) % 2, 1.0, -1.0)
     assert autocorrelation_time(alternating, np.zeros(400, int)) == 1.0
+
+
+def test_uneven_steps_leave_the_noise_of_a_ramp_as_it_is():
+    """A middle is held against the line of its neighbours where it is, not half way."""
+    rng = np.random.default_rng(10)
+    time = np.cumsum(rng.uniform(0.01, 0.1, 6000))
+    data = build('log', 0.001 * time, 1e3 + 600.0 * time, time, None, time)
+    noise = 0.5 * rng.normal(size=6000)
+    assert second_differences(data, 5.0 * time + noise) == pytest.approx(0.5, rel=0.05)
+    assert second_differences(data, 5.0 * time) < 1e-9
+    cut = build('trials', data.strain, data.pressure, data.force, np.arange(6000) // 2, time)
+    assert second_differences(cut, noise) is None
+
+
+def test_noise_of_a_map_is_that_of_its_lines(muscle):
+    """Of rows of one strain by their pressure, and of isobars in the file and by strain."""
+    e, p = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 0.2, 30),
+                                                 np.linspace(0.0, 4e5, 20)))
+    noise = 0.5 * np.random.default_rng(11).normal(size=600)
+    data = build('map', e, p, muscle(e, p) + noise)
+    smooth = 10.0 * e + 2e-5 * p
+    floor = noise_floor(data, noise + smooth)
+    assert floor.basis == 'second differences'
+    assert floor.value == floor.differences == pytest.approx(0.5, rel=0.1)
+    assert floor.repeats is floor.visits is None
+    assert floor.correlation == 1.0
+    assert floor.in_file_order == pytest.approx(0.5, rel=0.1)
+    assert floor.in_strain_order == pytest.approx(0.5, rel=0.1)
+    assert not floor.hides_loops
+    shuffled = np.random.default_rng(12).permutation(600)
+    mixed = build('map', e[shuffled], p[shuffled], data.force[shuffled])
+    floor = noise_floor(mixed, (noise + smooth)[shuffled])
+    assert floor.differences == pytest.approx(0.5, rel=0.1)
+    assert floor.in_strain_order == pytest.approx(0.5, rel=0.1)
+
+
+def test_loops_of_a_map_are_smooth_in_the_file_and_not_by_strain(muscle):
+    """Sweeps up and down without a column of time: friction is said to pass for noise."""
+    once = np.r_[np.linspace(0, 0.2, 40), np.linspace(0.2, 0, 41)[1:]]
+    e, p = np.tile(once, 5), np.repeat(np.linspace(1e5, 4e5, 5), 80)
+    way = np.tile(np.repeat([1.0, -1.0], 40), 5)
+    noise = 0.1 * np.random.default_rng(13).normal(size=400)
+    data = build('map', e, p, muscle(e, p) - 4.0 * way + noise)
+    floor = noise_floor(data, noise - 4.0 * way)
+    assert floor.hides_loops
+    assert floor.in_file_order == pytest.approx(0.1, rel=0.2)
+    assert floor.in_strain_order > 2.0
+    assert 'loops or drift' in floor.note
+    calm = noise_floor(data, noise)
+    assert not calm.hides_loops
+    assert calm.in_strain_order == pytest.approx(0.1, rel=0.2)
+
+
+@pytest.mark.parametrize('memory', [0.0, 0.9])
+def test_repeats_have_the_noise_of_a_sample_and_visits_tell_its_memory(muscle, memory):
+    """White noise of 0.5 N, and slow noise of the same size: neighbours see hardly any of it."""
+    count = 16_000
+    time = 0.01 * np.arange(count)
+    strain = 0.2 * np.abs((time / 20.0) % 2.0 - 1.0)
+    pressure = np.where(time < 80.0, 2e5, 3e5)
+    white = np.random.default_rng(14).normal(size=count)
+    noise = 0.5 * np.sqrt(1.0 - memory ** 2) * lfilter([1.0], [1.0, -memory], white)
+    data = build('slow', strain, pressure, muscle(strain, pressure) + noise, None, time)
+    floor = noise_floor(data, noise)
+    assert floor.repeats == pytest.approx(0.5, rel=0.15)
+    rows = 2000.0 / 60.0  # of a visit
+    # variance of a mean of correlated samples, over that of white ones
+    expected = (1.0 + memory) / (1.0 - memory) - 2.0 * memory * (1.0 - memory ** rows) / (
+        rows * (1.0 - memory) ** 2)
+    assert floor.correlation == pytest.approx(expected, rel=0.35)
+    assert floor.visits == pytest.approx(0.5 * np.sqrt(expected), rel=0.15)
+    assert ('repeats differ more than neighbours do' in floor.note) == bool(memory)
+    assert floor.differences == pytest.approx(0.5 * np.sqrt(
+        (1.5 - 2.0 * memory + 0.5 * memory ** 2) / 1.5), rel=0.05)
+
+
+def test_too_few_rows_have_the_spread_of_their_residual():
+    """A median deviation, and that it cannot be told from an error."""
+    floor = _chosen(np.array([0.0, 1.0, 2.0, 3.0, 50.0]), None, None, None, 1.0, 0)
+    assert (floor.value, floor.basis) == (1.4826, 'spread of the residual')
+    assert floor.correlation == 1.0
+    only = _chosen(np.zeros(9), 0.7, None, None, 1.0, 0)
+    assert (only.value, only.differences, only.repeats, only.correlation) == (0.7, 0.7, None, 1.0)
+    repeated = _chosen(np.zeros(9), None, 0.4, 0.5, 1.5, 20)
+    assert (repeated.value, repeated.basis, repeated.correlation) == (0.4, 'repeats', 1.5)
