@@ -177,6 +177,17 @@ def test_a_clean_enough_rate_is_not_smoothed_further(rng):
     assert_allclose(found.rate, 1.0, atol=1e-3)
 
 
+@pytest.mark.parametrize('late', [-0.4, -0.2, 0.2, 0.4])
+def test_a_corner_between_two_samples_is_found_where_it_is(rng, late):
+    """The sample next to it has the slope of the leg that it is on; all others theirs."""
+    rows, corner = np.arange(400.0), 200.0 + late
+    value = np.where(rows < corner, 0.2 * rows, 0.2 * corner + 1.0 * (rows - corner))
+    found = slope(rows, value + 1e-4 * rng.normal(size=400), np.zeros(400, int))
+    assert_allclose(found.rate[:200], 0.2, atol=0.04)
+    assert_allclose(found.rate[201:], 1.0, atol=0.04)
+    assert found.rate[200] == pytest.approx(1.0 if late < 0.0 else 0.2, abs=0.04)
+
+
 def test_levels_that_were_set_and_even_ramps_are_no_steps_of_a_reading(rng):
     """Sixteen changes and steps in its range at least, all multiples of the smallest."""
     trial = np.zeros(400, int)
