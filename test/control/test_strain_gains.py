@@ -64,7 +64,7 @@ def test_gains_without_margin_have_no_cost():
 
 
 def test_the_gains_are_better_than_others_near_by():
-    """Of the error in time, with each of them a little more or less, as far as margins are kept."""
+    """With each of them a little more or less the cost is higher, or a margin is lost."""
     best = strain_gains(STIFFNESS, INERTIA, 0.0, LAG)
     chosen = np.array([best.gain, best.integral, best.damping])
     assert chosen[1] > 0.0
