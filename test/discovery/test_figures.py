@@ -53,7 +53,8 @@ def test_every_row_of_isobars_is_a_point_and_on_the_line_of_the_model(compared):
     order = np.lexsort((compared.prediction, data.strain))
     assert_allclose(np.array([x[kept], y[kept]]),
                     np.array([data.strain[order], compared.prediction[order]]))
-    assert [t.name for t in drawing.data if t.showlegend] == ['0', '83', '165', '248', '331', '414']
+    assert [t.name for t in drawing.data if t.showlegend] == [
+        '0', '83', '165', '248', '331', '414']
     assert len({t.marker.color for t in drawing.data if t.mode == 'markers'}) == 6
 
 
