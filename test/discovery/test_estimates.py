@@ -12,6 +12,7 @@ from fam_bundle_ros.discovery.evidence import pinned
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import catalogue
 
+
 @pytest.fixture
 def fit(paper_muscle):
     """Return a fit with parameters of each kind and a covariance of u."""
