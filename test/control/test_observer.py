@@ -233,3 +233,14 @@ def test_what_pressures_do_not_give_is_asked_for_besides(missing, found):
     for _ in range(round(60.0 * LAG / DT)):
         observe(state, 50.0, 50.0, 50.0 + missing, 1.0, LAG, DT)
     assert state.bias == pytest.approx(found, abs=0.01)
+
+
+def test_what_pressures_give_later_is_not_missing():
+    """Asked for by a ramp to and fro, and there a lag of the loop later."""
+    state, given, found = ObserverState(), 0.0, []
+    for k in range(3000):
+        asked = 40.0 + 10.0 * abs((k * DT) % 2.0 - 1.0)
+        given = asked if k == 0 else given + low_pass(DT, LAG) * (asked - given)
+        observe(state, given, given, asked, 1.0, LAG, DT)
+        found.append(state.bias)
+    assert max(map(abs, found)) < 1e-6
