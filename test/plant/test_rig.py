@@ -23,6 +23,7 @@ from fam_bundle_ros.plant import (
     SeriesSpringMass,
     SupplyConfig,
 )
+from fam_bundle_ros.plant.rig import _dependences
 
 IDEAL = SensorConfig.ideal()
 
@@ -442,3 +443,20 @@ def test_the_default_rig_suits_muscles_that_take_more_pressure(bundle):
     drive(ours, [780e3, 780e3], 3.0)
     assert not ours.e_stopped
     assert ours.truth.pressure == pytest.approx([780e3, 780e3], rel=0.02)
+
+
+def test_a_drag_that_acts_under_pressure_alone_is_a_drag(bundle):
+    """And without one the force knows no rate; the volume knows the pressure where braids give."""
+    assert _dependences(bundle, bundle.model()) == (False, False)
+    drag = loads_model("""
+        format: fam-bundle-model/1
+        motor_units:
+          - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg,
+                       wall_thickness: 1.59 mm}
+        effects:
+          - my_drag: {expression: "-k * strain_rate * max(pressure - p0, 0)", place: loss,
+                      parameters: {k: 0.02 N*s/kPa, p0: 80 kPa}}
+        """).effects[0]
+    dragged, soft = bundle.with_effect(drag), bundle.with_effect('braid_elasticity')
+    assert _dependences(dragged, dragged.model()) == (True, False)
+    assert _dependences(soft, soft.model()) == (False, True)
