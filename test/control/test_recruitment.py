@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from fam_bundle_ros import control
 from fam_bundle_ros.control import (
     Allocator,
     ControllerConfig,
@@ -657,3 +658,11 @@ def test_where_the_force_rises_with_the_strain_pressures_are_for_the_strain_that
         else:
             assert back == pytest.approx(float(forces[there] - forces[wanted]), abs=0.05)
             assert back * away < 0.0
+
+
+def test_settings_references_and_commands_cannot_be_changed(not_frozen):
+    """What kernels work on is a state, settings or a record, or one of these."""
+    assert {name for name in not_frozen(control)
+            if not name.endswith(('State', 'Settings', 'Record'))} == {
+                'Crossings', 'CurveTable', 'Demand', 'LoadEstimate', 'Margins', 'Moment',
+                'PidDiagnostics', 'Reason', 'Shares', 'Target'}

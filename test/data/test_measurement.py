@@ -9,6 +9,7 @@ import resource
 import numpy as np
 import pytest
 
+from fam_bundle_ros import data as data_package
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.rates import slope, smooth
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
@@ -328,3 +329,8 @@ def test_trials_of_one_row_do_not_move():
     found = slope(np.arange(6.0), np.arange(6.0), np.arange(6))
     assert not found.rate.any()
     assert found.noise == 0.0
+
+
+def test_measurements_and_protocols_cannot_be_changed(not_frozen):
+    """Only what reads a file changes while it does."""
+    assert not_frozen(data_package) == {'Choice', 'Choices', '_Reader'}

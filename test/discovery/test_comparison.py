@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fam_bundle_ros import discovery
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import Choices, compare, figures
 from fam_bundle_ros.discovery.cells import reduce
@@ -184,3 +185,8 @@ def test_a_hum_is_described_by_waves_of_its_period():
     assert 'every 1.25 s' in words
     left = hum - waves @ np.linalg.lstsq(waves, hum, rcond=None)[0]
     assert np.std(left) < 0.1 * np.std(hum)
+
+
+def test_results_cannot_be_changed(not_frozen):
+    """Only what searches changes."""
+    assert not_frozen(discovery) == {'Fitter', 'Search', '_Look'}

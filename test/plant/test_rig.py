@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from fam_bundle_ros import plant as plant_package
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, loads_model, Motion
 from fam_bundle_ros.plant import (
@@ -460,3 +461,10 @@ def test_a_drag_that_acts_under_pressure_alone_is_a_drag(bundle):
     dragged, soft = bundle.with_effect(drag), bundle.with_effect('braid_elasticity')
     assert _dependences(dragged, dragged.model()) == (True, False)
     assert _dependences(soft, soft.model()) == (False, True)
+
+
+def test_configurations_of_a_rig_cannot_be_changed(not_frozen):
+    """Its states and records, and faults, are what changes."""
+    assert {name for name in not_frozen(plant_package)
+            if not name.endswith(('State', 'Record'))} == {
+                'Air', 'AirBalance', 'AirScratch', 'DelayLine', 'Faults'}
