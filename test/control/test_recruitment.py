@@ -593,6 +593,16 @@ def test_enabling_holds_the_pressures_until_time_goes_on(paper_bundle):
     assert list(command.active) == [True, False]
 
 
+def test_enabling_takes_over_no_pressure_that_cannot_be_commanded(paper_bundle):
+    """A gauge below zero or above the limit, or without a reading."""
+    controller = Bench(paper_bundle, 0.1).controller
+    for shown, taken in ((-300.0, 0.0), (400e3, 344.7e3), (np.nan, 0.0), (120e3, 120e3)):
+        measurement = Measurement(30.0, 0.1, 0.0, np.array([200e3, shown]))
+        controller.enable(measurement)
+        command = controller.update(0.0, measurement, Reference('force', 40.0))
+        assert command.pressure.tolist() == [200e3, taken]
+
+
 def test_a_decision_is_told_once_though_readings_are_lost(paper_bundle):
     """Ticks that hold the last command do not say its reason again."""
     bench = Bench(paper_bundle, 0.1)
