@@ -20,7 +20,7 @@ from fam_bundle_ros.control.strain_gains import (
 STIFFNESS, INERTIA, LAG = 800.0, 0.5, 0.02
 
 
-def squared_error(gain, integral, rate, seconds=4.0, dt=1e-4):
+def squared_error(gain, integral, rate, seconds=2.0, dt=2.5e-4):
     """Return the mean over plants of the integral of strain^2 after a load step of 1 N."""
     stiffness = np.repeat([STIFFNESS / SPAN, STIFFNESS, STIFFNESS * SPAN], 3)
     error = np.tile(GAIN_ERRORS, 3)
