@@ -375,6 +375,35 @@ def test_tare_zeroes_the_force_reading(bundle):
     assert rig.truth.force == pytest.approx(float(bundle.force(0.1, [0.0, 0.0])))
 
 
+def test_tare_zeroes_whatever_the_gauge_makes_of_the_force(bundle):
+    """Gain, offset and drift of the plant's gauge under pressure, at any time."""
+    model = bundle.with_effect('force_sensor_bias', bias=4.0).with_effect(
+        'force_sensor_gain', gain=0.1).with_effect('force_sensor_drift', rate=0.5)
+    rig = make(model, sensors=replace(IDEAL, force_bias=2.0))
+    drive(rig, [250e3, 80e3], 1.0)
+    assert abs(rig.step([0.0, 0.0], 1e-3).force) > 50.0
+    rig.tare()
+    assert abs(rig.step([0.0, 0.0], 1e-3).force) < 0.05
+
+
+def test_other_muscles_of_the_rig_have_its_motor_units_and_length(bundle):
+    """What is changed is the model; strain and pressures stay."""
+    rig = make(bundle)
+    drive(rig, [250e3, 80e3], 0.5)
+    before = rig.truth.pressure.copy()
+    weak = bundle.with_effect('coulomb_friction', force=3.0)
+    rig.change_bundle(weak)
+    rig.step([0.0, 0.0], 1e-3)
+    assert rig.truth.pressure == pytest.approx(before, rel=1e-3)
+    assert rig.bundle is weak
+    alone = Bundle('one', bundle.motor_units[:1], bundle.effects)
+    with pytest.raises(InputError, match='1 motor units of 127 mm; the rig has 2 of 127 mm'):
+        rig.change_bundle(alone)
+    longer = bundle.with_parameters({'geometry.length': 0.2})
+    with pytest.raises(InputError, match='2 motor units of 200 mm; the rig has 2 of 127 mm'):
+        rig.change_bundle(longer)
+
+
 def test_load_step_changes_the_balance_and_not_the_motion(bundle):
     """More mass in motion lets the bundle sink without a jump in strain."""
     rig = make(bundle.with_effect('viscous_damping', coefficient=40.0), MassSpring(mass=4.0))
