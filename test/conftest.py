@@ -6,9 +6,12 @@ Fixtures that every test may use.
 rclpy is imported by the fixtures that need it, so that tests of the library run without ROS.
 """
 
+from dataclasses import is_dataclass
 import fcntl
+from importlib import import_module
 import os
 from pathlib import Path
+import pkgutil
 import tempfile
 
 from hypothesis import settings
@@ -42,6 +45,18 @@ LARGEST_DOMAIN = 101
 def repository():
     """Return the root of the source tree."""
     return Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope='session')
+def not_frozen():
+    """Return a function from a package to the names of its dataclasses that may change."""
+    def names(package):
+        modules = [import_module(info.name) for info in
+                   pkgutil.walk_packages(package.__path__, f'{package.__name__}.')]
+        return {name for module in modules for name, kind in vars(module).items()
+                if isinstance(kind, type) and is_dataclass(kind)
+                and kind.__module__ == module.__name__ and not kind.__dataclass_params__.frozen}
+    return names
 
 
 @pytest.fixture(scope='session')

@@ -112,7 +112,6 @@ class _Shape:
 def bank(cells: Cells, model: Bundle) -> list[_Shape]:
     """Return the shapes that the data can show, unscaled."""
     data = cells.data
-    kept = cells.label >= 0
     e, total = cells.motion.strain, cells.motion.pressure.mean(-1)
     force = model.predict(cells.motion)
     single = data.pressure.shape[1] == 1
@@ -122,7 +121,7 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
             expression: str | None, kind: str, extra: int = 0,
             constants: tuple[tuple[str, float, str], ...] = ()) -> None:
         columns = column if column.ndim == 2 else column[:, None]
-        if np.all(np.isfinite(columns)) and np.ptp(columns[kept], axis=0).min() >= 0:
+        if np.all(np.isfinite(columns)):
             shapes.append(_Shape(columns, words, unit, families, expression, kind, extra,
                                  constants))
 
@@ -163,7 +162,7 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
             if period < shortest or levels < 20:
                 break
             wave = 2 * np.pi * e / period
-            add(np.stack([np.sin(wave) * g, np.cos(wave) * g], -1),
+            add(np.column_stack([np.sin(wave) * g, np.cos(wave) * g]),
                 f'periodic in strain, every {period:.4f}{g_words}', 'N' + g_unit, (), None,
                 f'periodic{power}', 1)
     for onset in np.linspace(total.min(), total.max(), 9)[1:-1]:
@@ -286,7 +285,7 @@ def _add_hum(add: Any, cells: Cells, residual: np.ndarray, time: np.ndarray) -> 
     if power[top] < 40.0 * np.median(near):
         return
     wave = 2 * np.pi * frequency[top] * time
-    add(np.stack([np.sin(wave), np.cos(wave)], -1),
+    add(np.column_stack([np.sin(wave), np.cos(wave)]),
         f'periodic in time, every {1.0 / frequency[top]:.3g} s', 'N', (), None, 'hum', 1)
 
 

@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fam_bundle_ros.control import (
     AdaptationConfig,
@@ -18,7 +19,11 @@ from fam_bundle_ros.control.adaptation import (
     adaptation_step,
     bound_of,
     forget_adaptation,
+    lag_doubt,
+    lag_of,
+    lagged,
     learn_lead,
+    take_noise,
     USUAL_LAG,
 )
 from fam_bundle_ros.control.learnt import adapted_bundle, learnt_words, wrong_model
@@ -233,3 +238,89 @@ def test_bad_settings_fails():
     for name in ('memory', 'pull_error', 'rest_error'):
         with pytest.raises(InputError, match=name):
             AdaptationConfig(**{name: 0.0})
+
+
+@pytest.mark.parametrize('forces', [[30.0, 12.0], [40.0, -6.0], [-3.0, -5.0], [0.0, 25.0]])
+@pytest.mark.parametrize('weight', [1.0, 0.3])
+def test_one_sample_is_weighed_as_bayes_weighs_it(paper_bundle, forces, weight):
+    """The posterior of a linear model: tensions, push-back and bias, one sample per 2 T."""
+    learner = Learner(paper_bundle, pull_error=0.1, push_error=0.4, offset_error=2.0,
+                      rest_error=1.5, memory=0.8)
+    settings, state = learner.settings, learner.state
+    assert settings.spread == [0.1, 0.1, 0.4, 2.0, USUAL_LAG]
+    assert state.rest == pytest.approx((0.3 * 1.5) ** 2)
+    off = 0.4
+    learner.run([forces], [sum(forces) + off], weight)
+    regressor = np.array([*(max(force, 0.0) for force in forces),
+                          sum(min(force, 0.0) for force in forces), 1.0, 0.0])
+    rest = 0.45 ** 2 + (1.0 - np.exp(-DT / 0.8)) * (off ** 2 - 0.45 ** 2)
+    assert state.rest == pytest.approx(rest)
+    variance = 2.0 * rest * 0.8 / (weight * DT)
+    known = np.diag(1.0 / np.array(settings.spread) ** 2)
+    after = np.linalg.inv(known + np.outer(regressor, regressor) / variance)
+    np.testing.assert_allclose(state.covariance, after, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(state.error, after @ regressor * off / variance, rtol=0.02,
+                               atol=1e-9)
+    assert lag_doubt(state) == pytest.approx(USUAL_LAG)
+
+
+def test_what_noise_takes_from_the_products_is_what_a_filter_makes_of_it(paper_bundle):
+    """White noise in a unit's force that pulls, in one that pushes, beside a lag."""
+    learner, draw = Learner(paper_bundle), np.random.default_rng(6)
+    state, share = learner.state, 1.0 - np.exp(-DT / 0.02)
+    state.error[:] = [0.1, -0.05, 0.3, 0.0, 0.012]
+    noise = np.array([0.5, 0.2])
+    state.change[:] = (noise * np.sqrt(6.0 * 2.0 / np.pi)).tolist()
+    state.slow[:] = [30.0, -5.0]
+    take_noise(state, share, 0.0)
+    force = draw.normal(size=(200_000, 2)) * noise
+    slow = lfilter([share], [1.0, share - 1.0], force, axis=0)
+    slope = -(1.0 - share) / 0.02 * (force - np.vstack([[0.0, 0.0], slow[:-1]]))
+    left = -(slow @ [1.1, 1.3]) - 0.012 * slope.sum(axis=1)
+    expected = [np.mean(slow[:, 0] * left), 0.0, np.mean(slow[:, 1] * left), 0.0,
+                np.mean(slope.sum(axis=1) * left)]
+    np.testing.assert_allclose(-np.array(state.taken), expected, rtol=0.05, atol=1e-6)
+
+
+def test_the_force_that_is_believed_is_late_by_the_lag_that_was_learnt(paper_bundle):
+    """First order; before anything is known it is the model's at once."""
+    state = Learner(paper_bundle).state
+    assert lagged(state, 20.0, DT) == 20.0
+    state.started, state.error[4] = True, 0.03
+    assert lag_of(state) == 0.03
+    for _ in range(10):
+        found = lagged(state, 50.0, DT)
+    assert found == pytest.approx(50.0 - 30.0 * np.exp(-10.0 * DT / 0.03))
+
+
+def test_intervals_of_a_file_give_the_spread_of_the_force(paper_bundle):
+    """They hold 95 %; two effects add by their squares, and 5 % is the least."""
+    resistive = paper_bundle.effect('resistive_buckling')
+    bladder = paper_bundle.effect('bladder_elasticity')
+
+    def spread(**width):
+        effects = []
+        for effect in paper_bundle.effects:
+            own = effect.replace()
+            if effect.name in width:
+                name = effect.parameters[0].name
+                value, share = effect.values[name], width[effect.name]
+                own.intervals = {name: (value * (1.0 - share), value * (1.0 + share))}
+            effects.append(own)
+        bundle = paper_bundle
+        for effect in effects:
+            bundle = bundle.with_effect(effect)
+        return np.array(adaptation_settings(AdaptationConfig(), bundle).spread)
+    assert spread()[:3].tolist() == [0.15, 0.15, 0.5]
+    pressure = 0.2 * paper_bundle.max_pressure
+    force = float(paper_bundle.force(0.16, pressure))
+    sd = []
+    for effect in (resistive, bladder):
+        key, value = f'{effect.name}.{effect.parameters[0].name}', effect.values[
+            effect.parameters[0].name]
+        ends = [float(paper_bundle.with_parameters({key: share * value}).force(0.16, pressure))
+                for share in (0.6, 1.4)]
+        sd.append(abs(ends[1] - ends[0]) / 2.0 / 1.96 / abs(force))
+    both = spread(resistive_buckling=0.4, bladder_elasticity=0.4)
+    assert both[2] == pytest.approx(np.hypot(*sd), rel=1e-3)
+    assert spread(resistive_buckling=1e-4)[2] == 0.05

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.control import ControllerConfig, Measurement, RecruitmentController, Reference
-from fam_bundle_ros.control.baselines import BaselineConfig
+from fam_bundle_ros.control.baselines import (
+    baseline_settings,
+    baseline_step,
+    BaselineConfig,
+    BaselineState,
+    pi_answer,
+    play,
+)
+from fam_bundle_ros.control.outer_loop import FORCE
 from fam_bundle_ros.control.saturation import SATURATION
 from fam_bundle_ros.control.signals import command_record
 from fam_bundle_ros.errors import InputError
@@ -153,3 +161,49 @@ def test_equal_pressure_goes_up_to_the_limit_of_each_unit(paper_bundle):
     one = controller(unlike, 'equal_pressure', force_gain=100.0)
     command = one.update(5e-3, seen(10.0), Reference('force', 500.0))
     assert command.pressure == pytest.approx([200e3, second.max_pressure])
+
+
+def test_threshold_hands_over_at_full_and_at_empty(bundles):
+    """Up and down, ramps of each unit's share in its order, each from where the last one ends."""
+    bundle, dt = bundles[3], 4e-3
+    settings = baseline_settings(BaselineConfig(force_gain=0.0, filter_time=0.0, dwell=0.0),
+                                 bundle, bundle.max_pressure)
+    state, command, order = BaselineState(), command_record(3), [0, 1, 2]
+    full, rows = bundle.max_pressure.tolist(), []
+    for error in (30.0, -30.0):
+        for _ in range(2500):
+            baseline_step(settings, state, False, order, full, 0.0, seen(0.0, 3), FORCE, error,
+                          dt, command)
+            rows.append(list(command.pressure))
+    rows = np.array(rows) / bundle.max_pressure
+    assert rows.min() == 0.0
+    assert rows.max() == 1.0
+    assert np.all(rows[2499] == 1.0)
+    assert np.all(rows[-1] == 0.0)
+    assert np.all((rows[:, 1:] == 0.0) | (rows[:, :-1] == 1.0))
+    # a unit's own share of the error moves it
+    each = 10.0 * 30.0 / settings.force_range * dt / np.array(settings.share)
+    steps = np.diff(rows, axis=0)
+    for k in range(3):
+        inside = (rows[1:, k] > 0.0) & (rows[1:, k] < 1.0)
+        assert np.abs(steps[inside, k]).max() < 1.01 * each[k]
+        assert np.median(np.abs(steps[inside, k])) == pytest.approx(each[k])
+
+
+@pytest.mark.parametrize(('proportional', 'integral', 'step', 'answer', 'after'), [
+    (0.2, 0.3, 0.1, 0.6, 0.4), (0.2, 0.9, 0.1, 1.0, 0.9), (0.2, 0.9, -0.1, 1.0, 0.8),
+    (-0.4, 0.3, -0.1, 0.0, 0.3), (-0.4, 0.3, 0.1, 0.0, 0.4), (0.3, 0.7, 0.1, 1.0, 0.7)])
+def test_the_integral_stops_at_either_end(proportional, integral, step, answer, after):
+    """It goes on as soon as it would lead back."""
+    state = BaselineState(integral=integral)
+    assert pi_answer(state, proportional, step) == pytest.approx(answer)
+    assert state.integral == pytest.approx(after)
+
+
+def test_changes_within_the_quiet_band_are_left_out():
+    """Of a pressure between empty and full; beyond the band it stays behind by it."""
+    command = command_record(1)
+    for wanted, given in ((100e3, 98e3), (99e3, 98e3), (97e3, 98e3), (90e3, 92e3), (1e3, 3e3),
+                          (0.0, 0.0), (200e3, 200e3), (199.5e3, 200e3)):
+        play(command, 0, wanted, 200e3, 2e3)
+        assert command.pressure == [pytest.approx(given)]

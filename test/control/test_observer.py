@@ -6,14 +6,26 @@ import copy
 import math
 import random
 
+import numpy as np
 import pytest
+from scipy.stats import norm
 
 from fam_bundle_ros.control.observer import (
+    average,
     begin_at,
+    behind_lag,
+    beyond_noise,
+    compare,
+    follow,
     forget_observer,
     hand_over,
+    learn_noise,
+    low_pass,
+    noise_of,
+    NoiseState,
     observe,
     ObserverState,
+    quick_noise,
     quick_of,
     shift,
     towards,
@@ -155,3 +167,80 @@ def test_what_the_model_explains_late_is_handed_over(corrected, error, jump, lef
     share = hand_over(state, error, jump)
     assert state.bank == pytest.approx([left] * 4)
     assert share * jump == pytest.approx(corrected - left)
+
+
+@pytest.mark.parametrize('size', [0.01, 0.9])
+def test_noise_is_known_from_second_differences(size):
+    """Of white noise on a ramp; the first three readings say it at once, a step says nothing."""
+    state, draw = NoiseState(), random.Random(4)
+    for k in range(6000):
+        learn_noise(state, 50.0 * k * DT + draw.gauss(0.0, size), 0.0, DT)
+        if k == 1:
+            assert noise_of(state) == 0.0
+    assert noise_of(state) == pytest.approx(size, rel=0.12)
+    before = noise_of(state)
+    learn_noise(state, 1e6, 0.0, DT)
+    assert noise_of(state) < 1.02 * before
+
+
+def test_a_first_order_lag_leaves_its_share_of_white_noise():
+    """And the quick observer as much of that which it has learnt."""
+    draw, share, value, values = random.Random(5), low_pass(DT, LAG), 0.0, []
+    assert (1.0 - share) ** round(LAG / DT * 100.0) == pytest.approx(math.exp(-100.0), rel=1e-9)
+    for _ in range(40_000):
+        value += share * (draw.gauss(0.0, 1.0) - value)
+        values.append(value)
+    assert behind_lag(share) == pytest.approx(np.std(values), rel=0.03)
+    state, _ = observed(lambda t: 0.0, 10.0)
+    assert quick_noise(state, LAG, DT) == pytest.approx(NOISE * np.std(values), rel=0.1)
+
+
+def test_power_counts_as_far_as_it_is_four_times_that_of_noise():
+    """Noise alone is nothing; what is far beyond is nearly all of it."""
+    assert beyond_noise(0.0, 0.0) == beyond_noise(4.0, 1.0) == beyond_noise(1.0, 2.0) == 0.0
+    assert beyond_noise(8.0, 1.0) == 0.5
+    assert beyond_noise(3.0, 0.0) == 1.0
+
+
+def test_leads_are_log_likelihoods_that_fade_and_means_are_weighted_by_them():
+    """One step of each, by the normal density; odds of 1 to 4000 against each of the four."""
+    state = ObserverState(steady=1.0, bank=[1.2, 1.5, 2.0, 3.0], lead=[0.5, -2.0, 1.0, 0.0])
+    before = np.array(state.lead)
+    compare(state, 1.8, 0.25, DT)
+    gained = norm.logpdf(1.8, state.bank, 0.5) - norm.logpdf(1.8, 1.0, 0.5)
+    assert state.lead == pytest.approx(before * math.exp(-DT / 0.25) + gained)
+    state.lead = [7.0, 9.0, 2.0, 8.5]
+    odds = np.exp(np.array(state.lead)) / 4000.0
+    assert average(state) == pytest.approx((1.0 + odds @ state.bank) / (1.0 + odds.sum()))
+    for _ in range(1000):
+        compare(state, 2.0, 0.25, DT)
+    assert max(state.lead) == pytest.approx(2.0 * math.log(4000.0))
+
+
+def test_the_bank_goes_from_patient_to_quick_in_equal_ratios():
+    """After a step of the error for as long as the last one's time each has its own share."""
+    state, time, steps = ObserverState(), 0.0625 * 0.5, 100
+    for _ in range(steps):
+        follow(state, 1.0, time, time / steps)
+    spans = 0.5 * 0.5 ** np.arange(1.0, 5.0)
+    assert state.bank == pytest.approx(1.0 - np.exp(-time / spans))
+
+
+@pytest.mark.parametrize(('missing', 'found'), [(0.8, -0.8), (-0.8, 0.8), (1.2, 0.0)])
+def test_what_pressures_do_not_give_is_asked_for_besides(missing, found):
+    """A valve that sticks by less than the reach; more than that is on its way or lost."""
+    state = ObserverState()
+    for _ in range(round(60.0 * LAG / DT)):
+        observe(state, 50.0, 50.0, 50.0 + missing, 1.0, LAG, DT)
+    assert state.bias == pytest.approx(found, abs=0.01)
+
+
+def test_what_pressures_give_later_is_not_missing():
+    """Asked for by a ramp to and fro, and there a lag of the loop later."""
+    state, given, found = ObserverState(), 0.0, []
+    for k in range(3000):
+        asked = 40.0 + 10.0 * abs((k * DT) % 2.0 - 1.0)
+        given = asked if k == 0 else given + low_pass(DT, LAG) * (asked - given)
+        observe(state, given, given, asked, 1.0, LAG, DT)
+        found.append(state.bias)
+    assert max(map(abs, found)) < 1e-6

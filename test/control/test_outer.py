@@ -372,3 +372,22 @@ def test_a_table_of_the_load_is_linear_between_its_points(paper_bundle):
     for strain in (-0.1, 0.0, 0.04, 0.1, 0.17, 0.2, 0.3):
         assert holding_force(settings, strain) == pytest.approx(
             np.interp(strain, *np.transpose(table)))
+
+
+@pytest.mark.parametrize('gain', [0.0, 0.6])
+def test_the_noise_that_a_demand_is_said_to_have_is_what_it_has(paper_bundle, gain):
+    """On an error of 20 N and 4 Hz, all of which is believed; what the noise alone changes."""
+    rng, told, demands = np.random.default_rng(3), [], []
+    noise = 0.5 * rng.normal(size=3000)
+    for size in (0.0, 1.0):
+        loop = Loop(paper_bundle, delay=5e-3, lead_time=5e-3, force_gain=gain)
+        demand = []
+        for k in range(3000):
+            error = 20.0 * math.sin(8.0 * math.pi * k * DT)
+            target = loop.run(40.0, force=40.0 + error + size * noise[k], believed=40.0)
+            demand.append(target.force)
+            told.append(loop.state.noise)
+        demands.append(np.array(demand))
+    found = np.std((demands[1] - demands[0])[1000:])
+    assert np.mean(told[4000:]) == pytest.approx(found, rel=0.2)
+    assert uncertainty(loop.settings, loop.state) >= 3.0 * told[-1]

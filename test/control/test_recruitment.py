@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from fam_bundle_ros import control
 from fam_bundle_ros.control import (
     Allocator,
     ControllerConfig,
@@ -592,6 +593,16 @@ def test_enabling_holds_the_pressures_until_time_goes_on(paper_bundle):
     assert list(command.active) == [True, False]
 
 
+def test_enabling_takes_over_no_pressure_that_cannot_be_commanded(paper_bundle):
+    """A gauge below zero or above the limit, or without a reading."""
+    controller = Bench(paper_bundle, 0.1).controller
+    for shown, taken in ((-300.0, 0.0), (400e3, 344.7e3), (np.nan, 0.0), (120e3, 120e3)):
+        measurement = Measurement(30.0, 0.1, 0.0, np.array([200e3, shown]))
+        controller.enable(measurement)
+        command = controller.update(0.0, measurement, Reference('force', 40.0))
+        assert command.pressure.tolist() == [200e3, taken]
+
+
 def test_a_decision_is_told_once_though_readings_are_lost(paper_bundle):
     """Ticks that hold the last command do not say its reason again."""
     bench = Bench(paper_bundle, 0.1)
@@ -657,3 +668,11 @@ def test_where_the_force_rises_with_the_strain_pressures_are_for_the_strain_that
         else:
             assert back == pytest.approx(float(forces[there] - forces[wanted]), abs=0.05)
             assert back * away < 0.0
+
+
+def test_settings_references_and_commands_cannot_be_changed(not_frozen):
+    """What kernels work on is a state, settings or a record, or one of these."""
+    assert {name for name in not_frozen(control)
+            if not name.endswith(('State', 'Settings', 'Record'))} == {
+                'Crossings', 'CurveTable', 'Demand', 'LoadEstimate', 'Margins', 'Moment',
+                'PidDiagnostics', 'Reason', 'Shares', 'Target'}

@@ -6,12 +6,23 @@ When the state machine switches, on curves of straight lines.
 RS1 gives up to 246 N, of which the last 4 N are the overlap with RS2, which gives up to 742 N.
 """
 
+import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from fam_bundle_ros.control import RecruitmentMachine, SwitchingConfig
-from fam_bundle_ros.control.switching import Demand
+from fam_bundle_ros.control.switching import (
+    Demand,
+    HYSTERESIS,
+    NEGLECT,
+    release_level,
+    REVERSAL_AWARE,
+    rise_within,
+    SwitchingSettings,
+    widths,
+)
 
 DT = 0.01
 
@@ -198,3 +209,35 @@ def test_dwell_holds_for_opposite_switches_only(made, policy, waits):
     assert machine.tell(300.0)[1].startswith('recruit MU2')
     time, _ = machine.tell(-9.0, duration=5.0)
     assert (time > 0.9) == waits
+
+
+@pytest.mark.parametrize('acceleration', [-400.0, -50.0, 0.0, 300.0])
+@pytest.mark.parametrize('jerk', [-3000.0, 0.0, 900.0])
+@pytest.mark.parametrize('horizon', [0.05, 0.5])
+def test_a_demand_rises_as_far_as_its_turning_point(acceleration, jerk, horizon):
+    """The highest that it comes within the horizon; what speeds it up does not count."""
+    demand = Demand(rate=60.0, acceleration=acceleration, jerk=jerk)
+    t = np.linspace(0.0, horizon, 100_001)
+    way = 60.0 * t + min(acceleration, 0.0) * t ** 2 / 2.0 + min(jerk, 0.0) * t ** 3 / 6.0
+    assert rise_within(demand, horizon) == pytest.approx(way.max(), rel=1e-6)
+
+
+def test_margins_and_levels_are_those_of_the_policy(made):
+    """By hand where given; two margins of band otherwise, and none where doubt is neglected."""
+    table, demand = made(), Demand(uncertainty=3.0)
+
+    def settings(policy, margin=math.nan, hysteresis=math.nan):
+        return SwitchingSettings(policy, 0.0, margin, hysteresis, 1.0, 1.0, 0.5, 0.1, 0.2, 1e6)
+    assert widths(settings(NEGLECT, 5.0, 7.0), demand) == (0.0, 0.0)
+    assert widths(settings(HYSTERESIS), demand) == (3.0, 6.0)
+    assert widths(settings(REVERSAL_AWARE), Demand(uncertainty=0.1)) == (0.1, 0.5)
+    assert widths(settings(REVERSAL_AWARE, 5.0, 7.0), demand) == (5.0, 7.0)
+    for state in (1, 2):
+        top, dip = table.top[state - 1], table.dip[state - 1]
+        assert dip == pytest.approx(4.0)
+        assert release_level(settings(NEGLECT), table, state, 3.0, 6.0) == top
+        assert release_level(settings(HYSTERESIS), table, state, 3.0, 6.0) == top - 3.0 - 6.0
+        assert release_level(settings(HYSTERESIS), table, state, 3.0, 1.0) == top - 3.0 - dip
+        assert release_level(settings(REVERSAL_AWARE), table, state, 3.0, 6.0) == (
+            top - dip - 3.0 - 6.0)
+        assert math.isnan(release_level(settings(NEGLECT), table, 0, 3.0, 6.0))

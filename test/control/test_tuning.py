@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fam_bundle_ros.control import PidConfig, tune
+from fam_bundle_ros.control import PidConfig, PidGains, tune
 from fam_bundle_ros.control.tuning import open_loop_response
 from fam_bundle_ros.errors import InputError
 
@@ -32,6 +32,13 @@ def test_more_dead_time_gives_lower_gains():
 def test_scheduling_buys_gain():
     """A loop that is not told the volume must leave room for the smallest one."""
     assert tune().gains.p > 1.3 * tune(scheduled=False).gains.p
+
+
+def test_the_default_gains_are_those_for_the_default_loop():
+    """Rounded to a thousandth."""
+    tuned, default = tune().gains, PidGains()
+    assert (default.p, default.i, default.d) == pytest.approx((tuned.p, tuned.i, tuned.d),
+                                                              rel=1e-3)
 
 
 def test_phase_margin_agrees_with_the_bode_plot():

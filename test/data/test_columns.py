@@ -742,3 +742,65 @@ def test_a_number_before_a_unit_is_that_of_the_sensor():
     found = recognise('P 2, kPa')
     assert (found.part, found.unit.text, found.unit.factor) == ('mu2', 'kPa', 1e3)
     assert recognise('Contraction_ratio_in__').unit is None
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_partial_correlations_are_those_of_what_the_third_leaves(seed):
+    """Residuals of straight lines, in any units, of any sign; one that is still has none."""
+    rng = np.random.default_rng(seed)
+    e, p, f = rng.normal(size=(3, 3)) @ rng.normal(size=(3, 60)) + [[1.0], [5.0], [-20.0]]
+
+    def left(of, given):
+        return of - np.polyval(np.polyfit(given, of, 1), given)
+    found = checks.partial_correlations(1e-3 * e, 1e5 * p, f)
+    if found.follows:
+        assert np.corrcoef(e, p)[0, 1] ** 2 > 0.8
+        assert found == pytest.approx((0.0, np.corrcoef(p, f)[0, 1], np.corrcoef(e, p)[0, 1]))
+    else:
+        assert found == pytest.approx((np.corrcoef(left(e, p), left(f, p))[0, 1],
+                                       np.corrcoef(left(p, e), left(f, e))[0, 1], 0.0))
+    still = checks.partial_correlations(e, np.full(60, 3e5), f)
+    assert still == pytest.approx((np.corrcoef(e, f)[0, 1], 0.0, 0.0))
+
+
+@pytest.mark.parametrize(('header', 'unit'), [
+    ('p2 [kPa]', 'mu1'), ('pressure 2 [kPa]', 'mu1'), ('pressure.mu2 [kPa]', 'mu2'),
+    ('pressure.left [kPa]', 'left')])
+def test_a_lone_pressure_has_the_name_that_the_file_gives_a_motor_unit(header, unit):
+    """A number alone names none: it may count the channels of a logger."""
+    e, p = np.tile(np.linspace(0.0, 0.2, 8), 5), np.repeat(np.linspace(100.0, 400.0, 5), 8)
+    data = read_measurement({'strain': e, header: p, 'force [N]': 0.1 * p * (1.0 - 3.0 * e)})
+    assert data.motor_units == (unit,)
+
+
+def points(**columns):
+    """Return strain and force of five isobars, and further columns; `_` stands for a blank."""
+    e, p = np.tile(np.linspace(0.0, 0.2, 8), 5), np.repeat(np.linspace(100.0, 400.0, 5), 8)
+    found = {'strain': e, 'force [N]': 0.1 * p * (1.0 - 3.0 * e)}
+    more = {'p': p, 'back': p[::-1], 'blank': np.full(40, np.nan), 'same': np.full(40, 7.0),
+            'rows': np.arange(40.0), 'words': np.array(['on'] * 40, object),
+            'runs': np.repeat([1.0, 2.0], 20)}
+    return {**found, **{name: more[kind] for name, kind in columns.items()}}
+
+
+@pytest.mark.parametrize('other', ['pressure [kPa]', 'p [kPa]'])
+def test_a_pressure_beside_those_of_motor_units_is_one_too_many(other):
+    """It is not known whose it is; one of a supply is none of the muscle's."""
+    units = {'pressure.mu1 [kPa]': 'p', 'pressure.mu2 [kPa]': 'back'}
+    with pytest.raises(InputError, match=r"beside 'pressure.mu1 \[kPa\]'; expected one name per"):
+        read_measurement(points(**{other: 'p'}, **units))
+    data = read_measurement(points(**{'pressure supply [kPa]': 'p'}, **units))
+    assert data.motor_units == ('mu1', 'mu2')
+    assert data.pressure[:, 1] == pytest.approx(data.pressure[::-1, 0])
+
+
+@pytest.mark.parametrize(('name', 'kind', 'why'), [
+    ('trial', 'rows', '40 different values in 40 rows: no trials'), ('trial', 'runs', ''),
+    ('trial', 'same', ''), ('time [s]', 'blank', 'blank'), ('state', 'words', 'text'),
+    ('contraction [mm]', 'same', 'strain is there'), ('mood', 'same', 'not known')])
+def test_a_column_that_is_not_taken_says_why(name, kind, why):
+    """What is blank, is text, counts rows, or has another in its place."""
+    data = read_measurement(points(**{'pressure [kPa]': 'p', name: kind}))
+    entry = next(each for each in data.taken if each.header == name)
+    assert entry.why == why
+    assert bool(entry.quantity) == (why == '')

@@ -47,3 +47,27 @@ def test_folds_of_no_kind_fail(static_map):
     """The message says which there are."""
     with pytest.raises(InputError, match="folds by 'row'; expected one of trial, isobar, strain"):
         fold_labels(static_map, 'row')
+
+
+@pytest.mark.parametrize(('count', 'kept'), [(30, 28), (31, 24)])
+def test_many_strains_of_a_map_are_cut_into_eight_bins(muscle, count, kept):
+    """Of which the inner six are left out in turn; up to 30 strains are levels of their own."""
+    e, p = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 0.2, count), [1e5, 2e5, 3e5]))
+    label = fold_labels(build('map', e, p, muscle(e, p)), 'strain')
+    assert len(np.unique(e[label >= 0])) == pytest.approx(kept, abs=1)
+    assert label.max() == (7 if count == 30 else 5)
+    assert (label[np.isin(e, (0.0, 0.2))] == -1).all()
+    # rising with the strain, each strain in one
+    order = np.argsort(e, kind='stable')
+    inner = label[order][label[order] >= 0]
+    assert np.all(np.diff(inner) >= 0)
+    assert np.bincount(inner).min() > 0.4 * np.bincount(inner).max()
+
+
+def test_a_strain_that_is_held_has_no_inner_levels(muscle):
+    """But for its last digits it is one strain."""
+    strain = 0.1 + 1e-6 * np.random.default_rng(0).normal(size=60)
+    pressure = np.linspace(0.0, 3e5, 60)
+    data = build('held', strain, pressure, muscle(0.1, pressure))
+    assert len(set(fold_labels(data, 'strain'))) <= 7
+    assert set(fold_labels(data, 'isobar')) == set(range(8))

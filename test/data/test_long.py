@@ -57,10 +57,18 @@ def test_runs_of_a_column_are_trials(readings):
 def test_times_of_all_signals_that_go_back_begin_a_trial(readings):
     """Without a column for it: the clock began anew, and rows of two runs are not interleaved."""
     data = read_measurement(long((TIME, readings(100.0), {}), (TIME, readings(300.0), {})))
-    assert len(data.trial_names) == 2
+    assert data.trial_names == ('1', '2')
     assert np.allclose(data.pressure[:, 0] / 1e3, np.repeat([100.0, 300.0], 60))
     assert np.allclose(data.force, np.concatenate([readings(level)['F_N']
                                                    for level in (100.0, 300.0)]))
+
+
+def test_a_run_whose_times_go_back_is_several_trials_of_its_name(readings):
+    """Numbered within it."""
+    data = read_measurement(long(*((TIME, readings(level), {'run': run}) for level, run in (
+        (100.0, 3.0), (200.0, 3.0), (300.0, 8.0)))))
+    assert data.trial_names == ('3 1', '3 2', '8 1')
+    assert np.allclose(data.pressure[:, 0] / 1e3, np.repeat([100.0, 200.0, 300.0], 60))
 
 
 def test_times_of_one_signal_that_go_back_are_refused(readings):

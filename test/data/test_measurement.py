@@ -9,6 +9,7 @@ import resource
 import numpy as np
 import pytest
 
+from fam_bundle_ros import data as data_package
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.rates import slope, smooth
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
@@ -106,8 +107,9 @@ def test_huge_files_are_refused_with_bounded_memory(tmp_path):
         stream.write(b'strain,pressure [kPa],force [N]\n')
         for _ in range(60):
             stream.write(b'1' * (1 << 20))
-    for name in ('big.csv', 'line.csv'):
-        with pytest.raises(InputError, match=name):
+    for name, words in (('big.csv', r'^big.csv: 2\.1 GB; expected at most 1\.1 GB'),
+                        ('line.csv', 'line.csv')):
+        with pytest.raises(InputError, match=words):
             read_measurement(tmp_path / name)
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert grown < 40_000  # kB
@@ -360,3 +362,8 @@ def test_trials_of_one_row_do_not_move():
     found = slope(np.arange(6.0), np.arange(6.0), np.arange(6))
     assert not found.rate.any()
     assert found.noise == 0.0
+
+
+def test_measurements_and_protocols_cannot_be_changed(not_frozen):
+    """Only what reads a file changes while it does."""
+    assert not_frozen(data_package) == {'Choice', 'Choices', '_Reader'}

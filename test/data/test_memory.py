@@ -93,6 +93,16 @@ def test_a_clock_that_was_set_back_clears_the_memory(memory):
     swept(memory, 0.0, 8.0)
     swept(memory, 0.0, 2.0)
     assert memory.seconds <= 2.0
+    memory.add(1.995, 0.1, (0.0,), 0.0)
+    assert len(memory) == 0
+
+
+def test_of_one_cell_that_stretch_goes_whose_neighbours_are_nearest():
+    """The one at 30 s: without it 21 s are left between two, without the one at 31 s 70 s."""
+    memory = Memory(('mu1',), (LIMIT,), seconds=3600.0, most=4)
+    for begin in (0.0, 10.0, 30.0, 31.0, 101.0):
+        rested(memory, begin, begin + 0.6)
+    assert [round(stretch.begin) for stretch in memory._kept] == [0, 10, 31, 101]
 
 
 def test_a_part_can_be_asked_for_and_forgotten(memory):

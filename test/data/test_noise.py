@@ -8,7 +8,14 @@ from scipy.signal import lfilter
 
 from fam_bundle_ros.data import noise_floor
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.data.noise import _chance_of_less, _chosen, force_step, visit_cells
+from fam_bundle_ros.data.noise import (
+    _chance_of_less,
+    _chosen,
+    autocorrelation_time,
+    force_step,
+    second_differences,
+    visit_cells,
+)
 from fam_bundle_ros.data.trials import trial_offsets
 
 
@@ -123,3 +130,157 @@ def test_an_offset_below_the_resolution_is_not_told(sweeps):
     most = np.abs(data.force).max()
     assert trial_offsets(data, 1e-5 * most * (data.trial < 6)) is None
     assert trial_offsets(data, 1e-2 * most * (data.trial < 6)) is not None
+
+
+def test_each_trial_has_the_offset_that_it_was_given(sweeps):
+    """Of two trials at one pressure: what they differ by, and how much that is in all."""
+    data = sweeps(cycles=2)
+    rng = np.random.default_rng(4)
+    given = 3.0 * rng.normal(size=12)
+    found = trial_offsets(data, given[data.trial] + 0.5 * rng.normal(size=len(data)))
+    offset = np.array([found.rows[data.trial == k][0] for k in range(12)])
+    gap = given[:6] - given[6:]
+    assert offset[:6] - offset[6:] == pytest.approx(gap, abs=0.3)
+    assert found.size == pytest.approx(np.sqrt(np.sum(2.0 * (0.5 * gap) ** 2) / 6.0), rel=0.05)
+    assert str(found).startswith(f'each trial has its own offset, {found.size:.2g} N rms')
+
+
+def test_what_all_trials_share_is_no_offset_of_one(sweeps):
+    """Noise, and errors of strain, pressure and direction, however large."""
+    data = sweeps(cycles=3)
+    rng = np.random.default_rng(5)
+    error = (9.0 * data.strain / 0.24 + 1e-5 * data.pressure[:, 0]) * data.direction
+    for wrong in (0.0, error):
+        assert not any(trial_offsets(data, wrong + 0.5 * rng.normal(size=len(data)))
+                       for _ in range(8))
+
+
+@pytest.mark.parametrize('named', [True, False])
+def test_repeats_of_a_map_have_offsets_too(muscle, named):
+    """Blocks of the file, or trials; where each point is repeated at once there are no blocks."""
+    e, p = (np.tile(grid.ravel(), 3) for grid in np.meshgrid(np.linspace(0, 0.2, 9),
+                                                             np.linspace(1e5, 4e5, 4)))
+    block, rng = np.repeat(np.arange(3), 36), np.random.default_rng(8)
+    force = muscle(e, p)
+    values = np.array([0.0, 2.0, -2.0])[block] + 0.2 * rng.normal(size=108)
+    data = build('map', e, p, force, block if named else None)
+    found = trial_offsets(data, values)
+    assert [found.rows[block == k].mean() for k in range(3)] == pytest.approx(
+        [0.0, 2.0, -2.0], abs=0.2)
+    assert found.size == pytest.approx(2.0, rel=0.1)
+    at_once = np.argsort(np.arange(108) % 36, kind='stable')
+    if not named:
+        data = build('map', e[at_once], p[at_once], force[at_once])
+        assert trial_offsets(data, values[at_once]) is None
+
+
+def test_friction_of_a_map_is_no_offset(muscle):
+    """Up in one sweep and down in the next: the two never met the same point the same way."""
+    once = np.r_[np.linspace(0, 0.2, 20), np.linspace(0.2, 0, 20)]
+    e, p = np.tile(once, 3), np.repeat([1e5, 2e5, 3e5], 40)
+    way = np.tile(np.repeat([1.0, -1.0], 20), 3)
+    data = build('map', e, p, muscle(e, p) - 4.0 * way, np.arange(120) // 20)
+    noise = 0.2 * np.random.default_rng(9).normal(size=120)
+    assert trial_offsets(data, noise - 4.0 * way) is None
+
+
+@pytest.mark.parametrize('memory', [0.0, 0.5, 0.8])
+def test_a_sample_with_a_memory_counts_less(memory):
+    """Of autoregressive noise (1 + a)/(1 - a) samples make one that is independent."""
+    white = np.random.default_rng(6).normal(size=40_000)
+    found = autocorrelation_time(lfilter([1.0], [1.0, -memory], white), np.arange(40_000) // 4000)
+    assert found == pytest.approx((1.0 + memory) / (1.0 - memory), rel=0.1)
+
+
+def test_trials_are_correlated_each_with_itself_only():
+    """Noise that turns its sign with each trial of four rows; what is constant counts as one."""
+    trial = np.arange(400) // 4
+    assert autocorrelation_time(np.where(trial % 2, 1.0, -1.0), trial) > 3.0
+    assert autocorrelation_time(np.ones(50), np.zeros(50, int)) == 1.0
+    alternating = np.where(np.arange(400) % 2, 1.0, -1.0)
+    assert autocorrelation_time(alternating, np.zeros(400, int)) == 1.0
+
+
+def test_uneven_steps_leave_the_noise_of_a_ramp_as_it_is():
+    """A middle is held against the line of its neighbours where it is, not half way."""
+    rng = np.random.default_rng(10)
+    time = np.cumsum(rng.uniform(0.01, 0.1, 6000))
+    data = build('log', 0.001 * time, 1e3 + 600.0 * time, time, None, time)
+    noise = 0.5 * rng.normal(size=6000)
+    assert second_differences(data, 5.0 * time + noise) == pytest.approx(0.5, rel=0.05)
+    assert second_differences(data, 5.0 * time) < 1e-9
+    cut = build('trials', data.strain, data.pressure, data.force, np.arange(6000) // 2, time)
+    assert second_differences(cut, noise) is None
+
+
+def test_noise_of_a_map_is_that_of_its_lines(muscle):
+    """Of rows of one strain by their pressure, and of isobars in the file and by strain."""
+    e, p = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 0.2, 30),
+                                                 np.linspace(0.0, 4e5, 20)))
+    noise = 0.5 * np.random.default_rng(11).normal(size=600)
+    data = build('map', e, p, muscle(e, p) + noise)
+    smooth = 10.0 * e + 2e-5 * p
+    floor = noise_floor(data, noise + smooth)
+    assert floor.basis == 'second differences'
+    assert floor.value == floor.differences == pytest.approx(0.5, rel=0.1)
+    assert floor.repeats is floor.visits is None
+    assert floor.correlation == 1.0
+    assert floor.in_file_order == pytest.approx(0.5, rel=0.1)
+    assert floor.in_strain_order == pytest.approx(0.5, rel=0.1)
+    assert not floor.hides_loops
+    shuffled = np.random.default_rng(12).permutation(600)
+    mixed = build('map', e[shuffled], p[shuffled], data.force[shuffled])
+    floor = noise_floor(mixed, (noise + smooth)[shuffled])
+    assert floor.differences == pytest.approx(0.5, rel=0.1)
+    assert floor.in_strain_order == pytest.approx(0.5, rel=0.1)
+
+
+def test_loops_of_a_map_are_smooth_in_the_file_and_not_by_strain(muscle):
+    """Sweeps up and down without a column of time: friction is said to pass for noise."""
+    once = np.r_[np.linspace(0, 0.2, 40), np.linspace(0.2, 0, 41)[1:]]
+    e, p = np.tile(once, 5), np.repeat(np.linspace(1e5, 4e5, 5), 80)
+    way = np.tile(np.repeat([1.0, -1.0], 40), 5)
+    noise = 0.1 * np.random.default_rng(13).normal(size=400)
+    data = build('map', e, p, muscle(e, p) - 4.0 * way + noise)
+    floor = noise_floor(data, noise - 4.0 * way)
+    assert floor.hides_loops
+    assert floor.in_file_order == pytest.approx(0.1, rel=0.2)
+    assert floor.in_strain_order > 2.0
+    assert 'loops or drift' in floor.note
+    calm = noise_floor(data, noise)
+    assert not calm.hides_loops
+    assert calm.in_strain_order == pytest.approx(0.1, rel=0.2)
+
+
+@pytest.mark.parametrize('memory', [0.0, 0.9])
+def test_repeats_have_the_noise_of_a_sample_and_visits_tell_its_memory(muscle, memory):
+    """White noise of 0.5 N, and slow noise of the same size: neighbours see hardly any of it."""
+    count = 16_000
+    time = 0.01 * np.arange(count)
+    strain = 0.2 * np.abs((time / 20.0) % 2.0 - 1.0)
+    pressure = np.where(time < 80.0, 2e5, 3e5)
+    white = np.random.default_rng(14).normal(size=count)
+    noise = 0.5 * np.sqrt(1.0 - memory ** 2) * lfilter([1.0], [1.0, -memory], white)
+    data = build('slow', strain, pressure, muscle(strain, pressure) + noise, None, time)
+    floor = noise_floor(data, noise)
+    assert floor.repeats == pytest.approx(0.5, rel=0.15)
+    rows = 2000.0 / 60.0  # of a visit
+    # variance of a mean of correlated samples, over that of white ones
+    expected = (1.0 + memory) / (1.0 - memory) - 2.0 * memory * (1.0 - memory ** rows) / (
+        rows * (1.0 - memory) ** 2)
+    assert floor.correlation == pytest.approx(expected, rel=0.35)
+    assert floor.visits == pytest.approx(0.5 * np.sqrt(expected), rel=0.15)
+    assert ('repeats differ more than neighbours do' in floor.note) == bool(memory)
+    assert floor.differences == pytest.approx(0.5 * np.sqrt(
+        (1.5 - 2.0 * memory + 0.5 * memory ** 2) / 1.5), rel=0.05)
+
+
+def test_too_few_rows_have_the_spread_of_their_residual():
+    """A median deviation, and that it cannot be told from an error."""
+    floor = _chosen(np.array([0.0, 1.0, 2.0, 3.0, 50.0]), None, None, None, 1.0, 0)
+    assert (floor.value, floor.basis) == (1.4826, 'spread of the residual')
+    assert floor.correlation == 1.0
+    only = _chosen(np.zeros(9), 0.7, None, None, 1.0, 0)
+    assert (only.value, only.differences, only.repeats, only.correlation) == (0.7, 0.7, None, 1.0)
+    repeated = _chosen(np.zeros(9), None, 0.4, 0.5, 1.5, 20)
+    assert (repeated.value, repeated.basis, repeated.correlation) == (0.4, 'repeats', 1.5)

@@ -111,6 +111,15 @@ def test_duration_counts_ways_filling_settling_and_pauses():
     again = Protocol('twice', 1, (sweep, Hold((0.0,), 5.0, ((50e3,),)), Pause(50.0), sweep),
                      settle=3.0)
     assert duration(again) == pytest.approx(6.0 + (1.0 + 3.0 + 5.0) + 50.0 + (1 + 1 + 3 + 2))
+    free = Protocol('free', 1, (PressureSweep(((0.0,), (80e3,)), 20e3),), settle=3.0)
+    assert duration(free) == pytest.approx(3.0 + 8.0)
+
+
+def test_a_name_or_note_that_looks_like_a_number_is_text(written):
+    """As YAML reads it: the number of a muscle, a year."""
+    protocol = written('  - hold: {strain: 0.1, time: 1 s, pressure: 40 kPa}\n', 'notes: 2024\n')
+    assert protocol.notes == '2024'
+    assert protocol.order == 'as written'
 
 
 def test_what_is_written_is_read_again(tmp_path):
@@ -138,6 +147,8 @@ def test_what_is_written_is_read_again(tmp_path):
      'step 1 (sweep): rate: .*expected a unit like 1/s'),
     ('  - sweep: {strain: [0, 0.1], pressure: 40 kPa}\n', '', "has no key 'rate'"),
     ('  - sweep: {strain: 0.1, rate: 0.1 1/s, pressure: 40 kPa}\n', '', 'expected two strains'),
+    ('  - sweep: {strain: [0, 0.1, 0.2], rate: 0.1 1/s, pressure: 40 kPa}\n', '',
+     'expected two strains'),
     ('  - sweep: {strain: [0, 0.1], rate: 0 1/s, pressure: 40 kPa}\n', '', 'rate is 0'),
     ('  - sweep: {strain: [0, 0.1], rate: 0.1 1/s, pressure: {mu3: 4 kPa}}\n', '', "key 'mu3'"),
     ('  - wiggle: {strain: 0.1}\n', '', 'step 1 is wiggle; expected one of sweep, hold'),

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trials that lie side by side or on several sheets, as spreadsheets have them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -196,3 +198,16 @@ def test_a_pressure_in_a_column_counts_more_than_the_names_of_sheets(trials):
     whole = one_below_the_other(tables)
     assert list(whole.columns) == ['strain', 'p [bar]', 'F [N]', 'trial']
     assert np.allclose(read_measurement(whole).pressure[:, 0], np.repeat(LEVELS, 60) + 3e3)
+
+
+@pytest.mark.parametrize(('names', 'units'), [
+    (('time', 'force'), {}), (('time', 'strain'), {}),
+    (('strain', 'force'), {'force': 'N', 'force (2)': 'lbf'})])
+def test_blocks_that_are_no_trials_stay_side_by_side(names, units):
+    """Without a force, without a strain, or in other units from block to block."""
+    columns = {f'{name}{again}': np.arange(12.0) for again in ('', ' (2)') for name in names}
+    given = Table('log.csv', 'CSV', columns, units, np.arange(12))
+    assert unstacked(given) is given
+    whole = {f'{name}{again}': np.arange(12.0) for again in ('', ' (2)')
+             for name in ('strain', 'force')}
+    assert len(unstacked(replace(given, columns=whole, units={})).rows) == 24

@@ -3,11 +3,14 @@
 """Pictures of a diagnosis show what the result holds."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fam_bundle_ros.discovery import answer_figures, Choices, diagnose
+from fam_bundle_ros.discovery.answer_figures import _beside
+from fam_bundle_ros.discovery.posterior import Change, LikelySet
 from fam_bundle_ros.report.discovery_pages import diagnosis_page
 from fam_bundle_ros.report.page import render
 
@@ -110,3 +113,121 @@ def test_the_report_has_all_of_them_beside_the_empirical_form(found):
     assert found.summary in page  # effects are named as a command takes them
     saved = json.loads(found.to_json())
     assert saved['sets'][0]['probability'] == pytest.approx(found.likely[0].probability)
+
+
+# --- made by hand ------------------------------------------------------------------------------
+
+DRY, CAPS, NO_DRAG = Change('', 'coulomb_friction'), Change('', 'end_caps'), Change('drag', '')
+ROUND = Change('', 'presliding_hysteresis')
+
+
+def leftover(**parts):
+    """Return what is left over of two motor units on a grid of 3 strains and 2 pressures."""
+    zero = np.zeros((2, 3, 2))
+    return SimpleNamespace(**{
+        'strain': np.array([0.0, 0.1, 0.2]), 'pressure': np.array([[0.0, 1e5], [0.0, 3e5]]),
+        'even': zero, 'odd': zero, 'filling': zero, 'sd': zero + 0.25, **parts})
+
+
+def test_a_discrepancy_has_a_row_for_each_part_of_a_unit_that_is_not_zero():
+    """Two columns with a scale each, to the largest value in it; the same twice is one column."""
+    even, odd = np.zeros((2, 2, 3, 2))
+    even[0, 1, 1], odd[1, 2, 0], odd[1, 0, 1] = 2.5, -4.0, 1.5
+    before, after = leftover(even=even, odd=odd), leftover(odd=0.1 * odd)
+    units = (SimpleNamespace(name='left'), SimpleNamespace(name='right'))
+    result = SimpleNamespace(leftover_before=before, leftover=after,
+                             best=SimpleNamespace(motor_units=units))
+    drawing = answer_figures.discrepancy(result)
+    assert [note.text for note in drawing.layout.annotations] == [
+        'left, even, before', 'left, even, after', 'right, odd, before', 'right, odd, after']
+    maps = {(trace.coloraxis, trace.yaxis): trace for trace in drawing.data}
+    assert len(maps) == 4
+    for axis, each, most in (('coloraxis', before, 4.0), ('coloraxis2', after, 0.4)):
+        assert (drawing.layout[axis].cmin, drawing.layout[axis].cmax) == (-most, most)
+        first, second = (trace for trace in drawing.data if trace.coloraxis == axis)
+        np.testing.assert_allclose(first.z, each.even[0].T)
+        np.testing.assert_allclose(second.z, each.odd[1].T)
+        np.testing.assert_allclose(second.y, [0.0, 300.0])
+        np.testing.assert_allclose(second.x, [0.0, 0.1, 0.2])
+        np.testing.assert_allclose(second.customdata, 0.25)
+    once = SimpleNamespace(leftover_before=before, leftover=leftover(even=even, odd=odd),
+                           best=SimpleNamespace(motor_units=units[:1]))
+    assert len(answer_figures.discrepancy(once).data) == 2
+    flat = SimpleNamespace(leftover_before=leftover(), leftover=leftover(), best=once.best)
+    assert answer_figures.discrepancy(flat) is None
+    alone = SimpleNamespace(leftover_before=leftover(even=even), leftover=leftover(),
+                            best=SimpleNamespace(motor_units=units[:1]))
+    assert [note.text for note in answer_figures.discrepancy(alone).layout.annotations] == [
+        'before', 'after: none']
+
+
+@pytest.mark.parametrize(('other', 'chosen', 'words'), [
+    ((ROUND,), (DRY,), 'presliding_hysteresis instead of coulomb_friction'),
+    ((DRY, CAPS), (DRY,), 'with end_caps'), ((DRY,), (DRY, CAPS), 'without end_caps'),
+    ((), (DRY,), 'nothing missing'), ((DRY, CAPS), (), 'coulomb_friction, end_caps'),
+    ((CAPS,), (DRY, NO_DRAG), 'without coulomb_friction, without no drag, with end_caps')])
+def test_a_set_is_named_by_how_it_differs_from_the_told_one(other, chosen, words):
+    """One for one is instead of; the told one is called so."""
+    told = LikelySet(chosen, 0.7, True)
+    assert _beside(LikelySet(other, 0.3, False), told) == words
+    assert _beside(told, told) == ('the set that is told' if chosen else 'nothing missing')
+
+
+def test_likely_sets_are_shown_down_to_one_in_two_thousand():
+    """And no more than asked for, but for the told one; a single set is no figure."""
+    likely = [LikelySet((DRY,), 0.6, False), LikelySet((ROUND,), 0.3, False),
+              LikelySet((CAPS,), 0.0997, False), LikelySet((DRY, CAPS), 3e-4, False),
+              LikelySet((), 2e-4, True)]
+    bar, = answer_figures.sets(SimpleNamespace(likely=likely)).data
+    assert list(bar.x) == [2e-4, 0.0997, 0.3, 0.6]
+    assert list(bar.text) == ['0.0002', '0.10', '0.30', '0.60']
+    assert len(set(bar.marker.color)) == 2
+    assert list(bar.marker.color).count(bar.marker.color[0]) == 1
+    few, = answer_figures.sets(SimpleNamespace(likely=likely), most=1).data
+    assert list(few.x) == [2e-4, 0.6]
+    assert answer_figures.sets(SimpleNamespace(likely=likely[4:])) is None
+
+
+def test_parameters_are_drawn_in_widths_of_their_priors_up_to_the_edge():
+    """The value between its ends, the prior behind it; beyond six widths at the edge."""
+    told = [SimpleNamespace(key='a.x', value=1.0, unit='N', interval=(0.5, 1.5),
+                            prior=(0.8, 0.1, 2.0), moved=(0.5, -0.2, 1.2), reach=(-1.96, 1.96)),
+            SimpleNamespace(key='b.y', value=9.0, unit='mm', interval=(8.0, 10.0),
+                            prior=(1.0, 0.0, 2.0), moved=(8.0, 7.0, 9.0), reach=(0.0, 1.96))]
+    before, after, value = answer_figures.priors(SimpleNamespace(parameters=told)).data
+    assert list(before.x) == [0.0, 1.96, None, -1.96, 1.96, None]
+    assert list(after.x) == [6.0, 6.0, None, -0.2, 1.2, None]
+    assert list(before.y) == list(after.y) == [0, 0, None, 1, 1, None]
+    assert list(value.x) == [6.0, 0.5]
+    assert value.hovertext[1] == 'a.x 1 N (0.5 to 1.5); before 0.8 (0.1 to 2)'
+    low, high = answer_figures.priors(SimpleNamespace(parameters=told)).layout.xaxis.range
+    assert low == -high < -6.0
+    assert answer_figures.priors(SimpleNamespace(parameters=[])) is None
+
+
+def test_unseen_forces_are_held_against_the_measured_ones():
+    """Predicted over measured, and what is missed below, of both models and each kind of folds."""
+    rng = np.random.default_rng(0)
+    kinds = {kind: SimpleNamespace(**{name: rng.normal(size=20).round(3) for name in (
+        'measured', 'physics', 'discrepancy', 'empirical')}) for kind in ('trial', 'isobar')}
+    result = SimpleNamespace(held_out=SimpleNamespace(unseen=kinds),
+                             recommended=SimpleNamespace(leftover=None))
+    drawing = answer_figures.unseen(result)
+    line, zero, *points = drawing.data
+    every = np.concatenate([each.measured for each in kinds.values()])
+    assert list(line.x) == list(line.y) == list(zero.x) == [every.min(), every.max()]
+    assert list(zero.y) == [0.0, 0.0]
+    expected = [(each.measured, predicted, name) for name, source in (
+        ('six-parameter form', 'empirical'), ('recommended model', 'physics'))
+        for each in kinds.values() for predicted in (getattr(each, source),)]
+    for (measured, predicted, name), above, below in zip(expected, points[::2], points[1::2]):
+        assert above.name == below.name == name
+        np.testing.assert_allclose(above.x, measured)
+        np.testing.assert_allclose(above.y, predicted)
+        np.testing.assert_allclose(below.y, measured - predicted, atol=1e-9)
+    assert [trace.name for trace in points if trace.showlegend] == [
+        'six-parameter form', 'recommended model']
+    result.recommended.leftover = 'table'
+    np.testing.assert_allclose(answer_figures.unseen(result).data[6].y,
+                               kinds['trial'].discrepancy)
+    assert answer_figures.unseen(SimpleNamespace(held_out=SimpleNamespace(unseen={}))) is None

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fam_bundle_ros import discovery
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import Choices, compare, figures
 from fam_bundle_ros.discovery.cells import reduce
@@ -15,6 +16,13 @@ from fam_bundle_ros.discovery.evidence import Fitter
 from fam_bundle_ros.discovery.locate import locate
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.templates import _add_hum, describe
+from fam_bundle_ros.model import Bundle, MotorUnit
+
+
+def masks(data, labels):
+    """Return the rows that labels as `0.030 to 0.060` name, of a column (T,)."""
+    bounds = [list(map(float, label.split()[:3:2])) for label in labels]
+    return [(data >= low) & (data <= high) for low, high in bounds]
 
 
 @pytest.fixture
@@ -33,6 +41,77 @@ def test_every_sample_is_in_one_row_of_each_table(compared):
             assert squares == pytest.approx(np.sum(compared.residual ** 2)), name
     highest = round(float(data.pressure.max()) / 1e3)
     assert compared.tables['pressure'][-1]['label'] == f'{highest} kPa'
+
+
+def test_the_rows_of_a_table_are_those_that_its_label_names(sweeps, paper_muscle):
+    """Of the strain in eighths, of each trial and direction; a bias is a mean."""
+    data = sweeps(extra=lambda strain, pressure, way, time: 20.0 * strain * way)
+    compared = compare(paper_muscle, data)
+    residual, tables = compared.residual, compared.tables
+    assert compared.bias_N == pytest.approx(residual.mean())
+    assert compared.largest_N == pytest.approx(np.abs(residual).max())
+    assert compared.relative_error == pytest.approx(compared.error_N / np.sqrt(
+        np.mean(data.force ** 2)))
+    strain = masks(data.strain, [row['label'] for row in tables['strain']])
+    trial = [data.trial == k for k in range(12)]
+    way = [data.direction == d for d in (1, 0, -1) if (data.direction == d).any()]
+    for name, rows in (('strain', strain), ('trial', trial), ('direction', way)):
+        assert len(rows) == len(tables[name])
+        for inside, row in zip(rows, tables[name]):
+            assert row['bias_N'] == pytest.approx(residual[inside].mean(), abs=0.01), name
+            assert row['error_N'] == pytest.approx(np.sqrt(np.mean(residual[inside] ** 2)),
+                                                   abs=0.01), name
+    assert [row['label'] for row in tables['strain']][::7] == ['0.000 to 0.030', '0.210 to 0.240']
+    assert [row['label'] for row in tables['trial']] == list(data.trial_names)
+    past = paper_muscle.force(data.strain, data.pressure) < 0.0
+    assert [row['samples'] for row in tables['region']] == [(~past).sum(), past.sum()]
+
+
+def test_even_and_odd_parts_of_an_error_are_told_apart(sweeps, paper_muscle):
+    """One part is the same both ways, the other turns its sign; cells have noise of a few rows."""
+    data = sweeps(cycles=6, extra=lambda strain, pressure, way, time: (
+        2.0 - 3.0 * way + 1e-5 * pressure * way))
+    compared = compare(paper_muscle, data)
+    maps = compared.maps()
+    assert maps['pressure'] == pytest.approx(np.linspace(0, 413.7e3, 6), abs=1.0)
+    assert maps['strain'] == pytest.approx(np.arange(0.005, 0.24, 0.01), abs=1e-9)
+    inside = maps['even'][:, 2:-2]
+    assert np.isfinite(inside).all()
+    assert inside == pytest.approx(2.0, abs=0.8)
+    assert inside.mean() == pytest.approx(2.0, abs=0.05)
+    odd = maps['odd'][:, 2:-2].mean(axis=1)
+    assert odd == pytest.approx(-3.0 + 1e-5 * maps['pressure'], abs=0.15)
+    assert compared.even_N == pytest.approx(2.0, abs=0.15)
+    assert compared.odd_N == pytest.approx(np.sqrt(np.mean(odd ** 2)), abs=0.15)
+    assert maps['mean'][:, 2:-2].mean() == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_right_model_leaves_what_noise_leaves(sweeps, paper_muscle):
+    """Means of cells scatter as white noise lets them; an error of 1 N is several times that."""
+    right = compare(paper_muscle, sweeps(cycles=6))
+    wrong = compare(paper_muscle, sweeps(cycles=6, extra=lambda e, p, way, t: 1.0 * (p > 2e5)))
+    assert right.lack_of_fit == pytest.approx(1.0, abs=0.25)
+    assert wrong.lack_of_fit > 1.5 * right.lack_of_fit
+    assert 'no region stands out of the noise' in str(right)
+    assert right.located == ()
+
+
+def test_motor_units_that_are_on_are_told_apart(paper_muscle):
+    """Those above a tenth of the highest pressure; isobars are those of the one that varies."""
+    unit = paper_muscle.motor_units[0]
+    bundle = Bundle('two', [MotorUnit(f'mu{k}', 1, unit.geometry) for k in (1, 2)],
+                    paper_muscle.effects)
+    strain = np.tile(np.linspace(0.0, 0.2, 40), 4)
+    state = np.repeat([0, 1, 2, 3], 40)
+    pressure = np.stack([np.array([0.0, 3e5, 3e5, 2e4])[state],
+                         np.array([0.0, 0.0, 4e5, 4e5])[state]], -1)
+    noise = 0.2 * np.random.default_rng(2).normal(size=160)
+    data = build('two', strain, pressure, bundle.force(strain, pressure) + noise + state,
+                 motor_units=('mu1', 'mu2'))
+    tables = compare(bundle, data).tables
+    assert {row['label']: row['bias_N'] for row in tables['motor_unit']} == pytest.approx(
+        {'none': 0.0, 'mu1': 1.0, 'mu1 + mu2': 2.0, 'mu2': 3.0}, abs=0.2)
+    assert [row['label'] for row in tables['pressure']] == ['mu2 0 kPa', 'mu2 400 kPa']
 
 
 def test_the_figure_has_forces_above_and_residuals_below(compared):
@@ -106,3 +185,8 @@ def test_a_hum_is_described_by_waves_of_its_period():
     assert 'every 1.25 s' in words
     left = hum - waves @ np.linalg.lstsq(waves, hum, rcond=None)[0]
     assert np.std(left) < 0.1 * np.std(hum)
+
+
+def test_results_cannot_be_changed(not_frozen):
+    """Only what searches changes."""
+    assert not_frozen(discovery) == {'Fitter', 'Search', '_Look'}

@@ -17,7 +17,13 @@ from fam_bundle_ros.discovery.evidence import Fitter, Linear
 from fam_bundle_ros.discovery.options import head, Options, shapes_of
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.discovery.search import _ranked, Screened
-from fam_bundle_ros.discovery.settings import AMPLITUDES, Choices
+from fam_bundle_ros.discovery.settings import (
+    AMPLITUDES,
+    Choices,
+    PRESSURE_LENGTHS,
+    STRAIN_LENGTHS,
+    TIME_LENGTHS,
+)
 from fam_bundle_ros.model import Bundle, catalogue, load_model, MotorUnit
 
 FULL = Hyper(even=9, strain=1, pressure=1, odd=8, white=6, slow=7, tau=1)
@@ -445,3 +451,22 @@ def test_an_end_effect_that_goes_with_length_needs_two_lengths(problem, paper_mu
     assert law not in {shape.name for shape in shapes_of('end_caps', paper_muscle)}
     several = Options.of(paper_muscle, cells, Choices(), lengths=2)
     assert tuple(sorted((law, 'bladder_elasticity', 'mesh'))) in several.further(several.own)
+
+
+def test_the_covariance_is_the_sum_of_its_parts_by_their_definitions(problem):
+    """Noise of cells, white misfit, even, odd and slow parts; with the prior of the amplitudes."""
+    cells, covariance, _ = problem
+    even, odd, white, slow = ((AMPLITUDES[k] * np.std(cells.force)) ** 2 for k in (9, 8, 6, 7))
+    e = np.subtract.outer(cells.strain, cells.strain) / cells.strain_range / STRAIN_LENGTHS[1]
+    p = np.subtract.outer(*[cells.pressure[:, 0]] * 2) / cells.pressure_range / PRESSURE_LENGTHS[1]
+    smooth = matern_5_2(e ** 2 + p ** 2)
+    apart = np.abs(np.subtract.outer(cells.time, cells.time)) / TIME_LENGTHS[1]
+    fading = np.where(np.equal.outer(cells.trial, cells.trial), np.exp(-apart), 0.0)
+    expected = (np.diag(cells.noise ** 2 / cells.count + white) + slow * fading
+                + smooth * (even + odd * np.outer(cells.direction, cells.direction)))
+    np.testing.assert_allclose(covariance.matrix(FULL), expected, rtol=1e-9, atol=1e-12)
+    assert covariance.white_sd(FULL) == pytest.approx(np.sqrt(white))
+    shares = AMPLITUDES[[9, 8, 6, 7]].sum()
+    assert covariance.log_prior(FULL) - covariance.log_prior(Hyper()) == pytest.approx(
+        -shares / 0.01)
+    assert covariance.axes == ('even', 'white', 'strain', 'pressure', 'odd', 'slow', 'tau')

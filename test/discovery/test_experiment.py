@@ -22,11 +22,13 @@ from fam_bundle_ros.data.protocol import (
 )
 from fam_bundle_ros.discovery.experiment import (
     _is_swept,
+    best_experiment,
     finer,
     menu,
     motion,
     without_force,
 )
+from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path
 
@@ -156,3 +158,35 @@ def test_a_log_that_is_the_plain_sweep_is_told_from_others(course, pressure, swe
                     0.1 * np.arange(400))
         assert _is_swept(log) == swept
         assert not _is_swept(replace(log, time=None))
+
+
+@pytest.mark.parametrize('static', [False, True])
+def test_experiments_are_ranked_by_what_a_refit_cannot_make_up_for(bundle, log, static):
+    """Squared noise deviations between both, with the freedom that the second's fit has."""
+    keys = ('geometry.radius', 'geometry.braid_angle')
+    values = [bundle.motor_units[0].geometry.radius, bundle.motor_units[0].geometry.braid_angle]
+    priors = [Prior(key, 0.5 * value, 2.0 * value, value, 0.02 * value, 'normal', True)
+              for key, value in zip(keys, values)]
+    covariance = np.array([[0.3, 0.1], [0.1, 0.5]])
+    first = SimpleNamespace(model=bundle.with_effect('coulomb_friction', force=3.0))
+    second = SimpleNamespace(model=bundle, priors=priors, u=np.zeros(2), covariance=covariance)
+    cells = log()
+    cells.data = replace(cells.data, time=None) if static else cells.data
+    cells.noise = 0.7
+    best, ranked = best_experiment(SimpleNamespace(cells=cells), first, second)
+    for item in ranked:
+        test = motion(item.protocol)
+        force, columns = bundle.jacobian(test, keys)
+        columns = columns * [0.02 * value for value in values] / 0.7
+        gap = (first.model.predict(test) - force) / 0.7
+        spread = np.eye(len(gap)) + columns @ covariance @ columns.T
+        assert item.separation == pytest.approx(gap @ np.linalg.solve(spread, gap), rel=1e-6)
+    assert best is ranked[0]
+    plain = [item for item in ranked if item.words.startswith('sweep each isobar up and down')]
+    assert len(plain) == static  # the log is such a sweep
+    if static:
+        # what is harder to do has to separate by a tenth more
+        assert [item.separation > 1.1 * plain[0].separation for item in ranked] == [
+            k < ranked.index(plain[0]) for k in range(len(ranked))]
+    same = SimpleNamespace(model=bundle)
+    assert best_experiment(SimpleNamespace(cells=cells), same, second)[0] is None

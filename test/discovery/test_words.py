@@ -11,7 +11,14 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import words
 from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.verdict import Finding, Left
-from fam_bundle_ros.discovery.words import ascends, summarise
+from fam_bundle_ros.discovery.words import (
+    ascends,
+    next_experiment,
+    notes_on,
+    renamed,
+    summarise,
+    what,
+)
 
 TIME = np.arange(0.0, 20.0, 0.1)
 STRAIN = 0.1 + 0.1 * np.sin(TIME)
@@ -78,3 +85,107 @@ def test_an_effect_that_is_likelier_than_not_but_not_named_is_told_of(monkeypatc
     monkeypatch.setattr(words, '_labels', lambda posterior, fit: ['end_caps'])
     told, = words.not_named(posterior, None, ['tendon_slack'])
     assert told.startswith('coulomb_friction is likelier than not (0.60)')
+
+
+DRY, CAPS = Change('', 'coulomb_friction'), Change('', 'end_caps')
+BASE = SimpleNamespace(u=np.array([0.1, -1.24, 4.0]), priors=[
+    SimpleNamespace(key=key) for key in ('geometry.length', 'geometry.radius', 'mesh.factor')])
+
+
+def said(verdict, answer=(), found=(), ties=(), trades=(), shapes=(), after=0.2, **more):
+    """Return the sentence of a verdict; errors of 3.1 N before and 0.6 N after."""
+    return summarise(Finding(verdict, Left(3.1, 0.2), Left(after, 0.0), 0.8, **more), answer,
+                     found, ties, trades, BASE, shapes,
+                     {'recalibrated': 3.1, 'best': 0.6, 'noise': 0.59})
+
+
+def test_changes_and_models_are_named_by_what_was_changed():
+    """Three changes are counted."""
+    assert what(Change('drag', '')) == 'drag taken away'
+    assert what(Change('drag', 'slip')) == 'slip in place of drag'
+    assert what(DRY) == 'coulomb_friction'
+    shape = Change('', 'presliding_hysteresis')
+    assert what(shape) == (shape.label if shape.label == shape.new else
+                           f'{shape.label} (shape: presliding_hysteresis)')
+    assert renamed('m', ['a', 'b']) == 'm_a_b'
+    assert renamed('m', ['a', 'b', 'c']) == 'm_3_changes'
+
+
+def test_a_model_that_is_right_or_off_in_its_dimensions_lacks_nothing():
+    """What moved by a fifth of its tolerance is told, with its sign."""
+    assert said('adequate') == 'the model explains the data down to their noise'
+    assert said('recalibrate') == (
+        "the model's own parameters explain the error (tolerances moved: radius -1.2, "
+        'factor +4.0); no effect is missing')
+
+
+def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
+    """With why that is no answer; an artefact of the measurement comes first."""
+    shape = SimpleNamespace(words='a bump about strain 0.1')
+    start = ('the error has a structure that no effect of the catalogue explains; it looks like '
+             'this: ')
+    assert said('unexplained') == f'{start}no plain shape'
+    assert said('unexplained', found=(DRY, CAPS), shapes=(shape,)) == (
+        f'{start}a bump about strain 0.1 (nearest: coulomb_friction and end_caps, but 0.2 N of '
+        'structure would stay)')
+    assert said('unexplained', found=(DRY,), refusals=('it is bent', 'it is odd')).endswith(
+        '(nearest: coulomb_friction, but it is bent; it is odd)')
+    artefact = SimpleNamespace(words='trial 3 is off', remedy='tare before each trial')
+    assert said('unexplained', artefacts=(artefact, artefact)) == 'trial 3 is off; trial 3 is off'
+    told = next_experiment(None, None, Finding('unexplained', Left(1, 1), Left(1, 1), 0.0,
+                                               artefacts=(artefact,)), (), None, (), ())
+    assert told == ('tare before each trial', None)
+
+
+def test_an_answer_says_how_much_it_explains_and_what_could_take_its_place():
+    """Of all trades two are told; one effect explains, several explain."""
+    assert said('missing_effect', (DRY,)) == (
+        'coulomb_friction explains the error down to the noise')
+    assert said('missing_effect', (DRY, CAPS)).startswith(
+        'coulomb_friction and end_caps explain the error')
+    assert said('partial', (CAPS,), after=1.25, warnings=('one speed',)) == (
+        'end_caps takes the error from 3.1 to 0.6 N; 1.2 N of it are left to a smooth '
+        'discrepancy; doubtful: one speed')
+    tied = said('missing_effect', (DRY,), ties=(('a', 'b'),), trades=('c with d', 'e with f', 'g'))
+    assert tied.endswith('; these data cannot tell apart a and b; c with d; e with f '
+                         '(and 1 trades more)')
+
+
+@pytest.mark.parametrize(('verdict', 'static', 'words'), [
+    ('recalibrate', False, 'measure radius and braid angle with a calliper'),
+    ('adequate', False, 'none needed within this range')])
+def test_where_nothing_is_missing_the_next_step_is_plain(verdict, static, words):
+    """A calliper, or another range."""
+    fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=static)))
+    told = next_experiment(fitter, None, Finding(verdict, Left(0, 0), Left(0, 0), 1.0), (), None,
+                           (), ())
+    assert told.words.startswith(words)
+    assert told.protocol is None
+
+
+def test_notes_say_what_was_left_out_and_what_moved_too_far():
+    """Each once; nothing where nothing is odd."""
+    data = log(1e5, 3e5, 2e5)
+    model = SimpleNamespace(predict=lambda motion: data.force - 0.5)
+    calm = SimpleNamespace(priors=BASE.priors, u=np.zeros(3), model=model)
+    far = SimpleNamespace(priors=BASE.priors, u=np.array([0.0, -3.2, 9.0]), model=model)
+    floor, kinds = SimpleNamespace(note=''), SimpleNamespace(kinds={'trial': (1.0, 1.0)})
+    label = np.arange(len(data)) // 3
+    cells = SimpleNamespace(data=data, label=label, motion=None, stiffness=None)
+    assert notes_on(cells, floor, calm, calm, kinds) == ()
+    label[:7] = -1
+    ripple = SimpleNamespace(note='a fine ripple')
+    found = notes_on(cells, ripple, calm, far, SimpleNamespace(kinds={}))
+    assert found[0] == 'a fine ripple'
+    assert found[1].startswith('7 of 600 rows are in no cell')
+    assert found[1].endswith('the best error is 0.5 N')
+    assert found[2].startswith('nothing could be left out')
+    assert found[3] == ('the refit moves geometry beyond what tolerances allow: geometry.radius '
+                        '-3.2 tolerances')
+    assert len(found) == 4
+    held = SimpleNamespace(data=data, label=label + 9, motion=None,
+                           stiffness=np.array([100.0, 200.0, 400.0]))
+    hung = notes_on(held, floor, calm, calm, kinds)
+    assert hung[0].startswith(f'the force is constant ({data.force.mean():.3g} N)')
+    assert '100 N are 0.5 of strain' in hung[0]
+    assert len(hung) == 2

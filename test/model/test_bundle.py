@@ -107,3 +107,16 @@ def test_muscles_in_parallel_have_one_rest_length(muscle):
     longer = replace(unit, name='mu2', geometry=replace(unit.geometry, length=0.2))
     with pytest.raises(InputError, match='from 127.0 to 200.0 mm'):
         Bundle('two', [unit, longer], muscle.effects)
+
+
+@pytest.mark.parametrize(('sizes', 'odd'), [
+    ((4.0, 5.0, 6.0), ''), ((6.0, 4.0, 5.0), 'mu1 is larger than mu2'),
+    ((4.0, 6.0, 5.0), 'mu2 is larger than mu3'), ((5.0, 5.0, 4.99), '')])
+def test_a_larger_unit_before_a_smaller_one_is_told_of(sizes, odd):
+    """By the section of all its muscles; a hundredth is no difference."""
+    bundle = Bundle('three', [MotorUnit(f'mu{k + 1}', 1, replace(PAPER, radius=1e-3 * size))
+                              for k, size in enumerate(sizes)], [mesh()])
+    assert bundle.unusual_order.startswith(odd)
+    assert bool(bundle.unusual_order) == bool(odd)
+    many = Bundle('two', [MotorUnit('a', 3, PAPER), MotorUnit('b', 2, PAPER)], [mesh()])
+    assert many.unusual_order.startswith('a is larger than b')

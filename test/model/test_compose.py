@@ -8,7 +8,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
-from fam_bundle_ros import kernels
+from fam_bundle_ros import kernels, model
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, law, loads_model, Motion, Parameter, Place
 from fam_bundle_ros.model.compose import composition
@@ -258,3 +258,8 @@ def test_an_entry_point_adds_a_law_and_replaces_none(monkeypatch):
     finally:
         monkeypatch.undo()
         catalogue.available.cache_clear()
+
+
+def test_what_a_model_is_made_of_cannot_be_changed(not_frozen):
+    """Bundles share it."""
+    assert not_frozen(model) == set()

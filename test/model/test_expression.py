@@ -116,3 +116,19 @@ def test_a_formula_gives_what_it_says(strain, pressure):
         - pressure * area * np.exp(-strain)
     assert_allclose(bundle.force(strain, [pressure]) - plain.force(strain, [pressure]), said,
                     rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize('formula', [
+    'k * (-0.5) ** 2', 'k * -0.5 ** 2', 'k * (0.2 - 0.7) ** 3', 'k - -0.5 * k', '-k - (k - 2 * k)',
+    'k / (0.25 - 0.75)', 'k / (2 * n) / n', 'k / (2 * (n / 4))', 'k - (1 - n) * k', '-(-k) * -1',
+    'k * n ** -1', 'k * (-0.1 * n) ** 2', 'k * (n ** 2) ** 3', 'k * -(n ** 2)', '0 - k * -1'])
+def test_a_formula_is_worked_out_as_it_is_written(formula):
+    """Signs, powers and brackets: as Python does, on arrays and tick by tick."""
+    bundle = model(formula, 'k: 5 N, n: 2')
+    plain = bundle.without_effect('own')
+    expected = eval(formula, {'k': 5.0, 'n': 2.0})
+    pressure = np.array([2e5])
+    assert bundle.force(0.1, pressure) - plain.force(0.1, pressure) == pytest.approx(expected)
+    one, other = (each.step(each.start_state(), 0.0, 0.1, pressure)[0][0]
+                  for each in (bundle, plain))
+    assert one - other == pytest.approx(expected)

@@ -245,6 +245,9 @@ def test_gauges_and_muscle_agree_after_correction():
                                               motion.time - motion.time[0], motion.strain_rate)
     shown = Motion(strain, pressure, motion.strain_rate, motion.time, motion.start)
     assert_allclose(bundle.predict(shown), force, rtol=1e-9)
+    felt = bundle.felt(strain, pressure, motion.time - motion.time[0], motion.strain_rate)
+    assert_allclose(felt[0], motion.strain, atol=1e-12)
+    assert_allclose(felt[1], motion.pressure, rtol=1e-12, atol=1e-6)
 
 
 def test_the_end_effect_of_length_is_a_dead_length_on_one_length_and_none_on_two():

@@ -20,7 +20,7 @@ from fam_bundle_ros.plant import (
     ValveConfig,
 )
 from fam_bundle_ros.plant.checks import require
-from fam_bundle_ros.plant.circuit import Air, AirConfig, circuit_step, substeps
+from fam_bundle_ros.plant.circuit import Air, AirConfig, circuit_step, line_rate, substeps
 
 AMBIENT = 101325.0
 V = [14e-6, 30e-6]
@@ -109,6 +109,38 @@ def test_no_air_is_lost_or_made_in_polytropic_chambers_of_constant_volume():
     """With the exponent 1.2 a chamber holds p V/(1.2 R T) of the air that went in."""
     c = Circuit()
     assert _wander(c, 1.2, moving=False) < 1e-9 * c.air.balance.drawn
+
+
+def test_no_air_is_lost_or_made_in_lines_apart_from_the_muscles():
+    """Muscles and lines at constant volume, filled and vented through valve and restriction."""
+    line = 3e-6
+    c = Circuit(chamber=ChamberConfig(5e-6, 1.0, 1.0, 1.0, line_volume=line,
+                                      line_conductance=2e-9))
+    rng = np.random.default_rng(6)
+
+    def content():
+        return (np.dot(c.air.pressure, V) + line * sum(c.air.line)
+                + c.air.manifold * c.config.supply.volume) / RT
+    start, apart = content(), 0.0
+    for _ in range(60):
+        c.run(rng.uniform(-1.0, 1.0, 2).tolist(), 10e-3, leaks=[0.2, 0.0])
+        b = c.air.balance
+        left = content() - start - (b.drawn - b.exhausted - b.leaked - b.dumped)
+        assert abs(left) < 1e-6 * b.drawn
+        apart = max(apart, np.abs(np.subtract(c.air.line, c.air.pressure)).max())
+    assert apart > 50e3
+    c.run(CALM, 1.0)
+    assert np.array(c.air.line) == pytest.approx(np.array(c.air.pressure), rel=1e-3)
+
+
+@pytest.mark.parametrize(('flow', 'inside', 'expected'), [
+    (1e-4, 3e-5, 1.1e-4 - 3.9e-5), (-1e-4, 3e-5, -1.3e-4 - 3.9e-5),
+    (1e-4, -3e-5, 1.1e-4 + 3.3e-5), (-1e-4, -3e-5, -1.3e-4 + 3.3e-5)])
+def test_what_comes_into_a_line_and_what_leaves_it_have_their_own_exponents(flow, inside,
+                                                                            expected):
+    """From either end: 1.1 for air that comes in, 1.3 for air that goes."""
+    chamber = ChamberConfig(inflow_exponent=1.1, outflow_exponent=1.3, line_volume=2e-6)
+    assert line_rate(chamber, flow, inside) == pytest.approx(RT * expected / 2e-6)
 
 
 def test_pressure_never_exceeds_the_supply():

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from fam_bundle_ros import plant as plant_package
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, loads_model, Motion
 from fam_bundle_ros.plant import (
@@ -23,6 +24,7 @@ from fam_bundle_ros.plant import (
     SeriesSpringMass,
     SupplyConfig,
 )
+from fam_bundle_ros.plant.rig import _dependences
 
 IDEAL = SensorConfig.ideal()
 
@@ -373,6 +375,35 @@ def test_tare_zeroes_the_force_reading(bundle):
     assert rig.truth.force == pytest.approx(float(bundle.force(0.1, [0.0, 0.0])))
 
 
+def test_tare_zeroes_whatever_the_gauge_makes_of_the_force(bundle):
+    """Gain, offset and drift of the plant's gauge under pressure, at any time."""
+    model = bundle.with_effect('force_sensor_bias', bias=4.0).with_effect(
+        'force_sensor_gain', gain=0.1).with_effect('force_sensor_drift', rate=0.5)
+    rig = make(model, sensors=replace(IDEAL, force_bias=2.0))
+    drive(rig, [250e3, 80e3], 1.0)
+    assert abs(rig.step([0.0, 0.0], 1e-3).force) > 50.0
+    rig.tare()
+    assert abs(rig.step([0.0, 0.0], 1e-3).force) < 0.05
+
+
+def test_other_muscles_of_the_rig_have_its_motor_units_and_length(bundle):
+    """What is changed is the model; strain and pressures stay."""
+    rig = make(bundle)
+    drive(rig, [250e3, 80e3], 0.5)
+    before = rig.truth.pressure.copy()
+    weak = bundle.with_effect('coulomb_friction', force=3.0)
+    rig.change_bundle(weak)
+    rig.step([0.0, 0.0], 1e-3)
+    assert rig.truth.pressure == pytest.approx(before, rel=1e-3)
+    assert rig.bundle is weak
+    alone = Bundle('one', bundle.motor_units[:1], bundle.effects)
+    with pytest.raises(InputError, match='1 motor units of 127 mm; the rig has 2 of 127 mm'):
+        rig.change_bundle(alone)
+    longer = bundle.with_parameters({'geometry.length': 0.2})
+    with pytest.raises(InputError, match='2 motor units of 200 mm; the rig has 2 of 127 mm'):
+        rig.change_bundle(longer)
+
+
 def test_load_step_changes_the_balance_and_not_the_motion(bundle):
     """More mass in motion lets the bundle sink without a jump in strain."""
     rig = make(bundle.with_effect('viscous_damping', coefficient=40.0), MassSpring(mass=4.0))
@@ -442,3 +473,27 @@ def test_the_default_rig_suits_muscles_that_take_more_pressure(bundle):
     drive(ours, [780e3, 780e3], 3.0)
     assert not ours.e_stopped
     assert ours.truth.pressure == pytest.approx([780e3, 780e3], rel=0.02)
+
+
+def test_a_drag_that_acts_under_pressure_alone_is_a_drag(bundle):
+    """And without one the force knows no rate; the volume knows the pressure where braids give."""
+    assert _dependences(bundle, bundle.model()) == (False, False)
+    drag = loads_model("""
+        format: fam-bundle-model/1
+        motor_units:
+          - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg,
+                       wall_thickness: 1.59 mm}
+        effects:
+          - my_drag: {expression: "-k * strain_rate * max(pressure - p0, 0)", place: loss,
+                      parameters: {k: 0.02 N*s/kPa, p0: 80 kPa}}
+        """).effects[0]
+    dragged, soft = bundle.with_effect(drag), bundle.with_effect('braid_elasticity')
+    assert _dependences(dragged, dragged.model()) == (True, False)
+    assert _dependences(soft, soft.model()) == (False, True)
+
+
+def test_configurations_of_a_rig_cannot_be_changed(not_frozen):
+    """Its states and records, and faults, are what changes."""
+    assert {name for name in not_frozen(plant_package)
+            if not name.endswith(('State', 'Record'))} == {
+                'Air', 'AirBalance', 'AirScratch', 'DelayLine', 'Faults'}

@@ -192,9 +192,10 @@ def _with_resets(name: str, rows: np.ndarray, names: Sequence[str], labels: np.n
         return runs, run_names
     count = resets.max() + 1
     codes, runs = np.unique(runs * count + resets, return_inverse=True)
-    return runs.ravel(), [str(at + 1) if len(run_names) == 1 else
-                          f'{run_names[code // count]} {code % count + 1}'
-                          for at, code in enumerate(codes.tolist())]
+    of_run = codes // count
+    number = np.arange(len(codes)) - np.searchsorted(of_run, of_run) + 1
+    return runs.ravel(), [f'{run_names[run]} {k}' if len(run_names) > 1 else str(k)
+                          for run, k in zip(of_run.tolist(), number.tolist())]
 
 
 def _places(labels: np.ndarray, times: np.ndarray, runs: np.ndarray,

@@ -1,0 +1,106 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Gains of the strain loop, and what they are worked out from, against simulated time."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.control.strain_gains import (
+    _costs,
+    _plants,
+    drag_of,
+    GAIN_ERRORS,
+    RATE_LAG,
+    SPAN,
+    stiffness_grid,
+    strain_gains,
+    unit_stiffness,
+)
+
+STIFFNESS, INERTIA, LAG = 800.0, 0.5, 0.02
+
+
+def squared_error(gain, integral, rate, seconds=2.0, dt=2.5e-4):
+    """Return the mean over plants of the integral of strain^2 after a load step of 1 N."""
+    stiffness = np.repeat([STIFFNESS / SPAN, STIFFNESS, STIFFNESS * SPAN], 3)
+    error = np.tile(GAIN_ERRORS, 3)
+    drag = 2.0 * 0.01 * np.sqrt(stiffness * INERTIA)
+    x = v = whole = filtered = square = np.zeros(9)
+    late = [np.zeros(9)] * round(LAG / dt)
+    for _ in range(round(seconds / dt)):
+        filtered = filtered + dt / RATE_LAG * (v - filtered)
+        whole = whole + dt * x
+        late.append(-(gain * x + integral * whole + rate * filtered))
+        pull = (1.0 + error) * (late.pop(0) + 1.0)
+        v = v + dt * (pull - drag * v - stiffness * x) / INERTIA
+        x = x + dt * v
+        square = square + dt * x * x
+    return float(square.mean())
+
+
+def costs(*gains):
+    """Return what the design reckons for controllers (gain, integral, rate)."""
+    s = 1j * np.sqrt(STIFFNESS / INERTIA) * np.logspace(-2.7, 1.3, 2000)
+    plants = _plants(s, (STIFFNESS / SPAN, STIFFNESS, STIFFNESS * SPAN), INERTIA, 0.0)
+    control = np.array([gain + integral / s + rate * s / (1.0 + RATE_LAG * s)
+                        for gain, integral, rate in gains]) * np.exp(-s * LAG)
+    return _costs(s, plants, control)
+
+
+def test_the_cost_of_gains_is_the_squared_error_after_a_load_step():
+    """By Parseval: pi times the integral over time, for any controller that has its margin."""
+    best = strain_gains(STIFFNESS, INERTIA, 0.0, LAG)
+    gains = [(share * best.gain, part * best.integral, more * best.damping)
+             for share, part, more in ((1.0, 1.0, 1.0), (1.0, 0.5, 1.0), (1.0, 0.3, 0.8))]
+    found = costs(*gains)
+    assert np.isfinite(found).all()
+    times = np.array([squared_error(*each) for each in gains])
+    assert found / times == pytest.approx(np.pi, rel=0.05)
+
+
+def test_gains_without_margin_have_no_cost():
+    """Unstable ones, ones that are near it, and an integral of the wrong sign."""
+    assert np.isinf(costs((0.0, 60e3, 0.0), (3000.0, 1000.0, 0.0), (0.0, -1000.0, 0.0))).all()
+
+
+def test_the_gains_are_better_than_others_near_by():
+    """With each of them a little more or less the cost is higher, or a margin is lost."""
+    best = strain_gains(STIFFNESS, INERTIA, 0.0, LAG)
+    chosen = np.array([best.gain, best.integral, best.damping])
+    assert chosen[1] > 0.0
+    least = costs(chosen)[0]
+    assert np.isfinite(least)
+    for k, step in ((0, 0.12 * STIFFNESS), (1, 0.3 * chosen[1]), (2, 1.0)):
+        for sign in (1.0, -1.0):
+            other = chosen + sign * step * (np.arange(3) == k)
+            assert costs(other)[0] > 0.98 * least
+
+
+def test_stiffnesses_of_units_are_slopes_of_their_force(bundles):
+    """At half and all of the largest pressure those of the model, at none zero."""
+    bundle = bundles[3]
+    slope, bend = unit_stiffness(bundle)
+    for share in (0.5, 1.0):
+        pressure = share * bundle.max_pressure
+        near, far = (bundle.unit_forces(strain, pressure) for strain in (0.09, 0.11))
+        assert slope * pressure + bend * pressure ** 2 == pytest.approx((near - far) / 0.02)
+
+
+def test_stiffnesses_for_which_gains_are_worked_out_go_up_in_even_ratios(bundles):
+    """From the first unit at a tenth of its pressure to all at theirs, beside the load's own."""
+    bundle, load = bundles[3], 30.0
+    grid = stiffness_grid(bundle, load)
+    slope, bend = unit_stiffness(bundle)
+    most, first = bundle.max_pressure, 0.1 * bundle.max_pressure[0]
+    assert grid[-1] == pytest.approx(load + np.sum(slope * most + bend * most ** 2))
+    assert grid[0] == pytest.approx(load + slope[0] * first + bend[0] * first ** 2)
+    ratios = np.array(grid[1:]) / grid[:-1]
+    assert np.ptp(ratios) < 1e-9
+    assert SPAN < ratios[0] <= SPAN ** 2
+    assert len(stiffness_grid(bundle, 1e6)) == 2
+
+
+def test_any_load_has_a_hundredth_of_critical_damping():
+    """Or its own, where that is more."""
+    assert drag_of(400.0, 1.0, 0.0) == pytest.approx(0.4)
+    assert drag_of(400.0, 1.0, 3.0) == 3.0

@@ -1,0 +1,230 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The parts that smoothed rates are made of, against plain least squares and known signals."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from fam_bundle_ros.data import rates
+from fam_bundle_ros.data.rates import (
+    _is_held,
+    _local,
+    _locally,
+    _parts,
+    begins,
+    direction,
+    sample_noise,
+    signal_step,
+    slope,
+    smooth,
+    spread,
+    turning,
+    usual_step,
+)
+
+
+@pytest.fixture
+def rng():
+    """Return random numbers, the same ones for each test."""
+    return np.random.default_rng(7)
+
+
+@pytest.fixture
+def uneven(rng):
+    """Return time and value of 40 samples at uneven steps."""
+    return np.cumsum(rng.uniform(0.05, 0.15, 40)), rng.normal(size=40)
+
+
+@pytest.mark.parametrize('half', [2, 6])
+def test_local_fits_are_those_of_least_squares(uneven, half):
+    """Value and slope of each window, cut at the ends; within, by how much the slope changes."""
+    time, value = uneven
+    found = _local(time, value, half)
+    for k in range(40):
+        rows = slice(max(k - half, 0), k + half + 1)
+        t, y = time[rows] - time[k], value[rows]
+        assert_allclose((found.slope[k], found.value[k]), np.polyfit(t, y, 2)[1:], rtol=1e-6)
+        if k < half or k >= 40 - half:
+            assert (found.bend[k], found.bend_sd[k], found.missed[k]) == (0.0, np.inf, np.inf)
+            continue
+        columns = np.stack([np.ones(len(t)), t, t ** 2, np.maximum(t, 0.0)], -1)
+        best, squares, _, _ = np.linalg.lstsq(columns, y)
+        sd = np.sqrt(np.linalg.inv(columns.T @ columns)[3, 3])
+        assert_allclose((found.bend[k], found.bend_sd[k]), (best[3], sd), rtol=1e-6)
+        assert found.missed[k] == pytest.approx(np.sqrt(squares[0] / (len(t) - 4)), rel=1e-6)
+
+
+def test_two_rows_have_the_slope_between_them_and_one_has_none():
+    """Nothing is smoothed there, and no change of the slope is known."""
+    two = _local(np.array([0.0, 0.5]), np.array([1.0, 2.0]), 2)
+    assert two.value.tolist() == [1.0, 2.0]
+    assert two.slope.tolist() == [2.0, 2.0]
+    assert two.bend.tolist() == [0.0, 0.0]
+    assert np.isinf([two.bend_sd, two.missed]).all()
+    assert _local(np.array([3.0]), np.array([1.0]), 2).slope.tolist() == [0.0]
+
+
+def test_blocks_of_rows_give_what_the_whole_gives(uneven, monkeypatch):
+    """To the last row of each part."""
+    parts = [np.arange(17), np.arange(17, 40)]
+    whole = [_local(uneven[0][rows], uneven[1][rows], 3) for rows in parts]
+    monkeypatch.setattr(rates, '_BLOCK', 5)
+    for found, first, second in zip(_locally(*uneven, parts, 3), *whole):
+        assert_allclose(found, np.concatenate([first, second]), rtol=1e-9)
+
+
+def test_a_run_begins_where_any_label_changes():
+    """The first row begins one always."""
+    one, other = np.array([1, 1, 2, 2, 2, 1]), np.array([0, 0, 0, 5, 5, 5])
+    assert begins(one, other).tolist() == [True, False, True, True, False, True]
+    assert begins(one).tolist() == [True, False, True, False, False, True]
+
+
+def test_the_usual_step_is_that_of_the_sampling():
+    """Of an even log, of one in packets of four rows, of trials with a day between them."""
+    trial = np.repeat([4, 5], 60)
+    even = 0.1 * np.arange(120) + 86400.0 * (trial == 5)
+    assert usual_step(even, trial) == pytest.approx(0.1)
+    packets = 0.4 * (np.arange(120) // 4) + 1e-4 * (np.arange(120) % 4)
+    assert usual_step(packets, np.zeros(120, int)) == pytest.approx(0.1, rel=0.1)
+    assert usual_step(np.array([0.0, 9.0]), np.array([0, 1])) == 1.0
+    assert usual_step(np.array([0.0, 9.0]), np.array([0, 0])) == 9.0
+
+
+@pytest.mark.parametrize(('pause', 'count'), [(5.0, 2), (6.0, 3)])
+def test_windows_end_at_trials_and_at_pauses_longer_than_the_widest(pause, count):
+    """That is 55 steps: of 0.1 s each, 5.5 s."""
+    trial = np.repeat([0, 1], 200)
+    time = 0.1 * np.arange(400) + pause * (np.arange(400) >= 300)
+    parts = _parts(time, trial)
+    assert [rows[0] for rows in parts] == [0, 200, 300][:count]
+    assert np.concatenate(parts).tolist() == list(range(400))
+
+
+def test_the_spread_of_differences_is_that_without_the_outliers(rng):
+    """Of normal ones, and of steps that are mostly zero."""
+    gaps = 3.0 + 2.0 * rng.normal(size=20_000)
+    gaps[::20] += 100.0
+    assert spread(gaps) == pytest.approx(2.0, rel=0.1)
+    steps = np.round(rng.normal(size=20_000) * 0.5)
+    whole = steps.std()
+    steps[::100] = 60.0
+    assert spread(steps) < 0.1
+    assert spread(steps, 1.0) == pytest.approx(whole, rel=0.02)
+    # coarse, not small: the deviation of all within five steps
+    assert spread(np.round(rng.normal(size=20_000) * 1.5), 1.0) == pytest.approx(
+        np.hypot(1.5, np.sqrt(1.0 / 12.0)), rel=0.02)
+
+
+def test_the_noise_of_samples_is_that_without_the_signal(rng):
+    """A parabola in each trial, far from the other: third differences leave it out."""
+    trial = np.repeat([0, 1], 5000)
+    signal = 1e-5 * np.arange(10_000.0) ** 2 + 1e4 * trial
+    noise = 0.2 * rng.normal(size=10_000)
+    assert sample_noise(signal + noise, trial) == pytest.approx(0.2, rel=0.05)
+    assert sample_noise(noise[:6], trial[:6]) == 0.0
+    assert sample_noise(noise[:7], trial[:7]) > 0.0
+    short = np.arange(400) // 4  # one third difference in each trial
+    jumps = 1e3 * rng.normal(size=100)[short]
+    assert sample_noise(noise[:400] + jumps, short) == pytest.approx(0.2, rel=0.3)
+
+
+def test_white_noise_is_held_and_a_swing_or_a_drift_is_not(rng):
+    """Of many records of one level few are taken for moving ones."""
+    noise = rng.normal(size=(200, 990))
+    assert np.mean([_is_held(each, 1.0) for each in noise]) > 0.97
+    swing = 1.0 * np.sin(np.arange(990))
+    assert not any(_is_held(each + swing, 1.0) for each in noise)
+    drift = 0.5 * np.sin(np.arange(990) / 150.0)
+    assert not any(_is_held(each + drift, 1.0) for each in noise)
+    assert _is_held(noise[0, :66], 1.0)
+    assert not _is_held(noise[0, :65], 1.0)
+
+
+def test_smoothing_takes_the_noise_of_a_ramp_and_keeps_a_step(rng):
+    """A quadratic over 33 rows leaves 1.5/sqrt(33) of it; beside the step nothing is smeared."""
+    count = 4000
+    signal = 0.02 * np.arange(count) + 60.0 * (np.arange(count) >= 2000)
+    noise = rng.normal(size=count)
+    found = smooth(0.1 * np.arange(count), signal + noise, np.zeros(count, int)) - signal
+    inside = np.r_[50:1950, 2050:3950]
+    assert np.std(found[inside]) < 0.45
+    assert np.std(found[inside]) > 0.2
+    assert np.abs(found[1990:2010]).max() < 4.0
+    assert smooth(np.arange(9.0), np.arange(9.0), np.zeros(9, int)).tolist() == list(range(9))
+
+
+@pytest.mark.parametrize('step', [0.01, 0.5])
+def test_the_noise_that_a_slope_names_is_the_noise_it_has(rng, step):
+    """Two ramps with noise of 1 a row, in units of their time."""
+    trial = np.repeat([0, 1], 10_000)
+    time = step * np.arange(20_000)
+    true = 0.3 / step * np.where(trial == 0, 1.0, -1.0)
+    signal = np.where(trial == 0, 1.0, -1.0) * 0.3 * np.arange(20_000)
+    found = slope(time, signal + rng.normal(size=20_000), trial)
+    inside = np.r_[100:9900, 10_100:19_900]
+    assert found.window == 55
+    assert np.std((found.rate - true)[inside]) == pytest.approx(found.noise, rel=0.1)
+    assert found.noise == pytest.approx(np.sqrt(12.0 / 55.0 ** 3) / step, rel=0.05)
+
+
+def test_a_clean_enough_rate_is_not_smoothed_further(rng):
+    """Noise of a ten-thousandth of what moves in a row: the narrowest window is enough."""
+    rows = np.arange(500.0)
+    found = slope(rows, rows + 1e-4 * rng.normal(size=500), np.zeros(500, int))
+    assert found.window == 5
+    assert_allclose(found.rate, 1.0, atol=1e-3)
+
+
+@pytest.mark.parametrize('late', [-0.4, -0.2, 0.2, 0.4])
+def test_a_corner_between_two_samples_is_found_where_it_is(rng, late):
+    """The sample next to it has the slope of the leg that it is on; all others theirs."""
+    rows, corner = np.arange(400.0), 200.0 + late
+    value = np.where(rows < corner, 0.2 * rows, 0.2 * corner + 1.0 * (rows - corner))
+    found = slope(rows, value + 1e-4 * rng.normal(size=400), np.zeros(400, int))
+    assert_allclose(found.rate[:200], 0.2, atol=0.04)
+    assert_allclose(found.rate[201:], 1.0, atol=0.04)
+    assert found.rate[200] == pytest.approx(1.0 if late < 0.0 else 0.2, abs=0.04)
+
+
+def test_levels_that_were_set_and_even_ramps_are_no_steps_of_a_reading(rng):
+    """Sixteen changes and steps in its range at least, all multiples of the smallest."""
+    trial = np.zeros(400, int)
+    reading = 0.5 * np.round(20.0 * np.sin(np.arange(400) / 15.0))
+    assert signal_step(reading, trial) == 0.5
+    assert signal_step(reading + 0.02 * rng.normal(size=400), trial) == 0.0
+    assert signal_step(0.7 * np.arange(400.0), trial) == 0.0
+    assert signal_step(0.5 * np.round(7.0 * np.sin(np.arange(400) / 15.0)), trial) == 0.0
+    assert signal_step(np.repeat(0.5 * np.arange(16.0), 25), trial) == 0.0
+    assert signal_step(np.repeat(0.5 * np.arange(20.0), 20), trial) == 0.5
+    # what lies between two trials is no change
+    trials = np.arange(400) // 20
+    assert signal_step(reading + 0.123 * trials, trials) == pytest.approx(0.5)
+    assert signal_step(reading + 0.123 * trials, trial) == 0.0
+
+
+def test_what_is_slow_or_goes_nowhere_is_at_rest():
+    """Below three deviations of the noise, or a fiftieth of fast motion, or the least travel."""
+    time, trial = 0.1 * np.arange(60), np.zeros(60, int)
+    rate = np.repeat([1.0, 0.03, 0.01, -0.01, -0.03, -1.0], 10)
+    assert direction(time, rate, 0.0, trial, 0.0)[::10].tolist() == [1, 1, 0, 0, -1, -1]
+    assert direction(time, rate, 0.02, trial, 0.0)[::10].tolist() == [1, 0, 0, 0, 0, -1]
+    # up for 2 s at 1 and 0.03 per s, down likewise but for the last row, which ends the log
+    assert direction(time, rate, 0.0, trial, 1.0)[::10].tolist() == [1, 1, 0, 0, 0, 0]
+    assert direction(time, rate, 0.0, trial, 1.04)[::10].tolist() == [0] * 6
+    # a trial of its own begins no run of another
+    halves = np.repeat([0, 1], 30)
+    steady = direction(time, np.ones(60), 0.0, halves, 2.95)
+    assert steady.tolist() == [0] * 60
+    assert direction(time, np.ones(60), 0.0, trial, 2.95).tolist() == [1] * 60
+
+
+@pytest.mark.parametrize(('moving', 'turns'), [
+    ([1, 1, 0, 0, -1], [0, 0, 1, 1, 0]), ([-1, 0, 0, 0, 1], [0, 1, 1, 1, 0]),
+    ([1, 0, 0, 0, 0, -1], [0] * 6), ([1, 1, 0, 0, 1], [0] * 5), ([0, 0, 1, -1, -1], [0] * 5),
+    ([1, 0, -1, 0, 1, 0], [0, 1, 0, 1, 0, 0])])
+def test_a_turning_point_is_a_short_rest_between_opposite_motions(moving, turns):
+    """A window of three rows: a longer rest is a hold; and one between trials is none."""
+    assert turning(np.array(moving), np.zeros(len(moving), int), 3).tolist() == turns
+    assert not turning(np.array(moving), np.arange(len(moving)), 3).any()

@@ -1,0 +1,58 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A slip of unit or sign is told as what it is, and nothing is told where there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.slips import slips
+from fam_bundle_ros.units import si_factor
+
+
+@pytest.fixture
+def told(sweeps, muscle):
+    """Return what is said of the sweeps after a change of them."""
+    def say(**changes):
+        data = sweeps()
+        data = replace(data, **{key: factor * getattr(data, key) if np.isscalar(factor) else
+                                factor(getattr(data, key)) for key, factor in changes.items()})
+
+        def predict(measurement):
+            return muscle(measurement.strain, measurement.pressure[:, 0])
+        return slips(predict, data, data.force - predict(data))
+    return say
+
+
+@pytest.mark.parametrize(('unit', 'taken'), [('lbf', 'N'), ('N', 'lbf'), ('kgf', 'N'),
+                                             ('N', 'kgf')])
+def test_a_force_in_another_unit_is_told(told, unit, taken):
+    """Of numbers in one unit that were read as another; what would be left is 0.6 N of noise."""
+    words, = told(force=si_factor(taken, 'N') / si_factor(unit, 'N'))
+    assert words.startswith(f'with a force in {unit}, not in {taken} the model would be off by ')
+    assert float(words.partition('off by ')[2].split()[0]) == pytest.approx(0.6, rel=0.1)
+
+
+@pytest.mark.parametrize(('unit', 'taken'), [('psi', 'kPa'), ('kPa', 'psi'), ('bar', 'kPa'),
+                                             ('kPa', 'bar')])
+def test_a_pressure_in_another_unit_is_told(told, unit, taken):
+    """What would be left is the noise of 0.6 N, beside what there is now."""
+    words, = told(pressure=si_factor(taken, 'Pa') / si_factor(unit, 'Pa'))
+    assert words.startswith(f'with pressures in {unit}, not in {taken} the model would be off')
+    assert float(words.partition('off by ')[2].split()[0]) == pytest.approx(0.6, rel=0.1)
+
+
+def test_a_sign_and_an_absolute_pressure_are_told(told):
+    """Tension read as negative; a gauge whose lowest reading is the atmosphere."""
+    assert told(force=-1.0)[0].startswith('with the sign of the force turned round')
+    absolute, = told(pressure=lambda gauge: gauge + 101325.0)
+    assert absolute.startswith('with pressures that are absolute, not gauge')
+
+
+def test_what_is_no_slip_is_not_told(told):
+    """Data as they are, a force off by a third, an offset: no other unit makes them fit."""
+    assert told(force=1.0) == ()
+    assert told(force=1.3) == ()
+    assert told(force=lambda force: force + 40.0) == ()
+    assert told(pressure=2.0) == ()

@@ -1,0 +1,171 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How rows become cells and long logs short ones: whole, in order, as fine as there is room."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery.cells import (
+    _at_most,
+    _places,
+    _renumbered,
+    _stays,
+    _stretches,
+    _widest_block,
+    averaged,
+    averages,
+    reduce,
+    thinned,
+)
+
+
+@pytest.fixture(scope='module')
+def long_log():
+    """Return a log of 8000 rows in two trials: slow to and fro at two pressures."""
+    time = 0.05 * np.arange(8000)
+    strain = 0.1 - 0.1 * np.cos(2.0 * np.pi * time / 80.0)
+    trial = np.repeat([0, 1], [5000, 3000])
+    pressure = np.where(trial == 0, 1e5, 3e5)
+    return build('long', strain, pressure, 50.0 - 100.0 * strain, trial, time)
+
+
+def test_averages_are_means_of_the_rows_of_a_cell():
+    """Rows of no cell do not count; columns are averaged one by one."""
+    label = np.array([2, 0, -1, 2, 1, 0, 2])
+    values = np.arange(14.0).reshape(7, 2) ** 2
+    mean = averages(label, 3)
+    for k in range(3):
+        assert_allclose(mean(values)[k], values[label == k].mean(axis=0))
+    assert_allclose(mean(values[:, 0]), mean(values)[:, 0])
+
+
+def test_labels_without_gaps_keep_their_order():
+    """And none stays none."""
+    assert _renumbered(np.array([7, 3, -1, 7, 20])).tolist() == [1, 0, -1, 1, 2]
+    assert _renumbered(np.array([7, 3, 20])).tolist() == [1, 0, 2]
+
+
+@pytest.mark.parametrize('most', [3, 10, 24, 25, 60])
+def test_of_too_many_cells_an_even_choice_stays(most):
+    """The first and the last among them; the rows of the others are in none."""
+    label = np.repeat(np.arange(25), 4)
+    found = _at_most(most, label)
+    kept = np.unique(label[found >= 0])
+    assert len(kept) == found.max() + 1 == min(most, 25)
+    assert (kept[0], kept[-1]) == (0, 24)
+    assert np.ptp(np.diff(kept)) <= 1
+    assert all(len(np.unique(found[label == k])) == 1 for k in range(25))
+
+
+def test_places_are_as_fine_as_there_is_room_for(sweeps):
+    """Rows of one place are near in strain, at one pressure and of one way; more room, finer."""
+    data = sweeps(cycles=3)
+    span = np.ptp(data.strain), np.ptp(data.pressure, axis=0)
+    sizes = []
+    for most in (140, 300, 700):
+        label = _places(data, data.direction, *span, most)
+        assert label.max() + 1 <= most
+        widths = [np.ptp(data.strain[label == k]) for k in range(label.max() + 1)]
+        sizes.append(max(widths))
+        assert all(len(np.unique(data.direction[label == k])) == 1 for k in np.unique(label))
+        assert max(np.ptp(data.pressure[label == k]) for k in np.unique(label)) < 5e4
+        # one place, whatever the visit
+        assert len(np.unique(data.trial[label == label[20]])) == 3
+    assert sizes[0] > sizes[1] > sizes[2]
+
+
+def test_stays_end_with_trial_direction_and_distance(sweeps):
+    """They follow each other in time; within one the muscle has moved by less than a bin."""
+    data = sweeps(cycles=2)
+    span = np.ptp(data.strain), np.ptp(data.pressure, axis=0)
+    label = _stays(data, data.direction, *span, 300)
+    assert label[0] == 0
+    assert set(np.diff(label)) == {0, 1}
+    assert label.max() < 300
+    same = np.diff(label) == 0
+    assert not np.any(same & data.start[1:])
+    assert not np.any(same & (np.diff(data.direction) != 0))
+    lengths = np.bincount(label)
+    assert np.median(lengths) >= 2
+    widths = np.array([np.ptp(data.strain[label == k]) for k in range(label.max() + 1)])
+    assert widths.max() < 0.24 / 10.0
+
+
+def test_neighbours_are_averaged_in_blocks_trial_by_trial(long_log):
+    """A block has rows of one trial; the last of each may be shorter."""
+    found = averaged(long_log, 7)
+    assert len(found) == 715 + 429
+    for name in ('time', 'strain', 'force', 'strain_rate'):
+        values = getattr(long_log, name)
+        assert_allclose(getattr(found, name)[3], values[21:28].mean())
+        assert_allclose(getattr(found, name)[714], values[4998:5000].mean())
+        assert_allclose(getattr(found, name)[715], values[5000:5007].mean())
+    assert_allclose(found.pressure[714:716, 0], [1e5, 3e5])
+    assert np.bincount(found.trial).tolist() == [715, 429]
+
+
+def test_a_block_is_as_wide_as_the_motion_bears(long_log):
+    """Within two blocks nine tenths of the rows move by less than a twentieth of the range."""
+    width = _widest_block(long_log)
+    moved = [np.percentile(np.abs(long_log.strain[2 * w:] - long_log.strain[:-2 * w]), 90)
+             for w in (width // 2, width)]
+    assert moved[0] <= 0.05 * 0.2 < moved[1]
+    fast = replace(long_log, strain=0.1 + 0.1 * np.sin(np.arange(8000.0)))
+    assert _widest_block(fast) == 8
+
+
+def test_a_long_log_is_thinned_and_a_short_one_is_not(long_log):
+    """By averages where the motion bears it, else by stretches from all over it too."""
+    assert thinned(long_log, 8000) is long_log
+    few = thinned(long_log, 2000)
+    assert 2000 <= len(few) <= 2002
+    assert_allclose(few.strain[:3], long_log.strain[:12].reshape(3, 4).mean(axis=1))
+    fewest = thinned(long_log, 100)
+    assert 80 <= len(fewest) <= 100 + 24
+    assert fewest.time.min() < 4.0
+    assert fewest.time.max() > 396.0
+    still = replace(long_log, time=None)
+    assert thinned(still, 100) is still
+
+
+def test_stretches_are_unbroken_and_from_all_over(long_log):
+    """Each begins a trial, and so does a trial within one."""
+    found = _stretches(long_log, 1200)
+    assert len(found) == 1200
+    step = np.diff(found.time)
+    inside = np.diff(found.trial) == 0
+    assert_allclose(step[inside], 0.05)
+    assert np.all(step[~inside] > 0.0)
+    assert found.trial[0] == 0
+    assert found.trial.max() + 1 == len(found.trial_names)
+    assert 12 <= len(found.trial_names) <= 13
+    assert found.time[0] == long_log.time[0]
+    assert found.time[-1] == long_log.time[-1]
+    assert _stretches(long_log, 6400) is long_log
+
+
+def test_cells_of_a_log_know_their_time_trial_direction_and_speed(sweeps, paper_muscle):
+    """Means of their rows; a speed is no less than what counts as rest."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction'), cycles=2)
+    cells = reduce(paper_muscle, data, most=150)
+    assert len(cells) <= 150
+    for k in (0, 40, len(cells) - 1):
+        rows = cells.label == k
+        assert cells.time[k] == pytest.approx(data.time[rows].mean())
+        assert cells.strain[k] == pytest.approx(data.strain[rows].mean())
+        assert cells.pressure[k] == pytest.approx(data.pressure[rows].mean(axis=0))
+        assert cells.trial[k] == data.trial[rows][0]
+        assert cells.direction[k] == np.sign(data.strain_rate[rows].mean())
+        assert cells.speed[k] == pytest.approx(np.log(abs(data.strain_rate[rows].mean())))
+    rates = np.exp(cells.speed)
+    assert rates.min() >= 0.02 * np.percentile(rates, 89)
+    assert cells.strain_range == pytest.approx(0.24)
+    assert cells.pressure_range == pytest.approx([413.7e3])
+    assert cells.force_sd == pytest.approx(np.std(cells.force))
+    assert cells.largest_force == np.abs(cells.force).max()
+    assert cells.noise == pytest.approx(0.6, rel=0.15)
+    assert cells.both_ways

@@ -1,0 +1,139 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How specimens share parameters, against Bayes' theorem for normal likelihoods."""
+
+from itertools import combinations
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.stats import multivariate_normal
+
+from fam_bundle_ros.discovery.material import (
+    _bayes_factor,
+    _goes_with,
+    _log_evidence,
+    _sharing,
+    Constant,
+)
+from fam_bundle_ros.discovery.priors import Prior
+
+
+def observed(count, size, seed=0):
+    """Return what each specimen shows of some numbers, with covariances, and its posterior."""
+    rng = np.random.default_rng(seed)
+    seen, noise, mean, spread = [], [], [], []
+    for _ in range(count):
+        root = rng.normal(size=(size, size))
+        error = 0.3 * root @ root.T + 0.05 * np.eye(size)
+        y = rng.normal(size=size)
+        posterior = np.linalg.inv(np.linalg.inv(error) + np.eye(size))
+        seen.append(y)
+        noise.append(error)
+        mean.append(posterior @ np.linalg.solve(error, y))
+        spread.append(posterior)
+    return np.array(seen), np.array(noise), np.array(mean), np.array(spread)
+
+
+def log_shared(seen, noise, shared):
+    """Return the log density of what is seen where some numbers are one in all specimens."""
+    count, size = seen.shape
+    one = np.diag([1.0 if k in shared else 0.0 for k in range(size)])
+    covariance = (block_diag(*noise) + np.kron(np.ones((count, count)), one)
+                  + np.kron(np.eye(count), np.eye(size) - one))
+    return multivariate_normal(cov=covariance).logpdf(seen.ravel())
+
+
+@pytest.mark.parametrize('size', [1, 2, 3])
+@pytest.mark.parametrize('count', [2, 5])
+def test_the_factor_of_one_value_for_all_is_that_of_the_likelihoods(size, count):
+    """From the posteriors alone; and the value is the mean of the posterior of all together."""
+    seen, noise, mean, spread = observed(count, size)
+    factor, one = _bayes_factor(mean, spread)
+    assert factor == pytest.approx(log_shared(seen, noise, range(size))
+                                   - log_shared(seen, noise, ()))
+    whole = np.linalg.inv(np.sum([np.linalg.inv(c) for c in noise], axis=0) + np.eye(size))
+    assert one == pytest.approx(whole @ np.sum(
+        [np.linalg.solve(c, y) for c, y in zip(noise, seen)], axis=0))
+    assert _bayes_factor(np.zeros((3, 0)), np.zeros((3, 0, 0)))[0] == 0.0
+
+
+def test_the_evidence_of_a_quadratic_is_its_integral():
+    """Under a standard normal, by sums over a fine grid."""
+    z = np.linspace(-9.0, 9.0, 200_001)
+    precision, pull = 2.5, 1.7
+    density = np.exp(-0.5 * precision * z * z + pull * z - 0.5 * z * z) / np.sqrt(2.0 * np.pi)
+    value, mean = _log_evidence(np.array([[precision]]), np.array([pull]))
+    assert value == pytest.approx(np.log(density.sum() * (z[1] - z[0])))
+    assert mean[0] == pytest.approx((z * density).sum() / density.sum())
+
+
+def test_what_is_shared_is_averaged_over_all_sets():
+    """Three parameters, one of them log-normal, in widths of their priors that differ a little."""
+    seen, noise, mean, spread = observed(4, 3, seed=3)
+    seen[:, 0] = 0.4 + 0.05 * seen[:, 0]  # nearly alike
+    mean = np.array([s @ np.linalg.solve(c, y) for s, c, y in zip(spread, noise, seen)])
+    kinds, values, width = ('log', 'normal', 'normal'), np.array([2.0, 0.0, 5.0]), 0.7
+    fits = [SimpleNamespace(
+        priors=[Prior(f'a.{name}', -99.0, 99.0, float(value), width, kind)
+                for name, value, kind in zip('xyz', values, kinds)],
+        u=u, covariance=each) for u, each in zip(mean, spread)]
+    found = _sharing(fits, ('a.x', 'a.y', 'a.z'))
+    sets = [chosen for size in range(4) for chosen in combinations(range(3), size)]
+    weight = np.array([_bayes_factor_of(mean, spread, chosen) for chosen in sets])
+    assert found.log_factor == pytest.approx(np.log(np.mean(np.exp(weight))))
+    share = np.exp(weight) / np.exp(weight).sum()
+    for k in range(3):
+        assert found.shared[k] == pytest.approx(sum(
+            p for p, chosen in zip(share, sets) if k in chosen))
+    assert found.x == pytest.approx((np.array([np.log(2.0), 0.0, 5.0]) + width * mean).T)
+    assert found.sd == pytest.approx(width * np.sqrt(spread.diagonal(axis1=1, axis2=2)).T)
+    for k in range(3):
+        best = max((chosen for chosen in sets if k in chosen),
+                   key=lambda chosen: weight[sets.index(chosen)])
+        pick = np.ix_(range(4), best)
+        one = _bayes_factor(mean[pick], np.array([s[np.ix_(best, best)] for s in spread]))[1]
+        centre = np.log(2.0) if k == 0 else values[k]
+        assert found.one[k] == pytest.approx(centre + width * one[best.index(k)])
+
+
+def _bayes_factor_of(mean, spread, chosen):
+    """Return the log factor of a set, from likelihoods that its posteriors stand for."""
+    if not chosen:
+        return 0.0
+    pick = list(chosen)
+    sub = [s[np.ix_(pick, pick)] for s in spread]
+    noise = [np.linalg.inv(np.linalg.inv(s) - np.eye(len(pick))) for s in sub]
+    seen = np.array([c @ np.linalg.solve(s, m[pick]) for c, s, m in zip(noise, sub, mean)])
+    everything = range(len(pick))
+    return log_shared(seen, noise, everything) - log_shared(seen, noise, ())
+
+
+@pytest.mark.parametrize('power', [-1.0, 0.5, 2.0])
+@pytest.mark.parametrize('is_log', [True, False])
+def test_a_parameter_goes_with_the_fact_in_whose_power_it_goes(power, is_log):
+    """Within its errors; a fact that is one number in all, or another law, is not named."""
+    length = np.array([0.08, 0.127, 0.2, 0.31])
+    value = 3.0 * (length / 0.1) ** power
+    facts = [{'length': t, 'age': age, 'batch': 7.0}
+             for t, age in zip(length, (1.0, 9.0, 2.0, 5.0))]
+    x, s = (np.log(value), np.full(4, 0.02)) if is_log else (value, 0.02 * value)
+    name, found = _goes_with(x, s, facts, is_log)
+    assert (name, found) == ('length', pytest.approx(power))
+    assert _goes_with(x[:2], s[:2], facts[:2], is_log) == ('', 0.0)
+    only = [{key: each[key] for key in ('age', 'batch')} for each in facts]
+    assert _goes_with(x, s, only, is_log) == ('', 0.0)
+
+
+def test_a_constant_is_told_with_what_it_is():
+    """One number in all, or what it goes with, or neither."""
+    def told(**changes):
+        return str(Constant(**{'key': 'a.b', 'unit': 'mm', 'values': [1.0, 2.0], 'sd': [0.1, 0.1],
+                               'shared': 0.1, 'value': 1.5, 'goes_with': '', 'power': 0.0,
+                               **changes}))
+    assert told(shared=0.97) == (
+        'a.b is 1.5 mm in all (probability 0.97): a constant of the material')
+    assert told(goes_with='length', power=1.0).startswith(
+        'a.b goes with length (power 1: 1, 2 mm)')
+    assert told() == 'a.b differs (1, 2 mm) and goes with nothing in the table'
