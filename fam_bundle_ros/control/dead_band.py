@@ -25,6 +25,8 @@ _BOUND = 2.0
 _LEARN_TIME = 0.1
 #: What is read is filtered over so many lags of the loop.
 _FILTER_LAGS = 2.0
+#: Share of a rate that a lag which is off by a tenth makes of it in this filter.
+_LAG_SHARE = 0.1 / _FILTER_LAGS
 
 
 @dataclass
@@ -191,7 +193,9 @@ def learn_flow(band: Any, flow_then: float, slow: float, filling: float, venting
     # What no valve can be off by is a fault, or the lag.
     if abs(band.came / meant * flow - 1.0) > most:
         return 0.0
-    change = dt / max(_LEARN_TIME, lag + time) * abs(share) * band.missing / full * flow
+    sure = max(abs(band.missing) - _LAG_SHARE * abs(meant), 0.0)
+    change = dt / max(_LEARN_TIME, lag + time) * abs(share) * math.copysign(sure, band.missing)
+    change *= flow / full
     new = min(max(flow - (change if fills else -change), 1.0 - most), 1.0 + most)
     if fills:
         band.fill_flow = new

@@ -178,8 +178,11 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     if settings.reach > 0.0:
         # A command that is held for longer than meant must not fill above the ceiling.
         allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, drift)
-        if fastest > allowed:
-            widest, fastest = (allowed - drift) / full, allowed
+        # Nor must a flow that was learnt to be less than told, and may be back.
+        surely = full / min(band.fill_flow, 1.0)
+        if drift + surely > allowed:
+            widest = (allowed - drift) / surely
+            fastest = drift + widest * full
     if not state.started:
         start(settings, state, pressure, source, volume, volume_rate)
     rate = follow(settings, state, setpoint, pressure, dt, fastest, slowest)

@@ -155,7 +155,7 @@ def test_a_pressure_that_never_answers_widens_the_dead_band_within_its_doubt(cha
     assert pid.state.band.fill == pytest.approx(0.5 * 0.04 + 0.02)
     gentle, learnt = (PressurePid(config=replace(CONFIG, ceiling=102e3, reach=0.1))
                       for _ in range(2))
-    learnt.state.band.fill = 0.04
+    learnt.state.band.fill, learnt.state.band.fill_flow = 0.04, 0.4
     assert learnt.update(300e3, 100e3, 2e-3) < gentle.update(300e3, 100e3, 2e-3) + 1e-4
 
 
