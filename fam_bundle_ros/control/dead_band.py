@@ -1,12 +1,14 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The dead band that a valve has, learnt from pressures that come late or early.
+Dead band and flow that a valve has, learnt from pressures that come late or early.
 
 The inverse of the valve jumps over the dead band that the loop was told. Where the true one, with
 the backlash of its spool, is wider, small openings let no air through at all. What is missing of
 the pressure that was sent widens the band of that side, what is too much narrows it (adaptive
-inverse of a dead zone: Tao and Kokotovic 1994, IEEE Trans. Autom. Control 39, 59). Kernels.
+inverse of a dead zone: Tao and Kokotovic 1994, IEEE Trans. Autom. Control 39, 59). Wide openings
+say little of the dead band, but how much air passes: fittings and tubes take their share, supplies
+sag, and a valve may exhaust less than it fills. Kernels.
 """
 
 from dataclasses import dataclass
@@ -17,10 +19,14 @@ from typing import Any
 DOUBT_SHARE, DOUBT = 0.5, 0.02
 #: A conductance may be off by this share of itself.
 CONDUCTANCE_DOUBT = 0.3
+#: What is learnt of it stays within so many of these.
+_BOUND = 2.0
 #: s: over which a side that is open learns; at first it takes the mean of all that it has seen.
 _LEARN_TIME = 0.1
 #: What is read is filtered over so many lags of the loop.
 _FILTER_LAGS = 2.0
+#: Share of a rate that a lag which is off by a tenth makes of it in this filter.
+_LAG_SHARE = 0.1 / _FILTER_LAGS
 
 
 @dataclass
@@ -44,6 +50,10 @@ class DeadBandState:
         For how long each side has learnt.
     wide : float
         Size of the opening, as far as the spool may still be on its way back from it.
+    fill_flow, vent_flow : float
+        What passes of the flow that the valve as told has.
+    flow, flow_seen, flow_share : float, s, s and 1
+        As ``open``, ``seen`` and ``share``, with the weight `flow_worth`.
     """
 
     fill: float = 0.0
@@ -58,6 +68,11 @@ class DeadBandState:
     fill_time: float = 0.0
     vent_time: float = 0.0
     wide: float = 0.0
+    fill_flow: float = 1.0
+    vent_flow: float = 1.0
+    flow: float = 0.0
+    flow_seen: float = 0.0
+    flow_share: float = 0.0
 
 
 def dead_band_doubt(dead_band: float) -> float:
@@ -79,6 +94,21 @@ def worth(wide: float, doubt: float) -> float:
     """
     other = CONDUCTANCE_DOUBT * wide / doubt
     return 1.0 / (1.0 + other * other)
+
+
+def flow_worth(opening: float, wide: float, doubt: float) -> float:
+    """
+    Return how much of a rate that is missing is the flow's, over the opening.
+
+    What `worth` leaves, where the opening is as ``wide`` as it was.
+
+    Examples
+    --------
+    >>> round(worth(0.4, 0.04) + 0.4 * flow_worth(0.4, 0.4, 0.04), 3)
+    1.0
+    """
+    other = CONDUCTANCE_DOUBT / doubt
+    return other * other * opening * worth(wide, doubt)
 
 
 def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_then: float,
@@ -120,7 +150,9 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
     least = lag + time
     over = min(max(learnt, least), max(_LEARN_TIME, least))
     # A dead band that is wider by x takes the share x of the fully open valve's rate.
-    step = dt / over * band.share * band.missing
+    # A wide opening may show earlier than reckoned: from then on it has its part.
+    known = worth(band.wide, most)
+    step = dt / over * min(max(band.share, -known), known) * band.missing
     # A pressure that stands still may have met a fault: only what has come was made up for.
     made_up = min(slow / band.missing, band.came / band.missing) if band.missing != 0.0 else 0.0
     made_up = min(max(made_up, 0.0), 1.0)
@@ -135,10 +167,49 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
     return 0.0
 
 
+def learn_flow(band: Any, flow_then: float, slow: float, filling: float, venting: float,
+               lag: float, dt: float) -> float:
+    """
+    Learn the flow from the reading that `learn_dead_band` has had; return what that returns.
+
+    Parameters
+    ----------
+    flow_then : float, s
+        `DeadBandState.flow` at the time of the last command that the reading can show.
+    band, slow, filling, venting, lag, dt
+        As there; ``filling`` and ``venting`` with what was learnt.
+    """
+    time = _FILTER_LAGS * lag
+    kept = math.exp(-dt / time)
+    band.flow_share = kept * band.flow_share + (1.0 - kept) * (flow_then - band.flow_seen) / dt
+    band.flow_seen = flow_then
+    fills = band.flow_share > 0.0
+    full, share = (filling, band.flow_share) if fills else (venting, band.flow_share)
+    # Rate that the opening was to give.
+    meant = band.missing + band.came
+    if full <= 0.0 or meant * share <= 0.0:
+        return 0.0
+    flow, most = band.fill_flow if fills else band.vent_flow, _BOUND * CONDUCTANCE_DOUBT
+    # What no valve can be off by is a fault, or the lag.
+    if abs(band.came / meant * flow - 1.0) > most:
+        return 0.0
+    sure = max(abs(band.missing) - _LAG_SHARE * abs(meant), 0.0)
+    change = dt / max(_LEARN_TIME, lag + time) * abs(share) * math.copysign(sure, band.missing)
+    change *= flow / full
+    new = min(max(flow - (change if fills else -change), 1.0 - most), 1.0 + most)
+    if fills:
+        band.fill_flow = new
+    else:
+        band.vent_flow = new
+    made_up = min(slow / band.missing, band.came / band.missing) if band.missing != 0.0 else 0.0
+    return min(max(made_up, 0.0), 1.0) * (flow - new) / flow * meant
+
+
 def begin_readings(band: Any, pressure: float) -> None:
     """Begin at a reading (Pa), with what was learnt before."""
     band.reading, band.due, band.open, band.seen = pressure, 0.0, 0.0, 0.0
     band.missing = band.came = band.share = 0.0
+    band.flow = band.flow_seen = band.flow_share = 0.0
 
 
 def command_of(band: Any, dead_band: float, opening: float, most: float) -> float:

@@ -17,7 +17,9 @@ from fam_bundle_ros.control.dead_band import (
     command_of,
     dead_band_doubt,
     DeadBandState,
+    flow_worth,
     learn_dead_band,
+    learn_flow,
     worth,
 )
 from fam_bundle_ros.model.pneumatics import (
@@ -104,9 +106,9 @@ class PidState:
         The setpoint within what the valve can do.
     sent : float, Pa
         Integral of the pressure rates that were commanded.
-    past_time, past_sent, past_open : list (64,), s, Pa and s
-        Ring of it, and of `DeadBandState.open`, over the lag from command to reading; ``head`` is
-        the oldest of ``size``.
+    past_time, past_sent, past_open, past_flow : list (64,), s, Pa, s and s
+        Ring of it, and of `DeadBandState.open` and ``flow``, over the lag from command to reading;
+        ``head`` is the oldest of ``size``.
     coming : float, Pa
         What commands will still change that the reading does not show yet.
     clock : float, s
@@ -130,6 +132,7 @@ class PidState:
     past_time: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
     past_sent: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
     past_open: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
+    past_flow: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
     head: int = 0
     size: int = 0
     clock: float = 0.0
@@ -164,8 +167,9 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     source = supply + settings.ambient
     # The pressure that the command will meet: the reading does not show the last commands yet.
     absolute = max(pressure + (state.coming if state.started else 0.0), 0.0) + settings.ambient
-    filling = valve_flow(settings.valve, 1.0, absolute, source, settings.ambient)
-    venting = valve_flow(settings.valve, -1.0, absolute, source, settings.ambient)
+    band = state.band
+    filling = band.fill_flow * valve_flow(settings.valve, 1.0, absolute, source, settings.ambient)
+    venting = band.vent_flow * valve_flow(settings.valve, -1.0, absolute, source, settings.ambient)
     # What the muscle's motion does to the pressure with the valve shut.
     drift = pressure_rate(absolute, volume, volume_rate, 0.0)
     fastest = pressure_rate(absolute, volume, volume_rate, filling)
@@ -174,24 +178,29 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     if settings.reach > 0.0:
         # A command that is held for longer than meant must not fill above the ceiling.
         allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, drift)
-        if fastest > allowed:
-            widest, fastest = (allowed - drift) / full, allowed
+        # Nor must a flow that was learnt to be less than told, and may be back.
+        surely = full / min(band.fill_flow, 1.0)
+        if drift + surely > allowed:
+            widest = (allowed - drift) / surely
+            fastest = drift + widest * full
     if not state.started:
         start(settings, state, pressure, source, volume, volume_rate)
     rate = follow(settings, state, setpoint, pressure, dt, fastest, slowest)
     lag = settings.flow_lag + dt
     open_then = past_value(state, state.past_open, state.clock - lag)
+    flow_then = past_value(state, state.past_flow, state.clock - lag)
     error = error_beyond_noise(settings, state, pressure, dt)
     doubt = dead_band_doubt(settings.valve.dead_band)
-    given = learn_dead_band(state.band, doubt, pressure, state.sent - state.coming, open_then,
+    given = learn_dead_band(band, doubt, pressure, state.sent - state.coming, open_then,
                             state.integral, full, drift - slowest, lag, dt)
+    given += learn_flow(band, flow_then, state.integral, full, drift - slowest, lag, dt)
     if given * state.integral > 0.0:
         state.integral -= math.copysign(min(abs(given), abs(state.integral)), given)
     if setpoint <= 0.0 and state.followed <= _EMPTY:
         # Open to exhaust for good: a reading that is wrong must not shut the air in.
         state.integral = state.carried = 0.0
         state.command = -1.0
-        send(state, max(slowest * dt, -max(pressure + state.coming, 0.0)), 0.0)
+        send(state, max(slowest * dt, -max(pressure + state.coming, 0.0)), 0.0, 0.0)
         show(state, setpoint - pressure, slowest, slowest, False, False)
         return -1.0
     wanted = (settings.p * error - settings.d * state.measured_rate + state.integral
@@ -209,11 +218,11 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         opening = min(max(flow / max(limit, 1e-12), -1.0), widest)
         possible = min(max(wanted, slowest), fastest)
     # The integral makes up for what the model of the rate leaves out: it moves nothing.
-    band = state.band
     # The spool follows late: what a wide opening let in besides says nothing of the dead band.
     band.wide = max(abs(opening), band.wide * math.exp(-dt / (_GONE * lag)))
     shown = math.copysign(dt * worth(band.wide, doubt), opening) if opening != 0.0 else 0.0
-    send(state, (0.0 if at_rest else possible - state.integral) * dt, shown)
+    send(state, (0.0 if at_rest else possible - state.integral) * dt, shown,
+         dt * flow_worth(opening, band.wide, doubt))
     integrate(settings, state, error, rate, possible - wanted, dt, at_rest,
               _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
     state.command = opening
@@ -240,7 +249,7 @@ def start(settings: Any, state: Any, pressure: float, source: float, volume: flo
     """Begin at the pressure as it is, with the rate that continues the last command."""
     state.started = True
     state.followed = state.filtered = pressure
-    state.past_time[0] = state.past_sent[0] = state.past_open[0] = 0.0
+    state.past_time[0] = state.past_sent[0] = state.past_open[0] = state.past_flow[0] = 0.0
     state.size = 1
     begin_readings(state.band, pressure)
     opening = valve_opening(settings.valve, state.command)
@@ -268,18 +277,19 @@ def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: floa
     return rate
 
 
-def send(state: Any, change: float, shown: float) -> None:
+def send(state: Any, change: float, shown: float, passed: float) -> None:
     """
     Note the pressure change (Pa) that the command of this tick will make.
 
-    ``shown`` (s) is for how long it opens the valve, as far as the reading will show the dead
-    band, below 0 to exhaust.
+    ``shown`` and ``passed`` (s) are for how long it opens the valve, as far as the reading will
+    show the dead band and the flow, below 0 to exhaust.
     """
     state.sent += change
     state.band.open += shown
+    state.band.flow += passed
     last = (state.head + state.size - 1) % _PLACES
     state.past_time[last], state.past_sent[last] = state.clock, state.sent
-    state.past_open[last] = state.band.open
+    state.past_open[last], state.past_flow[last] = state.band.open, state.band.flow
 
 
 def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
@@ -306,7 +316,7 @@ def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
     if not near:
         new = (end + 1) % _PLACES
         times[new], state.past_sent[new] = state.clock, state.sent
-        state.past_open[new] = state.band.open
+        state.past_open[new], state.past_flow[new] = state.band.open, state.band.flow
         state.size += 1
     return min(first, last, state.coming), max(first, last, state.coming)
 
