@@ -146,11 +146,11 @@ def test_what_is_coming_is_what_was_sent_within_the_lag(lag, dt):
         assert (low, high) == pytest.approx((min(back), max(back)), **close)
         assert low <= state.coming <= high
         change = 200.0 * random.uniform(-1.0, 1.0) + 100.0 * math.sin(k / 20.0)
-        send(state, change, 0.5 * dt)
+        send(state, change, 0.5 * dt, -0.25 * dt)
         times.append(now + dt)
         sent.append(sent[-1] + change)
         assert state.size <= 64
-    assert state.band.open == pytest.approx(300.0 * dt)
+    assert (state.band.open, state.band.flow) == pytest.approx((300.0 * dt, -150.0 * dt))
 
 
 def test_an_error_within_the_quiet_band_or_on_its_way_is_none():
@@ -164,7 +164,7 @@ def test_an_error_within_the_quiet_band_or_on_its_way_is_none():
     for error, left in ((5e3, 0.0), (5.4e3, 0.0), (7e3, 1.5e3), (3e3, -1.5e3), (-2e3, -6.5e3)):
         state = at(100e3)
         still_coming(settings, state, DT)
-        send(state, 5e3, 0.0)  # commanded, and not to be read yet
+        send(state, 5e3, 0.0, 0.0)  # commanded, and not to be read yet
         found = error_beyond_noise(settings, state, 100e3 - error, DT)
         assert found == pytest.approx(left, abs=1e-6)
 
