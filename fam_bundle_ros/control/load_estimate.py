@@ -25,8 +25,9 @@ _STEP = 0.002
 _LONG = 10.0
 #: Places after which an estimate counts: two of each of the three that are looked for.
 _ENOUGH = 6
-#: s: in which the force at zero strain follows.
-_OFFSET_TIME = 0.5
+#: Filter times in which the force at zero strain follows. It is three behind itself; much quicker,
+#: and what the laws miss in a motion would come in.
+_OFFSET_LAGS = 8.0
 #: N: standard deviation of what else the force does from place to place: friction, noise.
 _OTHER = 1.0
 #: Strain over which a stiffness may become any other.
@@ -163,7 +164,7 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
     # Another estimate gives the same force here.
     now = load_law(state, strain, rate, bend)
     state.offset += before - now
-    state.offset += low_pass(dt, _OFFSET_TIME) * (force - now - state.offset)
+    state.offset += low_pass(dt, _OFFSET_LAGS * time) * (force - now - state.offset)
     if not state.known:
         state.known, state.offset = state.places >= _ENOUGH, force - now
 

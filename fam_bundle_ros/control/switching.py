@@ -184,7 +184,10 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
     shown.width, shown.uncertainty = width, demand.uncertainty
     watch(settings, machine, table, demand, release, dt)
     free = neglect or machine.since >= settings.dwell
-    if state < len(machine.needed) and (free or machine.direction == 1):
+    # A reference that is beyond the limit is no noise, and does not wait.
+    sure = (settings.policy == REVERSAL_AWARE
+            and demand.force - demand.feedback > recruit)
+    if state < len(machine.needed) and (free or sure or machine.direction == 1):
         why = why_recruit(settings, machine, table, demand, recruit)
         if why != NONE:
             explain(reason, machine, table, demand, why, recruit)

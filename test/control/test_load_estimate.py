@@ -104,6 +104,15 @@ def test_a_weight_that_is_put_on_does_not_turn_the_stiffness_round():
     assert estimates[-1] == pytest.approx(600.0, rel=0.1)
 
 
+def test_a_weight_that_is_put_on_is_held_within_half_a_second():
+    """The force at zero strain takes up four fifths of 30 N while the strain rests."""
+    strain, _, _ = moved(8.0)
+    state = learnt(strain, 20.0 + 600.0 * strain)
+    last = strain[-1]
+    learnt(np.full(125, last), np.full(125, 50.0 + 600.0 * last), state)
+    assert state.offset == pytest.approx(50.0, abs=6.0)
+
+
 def test_another_estimate_changes_no_force_here(paper_bundle):
     """While the load is moved its force as believed never jumps by more than its reading does."""
     strain, rate, bend = moved(8.0)

@@ -241,3 +241,13 @@ def test_margins_and_levels_are_those_of_the_policy(made):
         assert release_level(settings(REVERSAL_AWARE), table, state, 3.0, 6.0) == (
             top - dip - 3.0 - 6.0)
         assert math.isnan(release_level(settings(NEGLECT), table, 0, 3.0, 6.0))
+
+
+@pytest.mark.parametrize(('feedback', 'waits'), [(0.0, False), (60.0, True)])
+def test_a_reference_that_jumps_beyond_the_limit_does_not_wait(made, feedback, waits):
+    """Just after a release it is met at once; what feedback alone asks for waits for the dwell."""
+    machine = Machine(made(), 2, dwell=1.0)
+    assert machine.tell(100.0, duration=2.0)[1].startswith('release MU2')
+    time, why = machine.tell(300.0, feedback=feedback, duration=2.0)
+    assert why.startswith('recruit MU2')
+    assert (time > 0.9) == waits
