@@ -38,7 +38,8 @@ class SwitchingConfig:
         knows the resistive forces and keeps a band; ``reversal_aware`` (default) besides crosses
         the falling branch with compensation and looks where the demand is heading.
     dwell : float, s
-        Least time between a switch and the opposite one.
+        Least time between a switch and the opposite one. With ``reversal_aware`` a reference that
+        is beyond the limit does not wait.
     margin, hysteresis : float, N, optional
         By hand; worked out from model, error and noise otherwise.
     rest_time : float, s
