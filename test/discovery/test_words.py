@@ -189,3 +189,14 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     assert hung[0].startswith(f'the force is constant ({data.force.mean():.3g} N)')
     assert '100 N are 0.5 of strain' in hung[0]
     assert len(hung) == 2
+
+
+def test_a_rival_is_the_likeliest_set_without_the_effect(monkeypatch):
+    """With the other of a tie where there is one; the chosen set is none."""
+    sets = {'a': ['coulomb_friction'], 'b': ['end_caps'], 'c': ['tendon_slack'], 'd': []}
+    monkeypatch.setattr(words, '_labels', lambda posterior, fit: sets[fit])
+    posterior = SimpleNamespace(fits=list(sets))
+    assert words._rival(posterior, ('coulomb_friction', ''), 'a') == 'b'
+    assert words._rival(posterior, ('coulomb_friction', 'tendon_slack'), 'a') == 'c'
+    assert words._rival(posterior, ('end_caps', ''), 'a') == 'c'
+    assert words._rival(posterior, ('coulomb_friction', 'temperature'), 'a') is None
