@@ -12,6 +12,7 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, MotorUnit
+from fam_bundle_ros.model.parts import SensorError
 from fam_bundle_ros.model.laws.bladder import bladder_elasticity
 from fam_bundle_ros.model.laws.mesh import mesh
 
@@ -120,3 +121,18 @@ def test_a_larger_unit_before_a_smaller_one_is_told_of(sizes, odd):
     assert bool(bundle.unusual_order) == bool(odd)
     many = Bundle('two', [MotorUnit('a', 3, PAPER), MotorUnit('b', 2, PAPER)], [mesh()])
     assert many.unusual_order.startswith('a is larger than b')
+
+
+def test_what_is_felt_is_what_gauges_show_without_their_errors(paper_bundle):
+    """Bias, gain and drift of each gauge, and the lag of the strain; force by its own formula."""
+    bundle = Bundle('gauges', paper_bundle.motor_units, paper_bundle.effects)
+    bundle.sensor_error = SensorError(2.0, 0.1, -0.3, 4e3, -0.05, 70.0, 0.01, 0.2, 1e-3, 0.02)
+    force, strain = np.array([5.0, 90.0]), np.array([0.02, 0.2])
+    pressure, time, rate = np.array([[1e5, 0.0], [3e5, 2e5]]), np.array([7.0, 30.0]), 0.05
+    shown = bundle.readings(force, strain, pressure, time, rate)
+    assert_allclose(shown[0], 1.1 * force + 2.0 - 0.3 * time)
+    assert_allclose(shown[1], 1.2 * strain + 0.01 + 1e-3 * time - 0.02 * rate)
+    assert_allclose(shown[2], 0.95 * pressure + 4e3 + 70.0 * time[:, None])
+    felt = bundle.felt(*shown[1:], time, rate)
+    assert_allclose(felt[0], strain)
+    assert_allclose(felt[1], pressure, atol=1e-9)
