@@ -12,9 +12,9 @@ import pytest
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, MotorUnit
-from fam_bundle_ros.model.parts import SensorError
 from fam_bundle_ros.model.laws.bladder import bladder_elasticity
 from fam_bundle_ros.model.laws.mesh import mesh
+from fam_bundle_ros.model.parts import SensorError
 
 from .conftest import PAPER, units
 
