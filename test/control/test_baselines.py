@@ -175,6 +175,8 @@ def test_threshold_hands_over_at_full_and_at_empty(bundles):
             baseline_step(settings, state, False, order, full, 0.0, seen(0.0, 3), FORCE, error,
                           dt, command)
             rows.append(list(command.pressure))
+            assert command.share == pytest.approx(
+                np.array(rows[-1]) / max(sum(rows[-1]), 1e-9))
     rows = np.array(rows) / bundle.max_pressure
     assert rows.min() == 0.0
     assert rows.max() == 1.0

@@ -121,6 +121,9 @@ def test_a_larger_unit_before_a_smaller_one_is_told_of(sizes, odd):
     assert bool(bundle.unusual_order) == bool(odd)
     many = Bundle('two', [MotorUnit('a', 3, PAPER), MotorUnit('b', 2, PAPER)], [mesh()])
     assert many.unusual_order.startswith('a is larger than b')
+    wide = replace(PAPER, radius=2.0 * PAPER.radius)  # four times the section
+    assert not Bundle('two', [MotorUnit('a', 1, wide), MotorUnit('b', 5, PAPER)],
+                      [mesh()]).unusual_order
 
 
 def test_what_is_felt_is_what_gauges_show_without_their_errors(paper_bundle):
