@@ -25,9 +25,9 @@ _STEP = 0.002
 _LONG = 10.0
 #: Places after which an estimate counts: two of each of the three that are looked for.
 _ENOUGH = 6
-#: Filter times in which the force at zero strain follows. It is three behind itself; much quicker,
-#: and what the laws miss in a motion would come in.
-_OFFSET_LAGS = 8.0
+#: Filter times in which the force at zero strain follows. What the strain loop adds to it comes
+#: back three filters later; an integrator behind a dead time has no overshoot from e of it on.
+_OFFSET_LAGS = 3.0 * math.e
 #: N: standard deviation of what else the force does from place to place: friction, noise.
 _OTHER = 1.0
 #: Strain over which a stiffness may become any other.

@@ -15,8 +15,8 @@ from collections import deque
 from dataclasses import dataclass
 import math
 
-from fam_bundle_ros.control.dead_band import CONDUCTANCE_DOUBT, dead_band_doubt
 from fam_bundle_ros.control.safety import kilopascals, NO_RESPONSE, UNEXPLAINED_PRESSURE
+from fam_bundle_ros.control.valve_learning import CONDUCTANCE_DOUBT, dead_band_doubt
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
     POLYTROPIC,

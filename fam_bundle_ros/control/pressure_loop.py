@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from fam_bundle_ros.control.dead_band import (
+from fam_bundle_ros.control.valve_learning import (
     begin_readings,
     command_of,
     dead_band_doubt,
-    DeadBandState,
     flow_worth,
     learn_dead_band,
     learn_flow,
+    LearntValve,
     worth,
 )
 from fam_bundle_ros.model.pneumatics import (
@@ -107,7 +107,7 @@ class PidState:
     sent : float, Pa
         Integral of the pressure rates that were commanded.
     past_time, past_sent, past_open, past_flow : list (64,), s, Pa, s and s
-        Ring of it, and of `DeadBandState.open` and ``flow``, over the lag from command to reading;
+        Ring of it, and of `LearntValve.open` and ``flow``, over the lag from command to reading;
         ``head`` is the oldest of ``size``.
     coming : float, Pa
         What commands will still change that the reading does not show yet.
@@ -137,7 +137,7 @@ class PidState:
     size: int = 0
     clock: float = 0.0
     started: bool = False
-    band: DeadBandState = field(default_factory=DeadBandState)
+    learnt: LearntValve = field(default_factory=LearntValve)
     shown: PidDiagnostics = field(default_factory=PidDiagnostics)
 
 
@@ -167,9 +167,10 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     source = supply + settings.ambient
     # The pressure that the command will meet: the reading does not show the last commands yet.
     absolute = max(pressure + (state.coming if state.started else 0.0), 0.0) + settings.ambient
-    band = state.band
-    filling = band.fill_flow * valve_flow(settings.valve, 1.0, absolute, source, settings.ambient)
-    venting = band.vent_flow * valve_flow(settings.valve, -1.0, absolute, source, settings.ambient)
+    learnt = state.learnt
+    ambient = settings.ambient
+    filling = learnt.fill_flow * valve_flow(settings.valve, 1.0, absolute, source, ambient)
+    venting = learnt.vent_flow * valve_flow(settings.valve, -1.0, absolute, source, ambient)
     # What the muscle's motion does to the pressure with the valve shut.
     drift = pressure_rate(absolute, volume, volume_rate, 0.0)
     fastest = pressure_rate(absolute, volume, volume_rate, filling)
@@ -179,7 +180,7 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         # A command that is held for longer than meant must not fill above the ceiling.
         allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, drift)
         # Nor must a flow that was learnt to be less than told, and may be back.
-        surely = full / min(band.fill_flow, 1.0)
+        surely = full / min(learnt.fill_flow, 1.0)
         if drift + surely > allowed:
             widest = (allowed - drift) / surely
             fastest = drift + widest * full
@@ -191,9 +192,9 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     flow_then = past_value(state, state.past_flow, state.clock - lag)
     error = error_beyond_noise(settings, state, pressure, dt)
     doubt = dead_band_doubt(settings.valve.dead_band)
-    given = learn_dead_band(band, doubt, pressure, state.sent - state.coming, open_then,
+    given = learn_dead_band(learnt, doubt, pressure, state.sent - state.coming, open_then,
                             state.integral, full, drift - slowest, lag, dt)
-    given += learn_flow(band, flow_then, state.integral, full, drift - slowest, lag, dt)
+    given += learn_flow(learnt, flow_then, state.integral, full, drift - slowest, lag, dt)
     if given * state.integral > 0.0:
         state.integral -= math.copysign(min(abs(given), abs(state.integral)), given)
     if setpoint <= 0.0 and state.followed <= _EMPTY:
@@ -219,15 +220,15 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         possible = min(max(wanted, slowest), fastest)
     # The integral makes up for what the model of the rate leaves out: it moves nothing.
     # The spool follows late: what a wide opening let in besides says nothing of the dead band.
-    band.wide = max(abs(opening), band.wide * math.exp(-dt / (_GONE * lag)))
-    shown = math.copysign(dt * worth(band.wide, doubt), opening) if opening != 0.0 else 0.0
+    learnt.wide = max(abs(opening), learnt.wide * math.exp(-dt / (_GONE * lag)))
+    shown = math.copysign(dt * worth(learnt.wide, doubt), opening) if opening != 0.0 else 0.0
     send(state, (0.0 if at_rest else possible - state.integral) * dt, shown,
-         dt * flow_worth(opening, band.wide, doubt))
+         dt * flow_worth(opening, learnt.wide, doubt))
     integrate(settings, state, error, rate, possible - wanted, dt, at_rest,
               _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
     state.command = opening
     if settings.dead_band_compensation:
-        state.command = command_of(state.band, settings.valve.dead_band, opening,
+        state.command = command_of(state.learnt, settings.valve.dead_band, opening,
                                    valve_command(settings.valve, widest))
     show(state, setpoint - pressure, wanted, possible,
          not at_rest and abs(wanted - possible) > 1e-6 * abs(wanted), at_rest)
@@ -251,7 +252,7 @@ def start(settings: Any, state: Any, pressure: float, source: float, volume: flo
     state.followed = state.filtered = pressure
     state.past_time[0] = state.past_sent[0] = state.past_open[0] = state.past_flow[0] = 0.0
     state.size = 1
-    begin_readings(state.band, pressure)
+    begin_readings(state.learnt, pressure)
     opening = valve_opening(settings.valve, state.command)
     if opening != 0.0:
         absolute = pressure + settings.ambient
@@ -285,11 +286,11 @@ def send(state: Any, change: float, shown: float, passed: float) -> None:
     show the dead band and the flow, below 0 to exhaust.
     """
     state.sent += change
-    state.band.open += shown
-    state.band.flow += passed
+    state.learnt.open += shown
+    state.learnt.flow += passed
     last = (state.head + state.size - 1) % _PLACES
     state.past_time[last], state.past_sent[last] = state.clock, state.sent
-    state.past_open[last], state.past_flow[last] = state.band.open, state.band.flow
+    state.past_open[last], state.past_flow[last] = state.learnt.open, state.learnt.flow
 
 
 def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
@@ -316,7 +317,7 @@ def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
     if not near:
         new = (end + 1) % _PLACES
         times[new], state.past_sent[new] = state.clock, state.sent
-        state.past_open[new], state.past_flow[new] = state.band.open, state.band.flow
+        state.past_open[new], state.past_flow[new] = state.learnt.open, state.learnt.flow
         state.size += 1
     return min(first, last, state.coming), max(first, last, state.coming)
 

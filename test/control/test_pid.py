@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.dead_band import begin_readings, DeadBandState, learn_dead_band
+from fam_bundle_ros.control.valve_learning import begin_readings, learn_dead_band, LearntValve
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
@@ -100,7 +100,7 @@ def test_no_flow_is_learnt_from_noise_at_rest_nor_from_a_fault(chamber):
     """Noise moves it by less than 1 %, a supply that is gone for a second by less than 5 %."""
     loop = chamber(noise=350.0, pressure=200e3)
     loop.run(200e3, 3.0)
-    band = loop.pid.state.band
+    band = loop.pid.state.learnt
     assert max(abs(band.fill_flow - 1.0), abs(band.vent_flow - 1.0)) < 0.01
     loop.supply = 0.0
     loop.run(300e3, 1.0)
@@ -116,7 +116,7 @@ def test_a_dead_band_is_learnt_at_once_and_then_kept():
             learn_dead_band(band, 1.0, 200e3, missing * 2e-3 * k, 2e-3 * k, 0.0, 1e6, 1e6, 5e-3,
                             2e-3)
         return band.fill - before
-    new, old = DeadBandState(), DeadBandState()
+    new, old = LearntValve(), LearntValve()
     learnt(old, 0.0, 1.0)
     assert learnt(new, 2e4, 0.05) > 0.8 * 0.02
     assert learnt(old, 2e4, 0.05) < 0.4 * 0.02
@@ -126,7 +126,7 @@ def test_what_is_learnt_of_venting_is_the_mirror_of_filling():
     """Half of what is due comes, the integral makes up for some: both sides learn the same."""
     taken = {}
     for side in (1.0, -1.0):
-        band = DeadBandState()
+        band = LearntValve()
         begin_readings(band, 200e3)
         taken[side] = [learn_dead_band(
             band, 0.05, 200e3 + side * 1e3 * k, side * 2e3 * k, side * 2e-3 * k, side * 1e5,
@@ -144,7 +144,7 @@ def test_of_a_dead_band_that_is_as_told_nothing_else_is_learnt(chamber):
     for k in range(20):
         loop.run(100e3 + 100e3 * (k % 2), 0.1)
     loop.run(lambda t: 200e3 + 2e3 * (t // 4e-3 % 50), 0.4)
-    assert max(abs(loop.pid.state.band.fill), abs(loop.pid.state.band.vent)) < 4e-3
+    assert max(abs(loop.pid.state.learnt.fill), abs(loop.pid.state.learnt.vent)) < 4e-3
 
 
 def test_a_pressure_that_never_answers_widens_the_dead_band_within_its_doubt(chamber):
@@ -152,10 +152,10 @@ def test_a_pressure_that_never_answers_widens_the_dead_band_within_its_doubt(cha
     pid = PressurePid(config=CONFIG)
     for _ in range(2000):
         pid.update(101e3, 100e3, 2e-3)
-    assert pid.state.band.fill == pytest.approx(0.5 * 0.04 + 0.02)
+    assert pid.state.learnt.fill == pytest.approx(0.5 * 0.04 + 0.02)
     gentle, learnt = (PressurePid(config=replace(CONFIG, ceiling=102e3, reach=0.1))
                       for _ in range(2))
-    learnt.state.band.fill, learnt.state.band.fill_flow = 0.04, 0.4
+    learnt.state.learnt.fill, learnt.state.learnt.fill_flow = 0.04, 0.4
     assert learnt.update(300e3, 100e3, 2e-3) < gentle.update(300e3, 100e3, 2e-3) + 1e-4
 
 

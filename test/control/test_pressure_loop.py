@@ -8,7 +8,6 @@ from random import Random
 import numpy as np
 import pytest
 
-from fam_bundle_ros.control.dead_band import command_of, DeadBandState, worth
 from fam_bundle_ros.control.pid import pid_settings, PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.pressure_loop import (
     error_beyond_noise,
@@ -22,6 +21,7 @@ from fam_bundle_ros.control.pressure_loop import (
     start,
     still_coming,
 )
+from fam_bundle_ros.control.valve_learning import command_of, LearntValve, worth
 from fam_bundle_ros.model.pneumatics import pressure_rate, ValveFlow
 
 V, SUPPLY, DT = 15e-6, 500e3, 2e-3
@@ -150,7 +150,7 @@ def test_what_is_coming_is_what_was_sent_within_the_lag(lag, dt):
         times.append(now + dt)
         sent.append(sent[-1] + change)
         assert state.size <= 64
-    assert (state.band.open, state.band.flow) == pytest.approx((300.0 * dt, -150.0 * dt))
+    assert (state.learnt.open, state.learnt.flow) == pytest.approx((300.0 * dt, -150.0 * dt))
 
 
 def test_an_error_within_the_quiet_band_or_on_its_way_is_none():
@@ -221,9 +221,9 @@ def test_after_forgetting_all_is_as_before_the_first_reading():
     settings, state = settings_of(), PidState()
     for k in range(30):
         pressure_step(settings, state, 300e3, 200e3 + 1e3 * k, DT, SUPPLY, V, 1e-6)
-    band = state.band
+    band = state.learnt
     forget(state, 1.7)
-    fresh = PidState(command=1.0, band=band)
+    fresh = PidState(command=1.0, learnt=band)
     for name in ('command', 'integral', 'carried', 'followed', 'sent', 'coming', 'filtered',
                  'quiet', 'measured_rate', 'head', 'size', 'clock', 'started'):
         assert getattr(state, name) == getattr(fresh, name), name
@@ -246,13 +246,13 @@ def test_a_command_that_is_taken_over_is_the_rate_that_it_gives(command):
 def test_a_command_jumps_over_the_dead_band_as_it_was_learnt(learnt):
     """Each side by its own; a valve with that dead band then opens by what was asked for."""
     for opening, side in ((0.2, 'fill'), (-0.7, 'vent'), (1.0, 'fill'), (-1.0, 'vent')):
-        band = DeadBandState(**{side: learnt})
+        band = LearntValve(**{side: learnt})
         valve = ValveFlow(dead_band=max(0.04 + learnt, 0.0))
         command = command_of(band, 0.04, opening, 1.0)
         assert valve.opening(command) == pytest.approx(opening)
-    assert command_of(DeadBandState(fill=0.02), 0.04, 0.0, 1.0) == 0.0
-    assert command_of(DeadBandState(), 0.04, 0.9, 0.5) == 0.5
-    assert command_of(DeadBandState(), 0.04, -0.9, 0.5) < -0.9
+    assert command_of(LearntValve(fill=0.02), 0.04, 0.0, 1.0) == 0.0
+    assert command_of(LearntValve(), 0.04, 0.9, 0.5) == 0.5
+    assert command_of(LearntValve(), 0.04, -0.9, 0.5) < -0.9
 
 
 def test_a_missing_rate_is_shared_by_variance():

@@ -30,7 +30,7 @@ _LAG_SHARE = 0.1 / _FILTER_LAGS
 
 
 @dataclass
-class DeadBandState:
+class LearntValve:
     """
     What was learnt of a valve.
 
@@ -111,7 +111,7 @@ def flow_worth(opening: float, wide: float, doubt: float) -> float:
     return other * other * opening * worth(wide, doubt)
 
 
-def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_then: float,
+def learn_dead_band(valve: Any, most: float, pressure: float, due: float, open_then: float,
                     slow: float, filling: float, venting: float, lag: float, dt: float) -> float:
     """
     Learn from one reading; return what the integral need not add any more, Pa/s.
@@ -120,13 +120,13 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
 
     Parameters
     ----------
-    band : DeadBandState
+    valve : LearntValve
     most : float
         Largest error of the told dead band, in commands.
     pressure, due : float, Pa
         Reading, and the sum of all changes that it should show by what was sent.
     open_then : float, s
-        `DeadBandState.open` at the time of the last command that the reading can show.
+        `LearntValve.open` at the time of the last command that the reading can show.
     slow : float, Pa/s
         Rate that the loop's integral added besides.
     filling, venting : float, Pa/s
@@ -139,35 +139,32 @@ def learn_dead_band(band: Any, most: float, pressure: float, due: float, open_th
     # the air had answered.
     time = _FILTER_LAGS * lag
     kept = math.exp(-dt / time)
-    missing = (due - band.due - (pressure - band.reading)) / dt + slow
-    band.missing = kept * band.missing + (1.0 - kept) * missing
-    band.came = kept * band.came + (1.0 - kept) * (pressure - band.reading) / dt
-    band.share = kept * band.share + (1.0 - kept) * (open_then - band.seen) / dt
-    band.reading, band.due, band.seen = pressure, due, open_then
-    fills = band.share > 0.0
-    learnt = (band.fill_time if fills else band.vent_time) + abs(band.share) * dt
+    missing = (due - valve.due - (pressure - valve.reading)) / dt + slow
+    valve.missing = kept * valve.missing + (1.0 - kept) * missing
+    valve.came = kept * valve.came + (1.0 - kept) * (pressure - valve.reading) / dt
+    valve.share = kept * valve.share + (1.0 - kept) * (open_then - valve.seen) / dt
+    valve.reading, valve.due, valve.seen = pressure, due, open_then
+    fills = valve.share > 0.0
+    learnt = (valve.fill_time if fills else valve.vent_time) + abs(valve.share) * dt
     # An integrator behind a dead time as long as its own time is stable (up to pi/2 of it).
     least = lag + time
     over = min(max(learnt, least), max(_LEARN_TIME, least))
     # A dead band that is wider by x takes the share x of the fully open valve's rate.
     # A wide opening may show earlier than reckoned: from then on it has its part.
-    known = worth(band.wide, most)
-    step = dt / over * min(max(band.share, -known), known) * band.missing
-    # A pressure that stands still may have met a fault: only what has come was made up for.
-    made_up = min(slow / band.missing, band.came / band.missing) if band.missing != 0.0 else 0.0
-    made_up = min(max(made_up, 0.0), 1.0)
+    known = worth(valve.wide, most)
+    step = dt / over * min(max(valve.share, -known), known) * valve.missing
     if fills and filling > 0.0:
-        before, band.fill_time = band.fill, learnt
-        band.fill = min(max(before + step / filling, -most), most)
-        return made_up * (band.fill - before) * filling
-    if band.share < 0.0 and venting > 0.0:
-        before, band.vent_time = band.vent, learnt
-        band.vent = min(max(before + step / venting, -most), most)
-        return made_up * (before - band.vent) * venting
+        before, valve.fill_time = valve.fill, learnt
+        valve.fill = min(max(before + step / filling, -most), most)
+        return made_up(valve, slow) * (valve.fill - before) * filling
+    if valve.share < 0.0 and venting > 0.0:
+        before, valve.vent_time = valve.vent, learnt
+        valve.vent = min(max(before + step / venting, -most), most)
+        return made_up(valve, slow) * (before - valve.vent) * venting
     return 0.0
 
 
-def learn_flow(band: Any, flow_then: float, slow: float, filling: float, venting: float,
+def learn_flow(valve: Any, flow_then: float, slow: float, filling: float, venting: float,
                lag: float, dt: float) -> float:
     """
     Learn the flow from the reading that `learn_dead_band` has had; return what that returns.
@@ -175,50 +172,60 @@ def learn_flow(band: Any, flow_then: float, slow: float, filling: float, venting
     Parameters
     ----------
     flow_then : float, s
-        `DeadBandState.flow` at the time of the last command that the reading can show.
-    band, slow, filling, venting, lag, dt
+        `LearntValve.flow` at the time of the last command that the reading can show.
+    valve, slow, filling, venting, lag, dt
         As there; ``filling`` and ``venting`` with what was learnt.
     """
     time = _FILTER_LAGS * lag
     kept = math.exp(-dt / time)
-    band.flow_share = kept * band.flow_share + (1.0 - kept) * (flow_then - band.flow_seen) / dt
-    band.flow_seen = flow_then
-    fills = band.flow_share > 0.0
-    full, share = (filling, band.flow_share) if fills else (venting, band.flow_share)
+    valve.flow_share = kept * valve.flow_share + (1.0 - kept) * (flow_then - valve.flow_seen) / dt
+    valve.flow_seen = flow_then
+    fills = valve.flow_share > 0.0
+    full, share = (filling, valve.flow_share) if fills else (venting, valve.flow_share)
     # Rate that the opening was to give.
-    meant = band.missing + band.came
+    meant = valve.missing + valve.came
     if full <= 0.0 or meant * share <= 0.0:
         return 0.0
-    flow, most = band.fill_flow if fills else band.vent_flow, _BOUND * CONDUCTANCE_DOUBT
+    flow, most = valve.fill_flow if fills else valve.vent_flow, _BOUND * CONDUCTANCE_DOUBT
     # What no valve can be off by is a fault, or the lag.
-    if abs(band.came / meant * flow - 1.0) > most:
+    if abs(valve.came / meant * flow - 1.0) > most:
         return 0.0
-    sure = max(abs(band.missing) - _LAG_SHARE * abs(meant), 0.0)
-    change = dt / max(_LEARN_TIME, lag + time) * abs(share) * math.copysign(sure, band.missing)
+    sure = max(abs(valve.missing) - _LAG_SHARE * abs(meant), 0.0)
+    change = dt / max(_LEARN_TIME, lag + time) * abs(share) * math.copysign(sure, valve.missing)
     change *= flow / full
     new = min(max(flow - (change if fills else -change), 1.0 - most), 1.0 + most)
     if fills:
-        band.fill_flow = new
+        valve.fill_flow = new
     else:
-        band.vent_flow = new
-    made_up = min(slow / band.missing, band.came / band.missing) if band.missing != 0.0 else 0.0
-    return min(max(made_up, 0.0), 1.0) * (flow - new) / flow * meant
+        valve.vent_flow = new
+    return made_up(valve, slow) * (flow - new) / flow * meant
 
 
-def begin_readings(band: Any, pressure: float) -> None:
+def made_up(valve: Any, slow: float) -> float:
+    """
+    Return the share of what is missing that the integral (Pa/s) has made up for, 0 to 1.
+
+    A pressure that stands still may have met a fault: only what has come was made up for.
+    """
+    if valve.missing == 0.0:
+        return 0.0
+    return min(max(min(slow / valve.missing, valve.came / valve.missing), 0.0), 1.0)
+
+
+def begin_readings(valve: Any, pressure: float) -> None:
     """Begin at a reading (Pa), with what was learnt before."""
-    band.reading, band.due, band.open, band.seen = pressure, 0.0, 0.0, 0.0
-    band.missing = band.came = band.share = 0.0
-    band.flow = band.flow_seen = band.flow_share = 0.0
+    valve.reading, valve.due, valve.open, valve.seen = pressure, 0.0, 0.0, 0.0
+    valve.missing = valve.came = valve.share = 0.0
+    valve.flow = valve.flow_seen = valve.flow_share = 0.0
 
 
-def command_of(band: Any, dead_band: float, opening: float, most: float) -> float:
+def command_of(valve: Any, dead_band: float, opening: float, most: float) -> float:
     """
     Return the valve command for an opening, with the dead band as it was learnt.
 
     Parameters
     ----------
-    band : DeadBandState
+    valve : LearntValve
     dead_band : float
         As told.
     opening : float
@@ -228,6 +235,6 @@ def command_of(band: Any, dead_band: float, opening: float, most: float) -> floa
     """
     if opening == 0.0:
         return 0.0
-    width = max(dead_band + (band.fill if opening > 0.0 else band.vent), 0.0)
+    width = max(dead_band + (valve.fill if opening > 0.0 else valve.vent), 0.0)
     size = width + min(abs(opening), 1.0) * (1.0 - width)
     return min(size, most) if opening > 0.0 else -size
