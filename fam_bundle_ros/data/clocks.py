@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 import re
+from typing import NamedTuple
 
 import numpy as np
 
@@ -163,11 +164,21 @@ def _equal(one: np.ndarray, other: np.ndarray) -> bool:
     return bool(both.any()) and np.array_equal(one[both], other[both])
 
 
+class Together(NamedTuple):
+    """Readings at the times of one channel, in which rows it has any, and whose clock is whose."""
+
+    values: dict[str, np.ndarray]
+    time: np.ndarray
+    rows: np.ndarray
+    clocks: dict[str, str]
+    note: str
+
+
 def bring_together(table: Table, clock: str, headers: Mapping[str, str],
                    values: Mapping[str, np.ndarray], seconds: Callable[[str], np.ndarray],
-                   ) -> tuple[dict[str, np.ndarray], np.ndarray, str] | None:
+                   ) -> Together | None:
     """
-    Return readings and times of rows in which all quantities stand together, and a note.
+    Return readings and times in which all quantities stand together.
 
     None where they do as they are.
 
@@ -191,6 +202,9 @@ def bring_together(table: Table, clock: str, headers: Mapping[str, str],
     if found is None:
         return None
     moved, slowest = found
-    return moved, times[clocks[slowest]], (
-        f"channels with times of their own: read at those of '{headers[slowest]}', the slowest, "
+    time, header = times[clocks[slowest]], headers[slowest]
+    rows = np.isfinite(time) & np.isfinite(values[slowest])
+    return Together(
+        moved, time, rows, clocks,
+        f"channels with times of their own: read at the {rows.sum()} of '{header}', the slowest, "
         'linear between')

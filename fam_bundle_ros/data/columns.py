@@ -67,7 +67,7 @@ class _Reader:
         self.choices.complete()
         strains, pressures = self.choices.strains, self.choices.pressures
         values = self._numbers()
-        values, time = self._together(values, self._time(values))
+        values, time, rows = self._together(values, self._time(values))
         given: dict[str, tuple[str, float]] = {}
         for key in ('force', *pressures, *strains, *(['strain_rate'] if 'strain_rate' in values
                                                      else [])):
@@ -80,9 +80,9 @@ class _Reader:
         trial = self.choices.chosen.get('trial')
         measured = build(
             table.name, strain, pressure, values['force'],
-            labels(table.columns[trial.header]) if trial and trial.header else None, time,
+            labels(table.columns[trial.header])[rows] if trial and trial.header else None, time,
             [key.partition('.')[2] or 'mu1' for key in pressures], values.get('strain_rate'),
-            rows=table.rows, notes=[*table.notes, *self.notes], max_strain=recipe.max_strain,
+            rows=table.rows[rows], notes=[*table.notes, *self.notes], max_strain=recipe.max_strain,
             units={key: unit for key, unit in given.items() if key in ('force', *pressures) or (
                 key == 'strain' and strains[0] == 'strain')}, max_pressure=recipe.max_pressure)
         lengths = self.choices.chosen[strains[0]].unit
@@ -287,21 +287,25 @@ class _Reader:
         return (clock - origin) * choice.unit.factor * choice.sign
 
     def _together(self, values: dict[str, np.ndarray], time: np.ndarray | None,
-                  ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-        """Return readings and times of rows in which all quantities stand together."""
-        choice = self.choices.chosen.get('time')
+                  ) -> tuple[dict[str, np.ndarray], np.ndarray | None, np.ndarray]:
+        """Return readings and times in which all quantities stand together, and of which rows."""
+        choice, rows = self.choices.chosen.get('time'), np.arange(len(self.table.rows))
         if time is None or choice is None or choice.header is None:
-            return values, time
-        rows = self._with_readings(values)
+            return values, time, rows
+        known = self._with_readings(values)
         found = clocks.bring_together(
             self.table, choice.header,
             {key: each.header for key in values if (each := self.choices.chosen[key]).header},
-            values, lambda header: self._seconds(choice, header, rows))
+            values, lambda header: self._seconds(choice, header, known))
         if found is None:
-            return values, time
-        moved, time, note = found
-        self.notes.append(note)
-        return {**values, **moved}, time
+            return values, time, rows
+        self.notes.append(found.note)
+        for key, clock in found.clocks.items():
+            if clock != choice.header:
+                self.choices.refused[clock] = f'but as the clock of {key}'
+        rows = np.flatnonzero(found.rows)
+        return {key: each[rows] for key, each in {**values, **found.values}.items()}, \
+            found.time[rows], rows
 
     def _unit(self, key: str, values: np.ndarray) -> Unit:
         choice = self.choices.chosen[key]

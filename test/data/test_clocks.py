@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import read_measurement, read_recordings, Recipe
+from fam_bundle_ros.data import read_measurement, read_recordings, Recipe, taken_words
 from fam_bundle_ros.errors import InputError
 
 TIME = 0.05 * np.arange(400)
@@ -41,11 +41,13 @@ def test_a_slower_channel_is_read_at_its_own_times(names, muscle):
         names[0]: TIME, 'strain': strain(TIME), names[1]: TIME, 'p [kPa]': pressure(TIME),
         names[2]: slow, 'F [N]': force(slow, muscle)})
     assert len(data) == 200
+    assert data.dropped_words == ''  # rows of the quicker channels are not lost
+    assert '(but as the clock of ' in taken_words(data)
     assert np.allclose(data.time, TIME[::2])
     assert np.allclose(data.strain, strain(data.time), atol=1e-6)
     assert np.allclose(data.pressure[:, 0] / 1e3, pressure(data.time), atol=1e-6)
     assert np.allclose(data.force, force(data.time, muscle))
-    assert any("read at those of 'F [N]', the slowest" in note for note in data.notes)
+    assert any("read at the 200 of 'F [N]', the slowest" in note for note in data.notes)
 
 
 def test_a_channel_that_began_later_is_shifted_back(muscle):
