@@ -19,7 +19,7 @@ from fam_bundle_ros.control.valve_learning import (
     flow_worth,
     learn_dead_band,
     learn_flow,
-    LearntValve,
+    ValveLearningState,
     worth,
 )
 from fam_bundle_ros.model.pneumatics import (
@@ -107,7 +107,7 @@ class PidState:
     sent : float, Pa
         Integral of the pressure rates that were commanded.
     past_time, past_sent, past_open, past_flow : list (64,), s, Pa, s and s
-        Ring of it, and of `LearntValve.open` and ``flow``, over the lag from command to reading;
+        Ring of it, and of `ValveLearningState.open` and ``flow``, over the lag from command to reading;
         ``head`` is the oldest of ``size``.
     coming : float, Pa
         What commands will still change that the reading does not show yet.
@@ -137,7 +137,7 @@ class PidState:
     size: int = 0
     clock: float = 0.0
     started: bool = False
-    learnt: LearntValve = field(default_factory=LearntValve)
+    learnt: ValveLearningState = field(default_factory=ValveLearningState)
     shown: PidDiagnostics = field(default_factory=PidDiagnostics)
 
 

@@ -30,7 +30,7 @@ _LAG_SHARE = 0.1 / _FILTER_LAGS
 
 
 @dataclass
-class LearntValve:
+class ValveLearningState:
     """
     What was learnt of a valve.
 
@@ -120,13 +120,13 @@ def learn_dead_band(valve: Any, most: float, pressure: float, due: float, open_t
 
     Parameters
     ----------
-    valve : LearntValve
+    valve : ValveLearningState
     most : float
         Largest error of the told dead band, in commands.
     pressure, due : float, Pa
         Reading, and the sum of all changes that it should show by what was sent.
     open_then : float, s
-        `LearntValve.open` at the time of the last command that the reading can show.
+        `ValveLearningState.open` at the time of the last command that the reading can show.
     slow : float, Pa/s
         Rate that the loop's integral added besides.
     filling, venting : float, Pa/s
@@ -172,7 +172,7 @@ def learn_flow(valve: Any, flow_then: float, slow: float, filling: float, ventin
     Parameters
     ----------
     flow_then : float, s
-        `LearntValve.flow` at the time of the last command that the reading can show.
+        `ValveLearningState.flow` at the time of the last command that the reading can show.
     valve, slow, filling, venting, lag, dt
         As there; ``filling`` and ``venting`` with what was learnt.
     """
@@ -225,7 +225,7 @@ def command_of(valve: Any, dead_band: float, opening: float, most: float) -> flo
 
     Parameters
     ----------
-    valve : LearntValve
+    valve : ValveLearningState
     dead_band : float
         As told.
     opening : float

@@ -9,7 +9,11 @@ from random import Random
 import pytest
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.valve_learning import begin_readings, learn_dead_band, LearntValve
+from fam_bundle_ros.control.valve_learning import (
+    begin_readings,
+    learn_dead_band,
+    ValveLearningState,
+)
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
@@ -116,7 +120,7 @@ def test_a_dead_band_is_learnt_at_once_and_then_kept():
             learn_dead_band(band, 1.0, 200e3, missing * 2e-3 * k, 2e-3 * k, 0.0, 1e6, 1e6, 5e-3,
                             2e-3)
         return band.fill - before
-    new, old = LearntValve(), LearntValve()
+    new, old = ValveLearningState(), ValveLearningState()
     learnt(old, 0.0, 1.0)
     assert learnt(new, 2e4, 0.05) > 0.8 * 0.02
     assert learnt(old, 2e4, 0.05) < 0.4 * 0.02
@@ -126,7 +130,7 @@ def test_what_is_learnt_of_venting_is_the_mirror_of_filling():
     """Half of what is due comes, the integral makes up for some: both sides learn the same."""
     taken = {}
     for side in (1.0, -1.0):
-        band = LearntValve()
+        band = ValveLearningState()
         begin_readings(band, 200e3)
         taken[side] = [learn_dead_band(
             band, 0.05, 200e3 + side * 1e3 * k, side * 2e3 * k, side * 2e-3 * k, side * 1e5,

@@ -21,7 +21,7 @@ from fam_bundle_ros.control.pressure_loop import (
     start,
     still_coming,
 )
-from fam_bundle_ros.control.valve_learning import command_of, LearntValve, worth
+from fam_bundle_ros.control.valve_learning import command_of, ValveLearningState, worth
 from fam_bundle_ros.model.pneumatics import pressure_rate, ValveFlow
 
 V, SUPPLY, DT = 15e-6, 500e3, 2e-3
@@ -246,13 +246,13 @@ def test_a_command_that_is_taken_over_is_the_rate_that_it_gives(command):
 def test_a_command_jumps_over_the_dead_band_as_it_was_learnt(learnt):
     """Each side by its own; a valve with that dead band then opens by what was asked for."""
     for opening, side in ((0.2, 'fill'), (-0.7, 'vent'), (1.0, 'fill'), (-1.0, 'vent')):
-        band = LearntValve(**{side: learnt})
+        band = ValveLearningState(**{side: learnt})
         valve = ValveFlow(dead_band=max(0.04 + learnt, 0.0))
         command = command_of(band, 0.04, opening, 1.0)
         assert valve.opening(command) == pytest.approx(opening)
-    assert command_of(LearntValve(fill=0.02), 0.04, 0.0, 1.0) == 0.0
-    assert command_of(LearntValve(), 0.04, 0.9, 0.5) == 0.5
-    assert command_of(LearntValve(), 0.04, -0.9, 0.5) < -0.9
+    assert command_of(ValveLearningState(fill=0.02), 0.04, 0.0, 1.0) == 0.0
+    assert command_of(ValveLearningState(), 0.04, 0.9, 0.5) == 0.5
+    assert command_of(ValveLearningState(), 0.04, -0.9, 0.5) < -0.9
 
 
 def test_a_missing_rate_is_shared_by_variance():
