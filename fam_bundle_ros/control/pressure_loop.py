@@ -107,8 +107,8 @@ class PidState:
     sent : float, Pa
         Integral of the pressure rates that were commanded.
     past_time, past_sent, past_open, past_flow : list (64,), s, Pa, s and s
-        Ring of it, and of `ValveLearningState.open` and ``flow``, over the lag from command to reading;
-        ``head`` is the oldest of ``size``.
+        Ring of it, and of `ValveLearningState.open` and ``flow``, over the lag from command to
+        reading; ``head`` is the oldest of ``size``.
     coming : float, Pa
         What commands will still change that the reading does not show yet.
     clock : float, s
