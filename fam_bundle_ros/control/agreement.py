@@ -30,8 +30,8 @@ class SupplyWatch:
     >>> watch = SupplyWatch(600e3, 0.2)
     >>> watch.see(0.0, 590e3), watch.see(0.1, 300.0), watch.see(0.4, 300.0)
     (True, False, False)
-    >>> watch.text
-    'the supply shows 0 kPa, the parameter supply.pressure says 600 kPa'
+    >>> watch.lasts, watch.text
+    (True, 'the supply shows 0 kPa, the parameter supply.pressure says 600 kPa')
     """
 
     def __init__(self, expected: float, patience: float):
@@ -42,8 +42,10 @@ class SupplyWatch:
     def begin(self) -> None:
         """Start anew."""
         self._since: float | None = None
-        #: Why the supply is not believed; empty while it is, or not for long.
+        #: Why the supply is not believed; empty while it is.
         self.text = ''
+        #: Whether that is so for longer than it may be.
+        self.lasts = False
 
     def see(self, now: float, supply: float, patience: float | None = None) -> bool:
         """Take a reading, Pa (gauge); return whether it agrees. nan, no reading, agrees."""
@@ -52,9 +54,9 @@ class SupplyWatch:
             return True
         if self._since is None or now < self._since:
             self._since = now
-        if now - self._since >= (self._patience if patience is None else patience):
-            self.text = (f'the supply shows {kilopascals(supply)}, the parameter supply.pressure '
-                         f'says {kilopascals(self._expected)}')
+        self.lasts = now - self._since >= (self._patience if patience is None else patience)
+        self.text = (f'the supply shows {kilopascals(supply)}, the parameter supply.pressure '
+                     f'says {kilopascals(self._expected)}')
         return False
 
 

@@ -171,6 +171,52 @@ class Guard:
         self._announce(self.now)
 
 
+class LostTime:
+    """
+    Adds up the time for which something is lost, until it has stayed for long enough.
+
+    So what comes and goes is not taken for new each time.
+
+    Examples
+    --------
+    >>> lost = LostTime()
+    >>> [lost.see(0.5 * k, k % 3 > 0, 2.0) for k in range(12)]  # lost two times of three
+    [False, False, False, False, False, False, False, False, False, False, False, True]
+    >>> lost.see(6.0, False, 2.0), lost.see(8.0, False, 2.0), lost.see(8.5, True, 2.0)
+    (False, False, False)
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all."""
+        self._seen: float | None = None
+        self._lost = 0.0
+        self._there: float | None = None
+        self._was_lost = False
+
+    def see(self, now: float, lost: bool, patience: float) -> bool:
+        """
+        Take whether it is lost; return whether it was so for ``patience`` (s) in all, and is.
+
+        It is there again after as long a time without a loss.
+        """
+        if self._seen is not None and now < self._seen:
+            # The clock was set.
+            self.reset()
+        if lost and self._was_lost and self._seen is not None:
+            self._lost += now - self._seen
+        self._seen, self._was_lost = now, lost
+        if lost:
+            self._there = None
+        elif self._there is None:
+            self._there = now
+        elif now - self._there >= patience:
+            self._lost = 0.0
+        return lost and self._lost >= patience
+
+
 #: Exact repeats of a moving reading that are no coincidence: one in ten repeats where the noise is
 #: a few digits. A long silence before a repeat proves no more than a short one.
 _REPEATS = 5
@@ -204,6 +250,8 @@ class WatchConfig:
         A reading that repeats exactly for so long, while it should move, is stuck; 0 for never.
     max_latency : float, s
         A reading that is older when it comes, or further in the future, is late.
+    below : str
+        What a reading below ``low`` suggests, for the message.
     """
 
     low: float
@@ -213,6 +261,7 @@ class WatchConfig:
     recovery_time: float = 0.2
     stuck_time: float = 0.5
     max_latency: float = math.inf
+    below: str = ''
 
 
 class SensorWatch:
@@ -297,7 +346,8 @@ class SensorWatch:
             # Once stuck it stays so while nothing moves: a shut valve proves nothing.
             self._moving += min(max(since, 0.0), config.stuck_time / _REPEATS)
         self._seen, self._value = now, value
-        late = not abs(latency) <= config.max_latency
+        possible = config.low <= value <= config.high
+        late = possible and not abs(latency) <= config.max_latency
         if not late:
             self._late_since = None
         elif self._late_since is None:
@@ -305,9 +355,11 @@ class SensorWatch:
         self._stuck = 0.0 < config.stuck_time <= self._moving
         if not math.isfinite(value):
             self._fault = f'{self.name} is {value}'
-        elif not config.low <= value <= config.high:
-            self._fault = (f'{self.name} is {value:.6g} {self.unit}, outside '
-                           f'{config.low:g} to {config.high:g}'.replace('  ', ' '))
+        elif not possible:
+            shown = f'{value:.6g} {self.unit}'.rstrip()
+            hint = f' ({config.below})' if config.below and value < config.low else ''
+            self._fault = (f'{self.name} is {shown}, outside {config.low:g} to '
+                           f'{config.high:g}{hint}')
         elif late:
             self._fault = _late_text(self.name, latency, config.max_latency)
         elif self._stuck:
@@ -359,7 +411,11 @@ class SensorWatch:
 def _late_text(name: str, latency: float, most: float) -> str:
     if latency > 1e6:
         return f'{name} carries no time stamp'
+    if latency < -1e6:
+        return (f'{name} is stamped {-latency:.3g} s in the future: is use_sim_time on, and '
+                'nobody publishes /clock?')
     if latency < 0.0:
         return (f'{name} is stamped {-latency:.3g} s in the future: the clocks of rig and '
                 'controller disagree')
-    return f'{name} is {latency:.3g} s old when it comes; at most {most:.3g} s is taken'
+    return (f'{name} is {latency:.3g} s old when it comes; at most {most:.3g} s is taken '
+            '(max_latency)')

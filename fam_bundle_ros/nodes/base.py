@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Sequence
 import math
+import re
 import time
 from typing import Any
 
@@ -42,6 +43,8 @@ LISTENER = (
     Spec('pressure_is_gauge', False, 'the rig sends gauge pressure, although FluidPressure is '
          'absolute by definition'),
 )
+#: What an absolute pressure far below that of a vacuum suggests.
+GAUGE = 'does the driver send gauge pressure? Then pressure_is_gauge'
 #: Parameters of the nodes that act on what a rig sends.
 LATENCY = (
     Spec('clocks_synchronised', True, 'the clocks of rig and controllers agree: readings that are '
@@ -53,6 +56,9 @@ MODEL = (
     Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships',
          dynamic=True),
 )
+
+
+_NUMBER = re.compile(r'[-+]?(\d[\d.]*(e[-+]?\d+)?|inf|nan)')
 
 
 class BundleNode(Node):
@@ -132,7 +138,8 @@ class BundleNode(Node):
             try:
                 callback(message)
             except InputError as error:
-                self.say(f'bad {topic}', f'{topic}: {error}')
+                # Another number is the same mistake.
+                self.say(f'bad {topic} {_NUMBER.sub("", str(error))}', f'{topic}: {error}')
 
         return self.create_subscription(
             kind, topic, guarded, qos or interface.stream_qos(self.lock_step),

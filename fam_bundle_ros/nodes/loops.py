@@ -14,7 +14,7 @@ import time
 
 from std_msgs.msg import String
 
-from fam_bundle_ros.control.safety import Change, State
+from fam_bundle_ros.control.safety import Change, LostTime, State
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 
@@ -79,8 +79,8 @@ class PressureLoops:
         self._lock_step = node.lock_step
         self._states = [('', '', '')] * units
         self._heard: list[float | None] = [None] * units
-        #: Since when a loop vents for a reason of its own, s; None while it does not.
-        self._troubled: list[float | None] = [None] * units
+        #: How long each loop has vented for a reason of its own.
+        self.trouble = [LostTime() for _ in range(units)]
         for unit in range(units):
             node.subscribe(interface.pid_state_topic(unit + 1), String, partial(self._take, unit),
                            interface.LATCHED)
@@ -90,10 +90,6 @@ class PressureLoops:
         self._heard[unit] = now
         before, self._states[unit] = self._states[unit], read_state(message.data)
         state, cause, reason = self._states[unit]
-        if cause not in TROUBLE or state != State.VENT.value:
-            self._troubled[unit] = None
-        elif self._troubled[unit] is None:
-            self._troubled[unit] = now
         if state == State.LATCHED.value and before[0] != state:
             self._on_latched(cause, reason)
 
@@ -116,10 +112,10 @@ class PressureLoops:
         self._heard = [None if heard is None else heard + seconds for heard in self._heard]
 
     def troubled(self, patience: float) -> str:
-        """Return which loop has been venting by itself for so long (s), and why."""
+        """Return which loop has been venting by itself for so long (s) in all, and why."""
         now = time.monotonic()
-        for unit, since in enumerate(self._troubled):
-            if since is not None and now - since >= patience:
-                _, cause, reason = self._states[unit]
+        for unit, (state, cause, reason) in enumerate(self._states):
+            lost = state == State.VENT.value and cause in TROUBLE
+            if self.trouble[unit].see(now, lost, patience):
                 return f'mu{unit + 1} is vented by its pressure loop, {cause}: {reason}'
         return ''

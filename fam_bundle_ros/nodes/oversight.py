@@ -16,6 +16,7 @@ from fam_bundle_ros.control.safety import (
     Health,
     kilopascals,
     LOST,
+    LostTime,
     OVER_PRESSURE,
     PID_LOST,
     SensorWatch,
@@ -26,7 +27,7 @@ from fam_bundle_ros.control.safety import (
 )
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface, loops
-from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.base import BundleNode, GAUGE
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.loops import PressureLoops
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
@@ -37,6 +38,9 @@ _MOVED = 30e3
 #: Share of the largest pressure below which one that was latched may be enabled again: readings
 #: that drifted are not held against it.
 _EMPTY = 0.1
+#: s after which nothing is left in a chamber that is open to ambient: many times what a valve
+#: needs that fills within a second.
+_EXHAUSTED = 2.0
 #: s that pressure loops get to hear of `enable`.
 _HEAR = 0.5
 #: Share of the blocked force by which model and load cell may be off.
@@ -82,23 +86,26 @@ class Oversight:
         self._force = self._strain = math.nan
         self.believe(bundle)
         self._moved_from: dict[str, tuple[float, list[float]]] = {}
-        self._lost_since: float | None = None
+        self._lost_readings, self._lost_stop = LostTime(), LostTime()
+        self._stop_heard = True
         self._enabled_at = 0.0
         self._alive = time.monotonic()
         self.loops = PressureLoops(node, bundle.n, self.latch)
         self.e_stop = EmergencyStop(node, on_e_stop)
+        if node.p['e_stop_required'] and not node.lock_step:
+            node.every(loops.PERIOD, self._look_for_stop)
 
     def _make_watches(self) -> list[SensorWatch]:
         p = self._node.p
 
-        def config(low: float, high: float, stuck: float) -> WatchConfig:
+        def config(low: float, high: float, stuck: float, below: str = '') -> WatchConfig:
             return WatchConfig(low, high, p['sensor_timeout'], p['hold_time'],
-                               p['recovery_time'], stuck, self._node.max_latency)
+                               p['recovery_time'], stuck, self._node.max_latency, below)
         return [
             SensorWatch('force', 'N', config(p['force_low'], p['force_high'], p['stuck_time'])),
             SensorWatch('strain', '', config(p['strain_low'], p['strain_high'],
                                              p['strain_stuck_time'])),
-            *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0))
+            *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0, GAUGE))
               for i in range(self._n))]
 
     def believe(self, bundle: Bundle) -> None:
@@ -178,7 +185,6 @@ class Oversight:
         for unit, pressure in enumerate(sample.pressure):
             self.look_at_pressure(unit, pressure)
         if not enabled:
-            self._lost_since = None
             return
         self._look_for_loss()
         for watch in self.watches:
@@ -201,29 +207,42 @@ class Oversight:
         """Latch after a loss so long that pressure must not return by itself."""
         now, patience = self._clock(), self._node.p['resume_within']
         lost = [watch.reason for watch in self.watches if watch.health == Health.VENT]
-        if not lost:
-            self._lost_since = None
-        elif self._lost_since is None:
-            self._lost_since = now
-        if self._lost_since is not None and now - self._lost_since >= patience:
-            self.latch(LOST, f"{'; '.join(lost)}: vented for {patience:g} s")
+        if self._lost_readings.see(now, bool(lost), patience):
+            self.latch(LOST, f"{'; '.join(lost)}: vented for {patience:g} s in all")
         if trouble := self.loops.troubled(patience):
-            self.latch(LOST, f'{trouble}, for {patience:g} s')
+            self.latch(LOST, f'{trouble}, for {patience:g} s in all')
+        if self._lost_stop.see(now, not self._stop_heard, patience):
+            self.latch(LOST, f'nobody publishes e_stop any more, for {patience:g} s')
 
-    def notice_stop(self, enabled: bool) -> None:
-        """Latch when this process stood still for so long that the driver has cut the air."""
+    def _look_for_stop(self) -> None:
+        """Notice an emergency stop that nobody could press any more."""
+        heard = self._node.publisher_count(interface.E_STOP) > 0
+        if self._stop_heard and not heard and self.guard.now.state is State.ACTIVE:
+            self._node.get_logger().warning(
+                'nobody publishes e_stop any more: is the emergency stop connected? Off after '
+                f"{self._node.p['resume_within']:g} s (resume_within)")
+        self._stop_heard = heard
+
+    def notice_stop(self) -> None:
+        """Hold no silence against the pressure loops for which this process stood still."""
         before, self._alive = self._alive, time.monotonic()
         still = self._alive - before
         if still > loops.PERIOD:
             self.loops.excuse(still)
-        if enabled and not self._node.lock_step and (
-                still > max(TIMEOUT, self._node.p['sensor_timeout'])):
-            self.latch(STOPPED, f'this process stood still for {still:.2f} s')
+
+    def stood_still(self, seconds: float) -> None:
+        """Latch: `supply_enable` was not said for so long that the driver has cut the air."""
+        self.latch(STOPPED, f'this process stood still: nothing on supply_enable for '
+                   f'{seconds:.2f} s')
 
     # --- enable --------------------------------------------------------------------------------
 
-    def refusal(self) -> str:
-        """Return why the bundle cannot be enabled now; empty when it can."""
+    def refusal(self, exhausted: float = 0.0) -> str:
+        """
+        Return why the bundle cannot be enabled now; empty when it can.
+
+        ``exhausted`` is for how long the supply has been shut and every valve open to ambient, s.
+        """
         node, reasons = self._node, []
         if self.e_stop.on:
             reasons.append(': '.join(part for part in ('the emergency stop is on',
@@ -244,6 +263,12 @@ class Oversight:
             elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
                 reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
                                f'{kilopascals(pressure)}')
+            elif exhausted > _EXHAUSTED and pressure > limit - self._limit[unit]:
+                # A sensor that is off by so much hides a pressure above the trip.
+                hint = ('is it absolute? Then pressure_is_gauge is wrong'
+                        if node.p['pressure_is_gauge'] else 'sensor, unit or exhaust?')
+                reasons.append(f'mu{unit + 1} shows {kilopascals(pressure)} after '
+                               f'{exhausted:.1f} s of exhaust: {hint}')
         return '; '.join(reasons or self._felt())
 
     def _felt(self) -> list[str]:
@@ -259,10 +284,11 @@ class Oversight:
 
     def release(self) -> None:
         """Begin anew: somebody has enabled."""
-        self._enabled_at, self._alive = self._clock(), time.monotonic()
+        self._enabled_at = self._clock()
         self.guard.release(self._enabled_at)
         # Sensors that are still out get the time anew, and a repeat may have been true.
-        self._lost_since = None
+        for lost in (self._lost_readings, self._lost_stop, *self.loops.trouble):
+            lost.reset()
         self._moved_from.clear()
         self._force_watch.begin()
         for watch in self.watches:

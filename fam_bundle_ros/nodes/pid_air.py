@@ -97,16 +97,16 @@ class Air:
 
     def supply_agrees(self, now: float) -> tuple[bool, str, str]:
         """
-        Return whether the supply is there; and cause and reason where it never comes.
+        Return whether the supply is there, and cause and reason where it is not.
 
-        That is where it stays away from its parameter for so long that it is no start.
+        The cause is empty while its start may take so long.
         """
         watch, since = self._supply_watch, now - self._begun
         supply = self.supply.value(self._patience)[0]
         if not math.isfinite(supply):
-            return since > _SUPPLY_UNSEEN, '', ''
+            return since > _SUPPLY_UNSEEN, '', f'not measured, it gets {_SUPPLY_UNSEEN:g} s'
         agrees = watch.see(now, supply, _SUPPLY_START if since < _SUPPLY_START else None)
-        return agrees, SUPPLY if watch.text else '', watch.text
+        return agrees, SUPPLY if watch.lasts else '', watch.text
 
     def report(self, report: Report) -> float:
         """Say what is measured; return the supply that counts, Pa."""

@@ -47,6 +47,35 @@ class Stretch:
         self.lasted = now - self._since if side else 0.0
 
 
+class LongestGap:
+    """
+    The longest gap between readings that came lately.
+
+    Parameters
+    ----------
+    window : float, s
+        Gaps count for so long, and for twice as long at most.
+
+    Examples
+    --------
+    >>> gaps = LongestGap(1.0)
+    >>> gaps.see(0.0, 0.05), gaps.see(0.5, 0.005), gaps.see(1.2, 0.005), gaps.see(2.3, 0.005)
+    (0.05, 0.05, 0.05, 0.005)
+    """
+
+    def __init__(self, window: float):
+        self._window = window
+        self._since = -math.inf
+        self._before = self._lately = 0.0
+
+    def see(self, now: float, gap: float) -> float:
+        """Take a gap (s) that ended ``now``; return the longest."""
+        if now - self._since >= self._window:
+            self._since, self._before, self._lately = now, self._lately, 0.0
+        self._lately = max(self._lately, gap)
+        return max(self._before, self._lately)
+
+
 class Volume:
     """Gas volume and its slope over strain, tabulated: the model itself is too slow per tick."""
 

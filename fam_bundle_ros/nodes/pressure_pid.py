@@ -26,15 +26,17 @@ from fam_bundle_ros.control.safety import (
     Guard,
     Health,
     kilopascals,
+    NO_RESPONSE,
     OVER_PRESSURE,
     SensorWatch,
     State,
     trip_pressure,
+    UNEXPLAINED_PRESSURE,
     WatchConfig,
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.base import BundleNode, GAUGE
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.gate import Gate
@@ -42,12 +44,16 @@ from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.pid_air import Air, SAMPLES
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
-from fam_bundle_ros.nodes.pid_readings import Stretch
+from fam_bundle_ros.nodes.pid_readings import LongestGap, Stretch
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 
 #: A gap between readings longer than this, to either side, is no sample period, s.
 _GAP = 0.5
+#: s: gaps that come again do so within it.
+_GAPS = 1.0
+#: s after which a driver exhausts a motor unit without a new command (docs/how_to/driver.md).
+_COMMAND_TIMEOUT = 0.1
 #: Pa: noise and drift of a reading stay below; errors above are worth a word.
 _NOTABLE = 10e3
 #: An error lasts when it is there for longer than any step takes to settle, s.
@@ -79,11 +85,12 @@ class PressurePidNode(BundleNode):
                              f'{bundle.n}')
         self._length = bundle.length
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
+        self._gaps, self._longest_gap = LongestGap(_GAPS), 0.0
         self.pid = PressurePid(*self._settings())
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(
             low=-50e3, high=1.6e6, timeout=p['sensor_timeout'], hold_time=p['hold_time'],
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
-            max_latency=self.max_latency))
+            max_latency=self.max_latency, below=GAUGE))
         self._air = Air(self, bundle, self.unit, self.pid.config)
         self._travel = Travel(self._air.inflow.config.margin, 2.0 / p['rate'])
         self._permission = Permission(math.inf if self.lock_step
@@ -126,7 +133,7 @@ class PressurePidNode(BundleNode):
             return gains, config
         late = self.max_latency if math.isfinite(self.max_latency) else SAMPLES / self.p['rate']
         return gains, replace(
-            config, reach=late + 2.0 / self.p['rate'],
+            config, reach=late + max(2.0 / self.p['rate'], self._longest_gap),
             ceiling=trip_pressure(self._max_pressure, self.p['over_pressure_factor']))
 
     # --- messages ------------------------------------------------------------------------------
@@ -140,7 +147,15 @@ class PressurePidNode(BundleNode):
             self._collect('pressure', stamp, value)
         else:
             self._gap = time.monotonic() - before if before is not None else 0.0
+            self._expect_gaps()
             self._answer(stamp, value, self.latency(stamp))
+
+    def _expect_gaps(self) -> None:
+        """Open the valve no wider than is safe until the next reading, which may be as late."""
+        longest = min(self._gaps.see(time.monotonic(), self._gap), _COMMAND_TIMEOUT)
+        if longest != self._longest_gap:
+            self._longest_gap = longest
+            self.pid.gains, self.pid.config = self._settings()
 
     def _on_setpoint(self, message: FluidPressure) -> None:
         self._setpoint_meter.tick()
@@ -198,8 +213,10 @@ class PressurePidNode(BundleNode):
 
     def _on_state(self, change: Change) -> None:
         if change.state is State.LATCHED:
+            hint = ('; `fam_bundle check-rig --active` tests valves and sensors'
+                    if change.cause in (NO_RESPONSE, UNEXPLAINED_PRESSURE) else '')
             self.get_logger().error(f'{change.cause}: {change.reason}; vented and latched until '
-                                    'enabled again')
+                                    f'enabled again{hint}')
         self._loop_state.say(change)
 
     # --- lock-step -----------------------------------------------------------------------------
@@ -322,7 +339,7 @@ class PressurePidNode(BundleNode):
             guard.latch(now, cause, reason)
         if not agrees:
             return -1.0 if guard.latched else self._hold(
-                now, f'mu{self.unit} waits for the supply')
+                now, f'mu{self.unit} waits for the supply: {reason}')
         guard.enter(now, State.ACTIVE)
         return 0.0 if self._air.inflow.holding else None
 

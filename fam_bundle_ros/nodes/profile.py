@@ -83,6 +83,14 @@ class Points:
             if k and not time > self.times[k - 1]:
                 raise InputError(f'{self.name}: point {k + 1} is at {time:g} s, not after point '
                                  f'{k} at {self.times[k - 1]:g} s')
+            if k and self.rates is not None:
+                # Largest way off the points by their rates: 4/27 of the interval for each.
+                off = 4.0 / 27.0 * (time - self.times[k - 1]) * (
+                    abs(self.rates[k - 1]) + abs(self.rates[k]))
+                if not off <= _LIMITS[self.kind]:
+                    raise InputError(f'{self.name}: rates of {self.rates[k - 1]:g} and '
+                                     f'{self.rates[k]:g} per s lead off by up to {off:.3g} '
+                                     f'{_LIKE[self.kind]} between points {k} and {k + 1}')
 
     @property
     def duration(self) -> float:

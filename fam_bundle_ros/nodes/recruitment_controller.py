@@ -38,12 +38,14 @@ from fam_bundle_ros.nodes.recruitment_parameters import controller_config, SPECS
 from fam_bundle_ros.nodes.reference_intake import ReferenceIntake
 from fam_bundle_ros.nodes.references import MovingReference
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
-from fam_bundle_ros.nodes.supply_enable import SupplyEnable
+from fam_bundle_ros.nodes.supply_enable import SupplyEnable, TIMEOUT
 
 #: s: a gap between samples is no reason to integrate over all of it.
 _LONGEST = 0.1
 #: s: a stamp that goes back by less is a channel's clock beside another's; else it was set.
 _CLOCK_SET = 0.5
+#: s between two lines in the log on what lasts; diagnostics have it every second.
+_REMIND = 60.0
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
 #: Errors of force (share of the blocked force) and strain up to which a reference is reached.
@@ -84,6 +86,7 @@ class RecruitmentNode(BundleNode):
             'strain': _REACHED_STRAIN})
         self._answered = -1
         self._decided = time.monotonic()
+        self._shut_since: float | None = None
         #: Last setpoints, Pa (gauge), and last command, None while the controller is off.
         self.setpoints = [0.0] * n
         self.command: Command | None = None
@@ -100,7 +103,8 @@ class RecruitmentNode(BundleNode):
         self._send_recruitment = self.sender(interface.RECRUITMENT, JointState,
                                              interface.recruitment_writer(n))
         self._publish_state(0)
-        self._supply = SupplyEnable(self)
+        self._supply = SupplyEnable(self, lambda silence: self._oversight.stood_still(silence),
+                                    max(TIMEOUT, self.p['sensor_timeout']))
         self._oversight = Oversight(self, self.bundle, self._now, self._on_latch, self._on_e_stop)
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, self.bundle.length, self._on_sample, extra,
@@ -120,6 +124,11 @@ class RecruitmentNode(BundleNode):
     def _guard(self) -> Guard:
         return self._oversight.guard
 
+    @property
+    def _exhausted(self) -> float:
+        """Return for how long the supply has been shut and every valve open to ambient, s."""
+        return 0.0 if self._shut_since is None else self._now() - self._shut_since
+
     def _take_reference(self, stamp: int, reference: Reference) -> None:
         if self.lock_step and self.p['wait_for_reference']:
             self._sensing.put('reference', stamp, reference)
@@ -129,7 +138,7 @@ class RecruitmentNode(BundleNode):
     # --- the tick ------------------------------------------------------------------------------
 
     def _on_sample(self, sample: Sample) -> None:
-        self._oversight.notice_stop(self._enabled)
+        self._oversight.notice_stop()
         dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
         now = time.monotonic()
         if not self.lock_step and -_CLOCK_SET < dt <= 0.0:
@@ -149,12 +158,14 @@ class RecruitmentNode(BundleNode):
         oversight = self._oversight
         measurement = oversight.trusted(sample, self._sensing)
         oversight.look(sample, self._enabled, bool(self._off_target.text))
-        if self._automatic and not oversight.refusal():
+        if self._automatic and not oversight.refusal(self._exhausted):
             self._enable()
         self._control(sample, measurement, dt)
         # While pressures ramp down after switching off, the valves still need the supply.
         self._supply.set(not (oversight.e_stop.on or oversight.guard.latched)
                          and (self._enabled or any(self.setpoints)))
+        if self._supply.value or self._shut_since is None:
+            self._shut_since = self._now()
 
     def _control(self, sample: Sample, measurement: Measurement, dt: float) -> None:
         off = self._reason_to_be_off()
@@ -205,10 +216,9 @@ class RecruitmentNode(BundleNode):
         self._take_over = not any(self.setpoints)
         self._guard.enter(self._now(), *((State.VENT, 'SENSOR') if self._take_over else
                                          (State.HOLD, 'HOLD')), self._oversight.unreadable)
-        for watch in self._oversight.watches:
-            if watch.health != Health.GOOD:
-                self.say(f'{watch.name} {self._guard.word}', f'{watch.reason}: '
-                         + ('vented' if self._take_over else 'pressures held'))
+        bad = [watch.name for watch in self._oversight.watches if watch.health != Health.GOOD]
+        self.say(f'{bad} {self._guard.word}', f'{self._oversight.unreadable}: '
+                 + ('vented' if self._take_over else 'pressures held'))
 
     def _now(self) -> float:
         """Return the time that watches run on: stamps in lock-step, else the steady clock."""
@@ -236,7 +246,7 @@ class RecruitmentNode(BundleNode):
         return None
 
     def _check_time(self) -> None:
-        self._oversight.notice_stop(self._enabled)
+        self._oversight.notice_stop()
         self._sensing.check_time()
 
     def _on_latch(self) -> None:
@@ -307,9 +317,12 @@ class RecruitmentNode(BundleNode):
                 self._forget_reference()
             self._enabled = self._automatic = False
             response.success, response.message = True, 'off; pressures ramp down'
-        elif why := self._oversight.refusal():
+        elif self._enabled and not self._oversight.e_stop.on:
+            # Calling again must not begin the watches anew.
+            response.success, response.message = True, f'on already: {self._guard.word}'
+        elif why := self._oversight.refusal(self._exhausted):
             response.success, response.message = False, why
-            self.get_logger().warning(f'not enabled: {why}')
+            self.say('not enabled', f'not enabled: {why}', 1.0)
         else:
             self._enable()
             response.success, response.message = True, 'on, from the pressures as they are'
@@ -381,13 +394,18 @@ class RecruitmentNode(BundleNode):
                            f'({command.saturated})')
         if self._off_target.text:
             report.add(WARN, self._off_target.text)
+            self.say('off target', self._off_target.text, _REMIND)
         self._references.report(report)
         for topic in (interface.FORCE, interface.STRAIN, interface.REFERENCE_FORCE,
                       interface.REFERENCE_STRAIN, interface.REFERENCE_PRESSURES, interface.E_STOP,
+                      interface.SUPPLY_ENABLE,
                       *(name(i + 1) for i in range(self.bundle.n)
-                        for name in (interface.pressure_topic, interface.setpoint_topic))):
+                        for name in (interface.pressure_topic, interface.setpoint_topic,
+                                     interface.valve_topic))):
             if (count := self.publisher_count(topic)) > 1:
                 report.add(WARN, f'{count} publishers on {topic}')
+                self.say(f'publishers {topic}', f'{count} publishers on {topic}; expected one',
+                         _REMIND)
 
 
 main = executable(RecruitmentNode, __doc__, SPECS)

@@ -72,11 +72,10 @@ class ReferenceGenerator(BundleNode):
         self._pressures: int | None = None
         self._meter = Meter()
         self._sample_meter = Meter()
-        self._outputs = {
-            'force': (self.publisher(interface.REFERENCE_FORCE, WrenchStamped),
-                      interface.reference_force_writer()),
-            'strain': (self.publisher(interface.REFERENCE_STRAIN, JointState),
-                       interface.reference_strain_writer())}
+        self._outputs: dict[str, Any] = {}
+        # Somebody else may send references while there is no trajectory: no second publisher then.
+        for kind in ('force', 'strain') if self.lock_step else (profile.kind,) if profile else ():
+            self._output(kind)
         self.subscribe(interface.TRAJECTORY, JointTrajectory, self._on_trajectory,
                        interface.RELIABLE)
         # The rig's samples are the clock of the references, so that both carry one time; two
@@ -121,11 +120,21 @@ class ReferenceGenerator(BundleNode):
             self._sent = stamp
             self._send(stamp)
 
+    def _output(self, kind: str) -> Any:
+        """Return publisher and writer of a kind of reference."""
+        if kind not in self._outputs:
+            self._outputs[kind] = (
+                (self.publisher(interface.REFERENCE_FORCE, WrenchStamped),
+                 interface.reference_force_writer()) if kind == 'force' else
+                (self.publisher(interface.REFERENCE_STRAIN, JointState),
+                 interface.reference_strain_writer()))
+        return self._outputs[kind]
+
     def _send(self, stamp: int) -> None:
         profile = self._profile
         if profile is None or self.gives_way:
             return
-        publisher, write = self._outputs[profile.kind]
+        publisher, write = self._output(profile.kind)
         if self.start is None:
             if not self.lock_step and publisher.get_subscription_count() == 0:
                 return
@@ -142,9 +151,14 @@ class ReferenceGenerator(BundleNode):
         """Take a new trajectory; one that does not make sense leaves the old one."""
         profile = trajectory_profile(message, self._length)
         self._profile = profile
+        self._output(profile.kind)
         self.start = interface.stamp_ns(message.header.stamp) or (self._stamp or None)
+        begins = (self.start - self._stamp) * 1e-9 if self.start and self._stamp else 0.0
+        when = '' if abs(begins) < 1.0 else (
+            f'; it begins in {begins:.3g} s' if begins > 0.0 else
+            f'; by its stamp it began {-begins:.3g} s ago')
         self.get_logger().info(f'new trajectory of {profile.kind}: {len(profile.times)} points '
-                               f'over {profile.duration:g} s')
+                               f'over {profile.duration:g} s{when}')
 
     def _report(self, report: Report) -> None:
         self._sample_meter.report(report, 'sample')

@@ -8,6 +8,8 @@ that changes, and 10 times a second, so that silence withdraws it. What a driver
 it: docs/how_to/driver.md.
 """
 
+from collections.abc import Callable
+import math
 import time
 
 from std_msgs.msg import Bool
@@ -28,22 +30,40 @@ class SupplyEnable:
     Parameters
     ----------
     node : BundleNode
+    on_lapse : callable
+        Gets the silence, s, after which a true is false: drivers and pressure loops have taken it
+        back by then. Whoever says true again lets latched pressure loops go, as `enable` does.
+    timeout : float, s
+        Silence for which a true counts.
     """
 
-    def __init__(self, node: BundleNode):
+    def __init__(self, node: BundleNode, on_lapse: Callable[[float], None],
+                 timeout: float = TIMEOUT):
         self._send = node.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
+        self._on_lapse = on_lapse
+        # In lock-step time may stand still.
+        self._timeout = math.inf if node.lock_step else timeout
         self._say(False)
         if not node.lock_step:
             node.every(PERIOD, self._beat)
 
     def set(self, value: bool) -> None:
         """Say at once whether the supply may be open, where that is new."""
-        if value != self.value:
+        if not self._lapsed() and value != self.value:
             self._say(value)
 
     def _beat(self) -> None:
-        # A permission that has expired is not renewed here: its owner has to set it again.
-        self._say(self.value and time.monotonic() - self._said <= TIMEOUT)
+        if not self._lapsed():
+            self._say(self.value)
+
+    def _lapsed(self) -> bool:
+        """Whether a true has just been found out of date."""
+        silence = time.monotonic() - self._said
+        if not self.value or silence <= self._timeout:
+            return False
+        self._say(False)
+        self._on_lapse(silence)
+        return True
 
     def _say(self, value: bool) -> None:
         #: What was sent last.

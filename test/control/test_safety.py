@@ -176,8 +176,10 @@ def test_stuck_reading_stays_stuck_while_nothing_moves(watch):
 
 
 @pytest.mark.parametrize(('latency', 'text'), [
-    (0.3, 'force is 0.3 s old when it comes; at most 0.015 s is taken'),
+    (0.3, 'force is 0.3 s old when it comes; at most 0.015 s is taken (max_latency)'),
     (-2.0, 'force is stamped 2 s in the future: the clocks of rig and controller disagree'),
+    (-1.8e9, 'force is stamped 1.8e+09 s in the future: is use_sim_time on, and nobody publishes '
+     '/clock?'),
     (1.8e9, 'force carries no time stamp')])
 def test_late_readings_hold_then_latch(latency, text):
     """A late reading is not used, and readings that stay late are a fault that does not heal."""
@@ -188,6 +190,16 @@ def test_late_readings_hold_then_latch(latency, text):
     for k in range(2, 40):
         watch.see(k * 0.01, 10.0 + k, latency=latency)
     assert (watch.health, watch.cause) == (Health.VENT, LATE)
+
+
+def test_late_readings_that_are_impossible_are_no_fault_of_the_clock():
+    """The cause and the reason name the same thing."""
+    watch = SensorWatch('mu1 pressure', 'Pa', WatchConfig(
+        -50e3, 1.6e6, max_latency=0.015, below='is it gauge?'))
+    for k in range(60):
+        watch.see(k * 0.01, -101e3, latency=0.1)
+    assert (watch.health, watch.cause) == (Health.VENT, '')
+    assert watch.reason == 'mu1 pressure is -101000 Pa, outside -50000 to 1.6e+06 (is it gauge?)'
 
 
 def test_one_late_reading_after_a_stall_latches_nothing():

@@ -204,9 +204,24 @@ def test_supply_that_contradicts_its_parameter_latches(graph, pair, shown):
     pids[0]._air.supply.take(shown)
     for at in (0.0, 0.1, 0.3):
         agrees, cause, reason = pids[0]._air.supply_agrees(now + at)
-        assert not agrees
+        assert (agrees, f'shows {shown / 1e3:.0f} kPa' in reason) == (False, True)
     assert cause == 'SUPPLY'
     assert f'shows {shown / 1e3:.0f} kPa, the parameter supply.pressure says' in reason
+
+
+def test_readings_that_come_in_bursts_open_the_valve_no_wider_than_is_safe(graph):
+    """What flows in until the next reading comes does not lead above the trip."""
+    node = PressurePidNode(1, context=graph.context, overrides={'clocks_synchronised': False})
+    graph.add(node)
+    stamp, gap = graph.probe.now_ns(), 0.06
+    for k in range(4):
+        stamp += round(gap * 1e9)
+        time.sleep(gap)
+        node._on_setpoint(interface.pressure_message(stamp, 340e3, 101325.0))
+        node._on_pressure(interface.pressure_message(stamp, 250e3 + k, 101325.0))
+    rate, trip = node.pid.state.shown.expected_rate, 396.4e3
+    assert node._command > 0.04
+    assert 250e3 + rate * gap < trip
 
 
 def test_a_drifted_sensor_at_exhaust_is_told_and_no_fault(graph, pair):

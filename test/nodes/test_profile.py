@@ -69,6 +69,13 @@ def point(seconds, position, velocity=None):
         velocities=[] if velocity is None else [velocity])
 
 
+def test_rates_that_lead_far_off_the_points_are_refused():
+    """Between two points at 60 N the cubic would go to meganewtons and back."""
+    with pytest.raises(InputError, match='rates of 1e.09 and -1e.09 per s lead off by up to'):
+        trajectory_profile(JointTrajectory(
+            joint_names=['force'], points=[point(0, 60.0, 1e9), point(1, 60.0, -1e9)]), 0.127)
+
+
 def test_contraction_trajectory_becomes_strain():
     """Metres over the rest length."""
     profile = trajectory_profile(JointTrajectory(

@@ -125,12 +125,37 @@ def test_after_a_long_loss_pressure_waits_for_enable(graph, bundle, resume_withi
 
     def status():
         return [m.status[0] for m in seen if m.status[0].name == 'bundle/recruitment_controller']
-    text = f'vented for {resume_within:g} s: off until enabled again'
+    text = f'vented for {resume_within:g} s in all: off until enabled again'
     graph.until(lambda: text in status()[-1].message, 'diagnostics')
     assert status()[-1].level == b'\x02'
     assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
     graph.advance(rig, 1.2)
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
+def test_a_reading_that_comes_and_goes_latches_as_one_that_stays_away(graph, bundle):
+    """Each time is too short by itself; the load is not to be let go again and again."""
+    rig, node = bundle(hold(60.0), resume_within=0.6, recovery_time=0.05)
+    graph.advance(rig, 0.6)
+    for _ in range(4):
+        graph.set('plant_simulator', faults__nan='force')
+        graph.advance(rig, 0.25)
+        graph.set('plant_simulator', faults__nan='')
+        graph.advance(rig, 0.15)
+    assert node._guard.word == 'LOST'
+
+
+def test_enable_once_more_does_not_put_off_a_latch(graph, bundle):
+    """Whoever calls it again and again does not keep the watches from counting."""
+    rig, node = bundle(hold(60.0), resume_within=0.6)
+    graph.advance(rig, 0.6)
+    answer = graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    assert (answer.success, answer.message) == (True, 'on already: ACTIVE')
+    graph.set('plant_simulator', faults__nan='force')
+    for _ in range(4):
+        graph.advance(rig, 0.2)
+        graph.call(SetBool, 'enable', SetBool.Request(data=not node._guard.latched))
+    assert node._guard.word == 'LOST'
 
 
 def test_frozen_force_is_not_believed(graph, bundle):
@@ -400,6 +425,7 @@ def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
     assert node._off_target.text == ''
     graph.advance(rig, 1.5)
     graph.until(lambda: warned('asked for is 400 N, for'), 'the warning')
+    assert 'off target' in node._said
     graph.advance(rig, 2.5)
     assert node._off_target.text == ''
 
@@ -424,8 +450,12 @@ def test_burst_muscle_is_latched_by_all(graph, bundle):
 
 def test_diagnostics_warn_of_who_talks_in_between(graph, live):
     """Another setpoint, another reference, the two modes in turn, references refused."""
-    live()
+    _, node = live()
     warned = warnings_of(graph)
+    valve = graph.probe.create_publisher(JointState, 'mu1/valve_command', 10)
+    graph.until(lambda: warned('2 publishers on mu1/valve_command'), 'valve commands')
+    assert 'publishers mu1/valve_command' in node._said
+    graph.probe.destroy_publisher(valve)
     setpoint = graph.probe.create_publisher(FluidPressure, 'mu1/pressure_setpoint', 10)
     force = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
     strain = graph.probe.create_publisher(JointState, 'reference/strain', 10)

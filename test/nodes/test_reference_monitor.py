@@ -27,6 +27,8 @@ def test_trajectory_topic_is_sampled_with_its_rate(graph, quiet):
     """A trajectory of strain on the topic becomes strain references with velocity."""
     graph.add(ReferenceGenerator(context=graph.context),
               PlantSimulator(context=graph.context, overrides=quiet))
+    # until then whoever streams references is the only publisher
+    assert not graph.probe.publisher_count('reference/strain')
     seen = graph.listen('reference/strain', JointState)
     publisher = graph.probe.create_publisher(JointTrajectory, 'reference/trajectory', 10)
     graph.until(lambda: publisher.get_subscription_count() > 0, 'the generator')

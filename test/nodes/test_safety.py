@@ -208,6 +208,8 @@ def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
 def test_enable_names_what_speaks_against_it(graph, rig):
     """Nobody publishes e_stop, a pressure loop is silent, a motor unit is too high."""
     rig = rig(enable=False, pids=(2,), e_stop=False)
+    # absolute where gauge is expected
+    rig.shown = lambda pressure: [pressure[0], 101e3]
     graph.until(lambda: rig.node._oversight.watches[2].age is not None, 'readings')
     graph.until(lambda: rig.node._oversight.loops.silent(10.0) == [0], 'the loop of mu2')
     success, message = enabled(graph)
@@ -215,6 +217,9 @@ def test_enable_names_what_speaks_against_it(graph, rig):
     assert 'nobody publishes e_stop' in message
     assert 'the pressure loop of mu1 is silent' in message
     assert 'mu2' not in message
+    # nothing is left after seconds of exhaust
+    rig.node._shut_since -= 3.0
+    assert 'mu2 shows 101 kPa after 3.' in enabled(graph)[1]
     rig.shown = lambda pressure: [pressure[0], 500e3]
     graph.until(lambda: max(rig.node._oversight.pressure) > 400e3, 'the reading')
     assert 'mu2 is at 500 kPa, above 396 kPa' in enabled(graph)[1]
@@ -244,25 +249,43 @@ def test_a_pressure_loop_that_dies_or_stops_vents_all(graph, rig, number, start)
         process.communicate()
 
 
+def test_an_emergency_stop_that_nobody_publishes_any_more_ends_it(graph, rig):
+    """Its button would do nothing; said at once, and off after resume_within."""
+    rig = rig(enable=False, e_stop=False)
+    button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
+    button.publish(Bool(data=False))
+    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
+    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    assert graph.set('recruitment_controller', resume_within=0.3)[0].successful
+    graph.probe.destroy_publisher(button)
+    vented(graph, rig)
+    assert 'nobody publishes e_stop any more' in rig.node._guard.now.reason
+
+
 def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
     """It cannot know what happened meanwhile."""
     rig = rig(sine)
     graph.until(lambda: max(rig.rig.truth.pressure) > 100e3, 'pressure')
-    rig.node._oversight._alive -= 2.0
+    rig.node._supply._said -= 2.0
     vented(graph, rig)
     assert rig.node._guard.word == 'STOPPED'
 
 
-def test_a_leave_that_has_lapsed_is_not_renewed_by_the_heartbeat(graph):
-    """A process that stood still may say true again only after it has looked around."""
+@pytest.mark.parametrize('first', ['the heartbeat', 'the owner'])
+def test_a_leave_that_has_lapsed_is_said_again_by_enable_only(graph, first):
+    """False and then true is what releases a pressure loop that has latched meanwhile."""
     node = graph.add(BundleNode('owner', (), context=graph.context))
-    supply = SupplyEnable(node)
+    lapses = []
+    supply = SupplyEnable(node, lapses.append)
     said = graph.listen('supply_enable', Bool, interface.RELIABLE)
     graph.until(lambda: supply.set(True) or (said and said[-1].data), 'true')
     supply._said -= 2.0
+    if first == 'the owner':
+        supply.set(True)
     graph.until(lambda: not said[-1].data, 'false')
     graph.spin(0.3)
     assert not said[-1].data
+    assert [round(silence) for silence in lapses] == [2]
 
 
 def test_limits_are_not_raised_while_it_acts(graph, rig):

@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples put together from their channels, beside a node's other timers."""
 
+from collections import deque
 import time
 
-from fam_bundle_ros.nodes import sensing
+from std_msgs.msg import Bool
+
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode
 
 
@@ -23,3 +27,18 @@ def test_samples_that_waited_call_no_timer_more_often_than_its_period(graph):
     graph.until(lambda: samples, 'a sample')
     graph.spin(0.05)
     assert sum(call > begin for call in calls) <= (time.monotonic() - begin) / 0.1 + 1
+
+
+def test_each_mistake_in_a_topic_has_its_line_whatever_the_numbers(graph):
+    """A second mistake is not hidden by the first; the same one with other numbers is."""
+    mistakes = deque(['point 2 is 5 at 1e-3 s', 'point 3 is nan at 2 s', 'has no points'])
+
+    def refuse(message):
+        raise InputError(mistakes.popleft())
+    graph.probe.subscribe('orders', Bool, refuse, interface.RELIABLE)
+    orders = graph.probe.create_publisher(Bool, 'orders', interface.RELIABLE)
+    graph.until(lambda: orders.get_subscription_count(), 'the subscription')
+    for _ in range(3):
+        orders.publish(Bool(data=True))
+    graph.until(lambda: not mistakes, 'all')
+    assert len([key for key in graph.probe._said if 'orders' in key]) == 2
