@@ -75,7 +75,9 @@ def ros() -> str:
     from fam_bundle_ros.nodes.bundle_bringup import make_nodes
     context = Context()
     context.init(args=['--ros-args', '--log-level', 'fatal'])
-    nodes = make_nodes(context, overrides={'start_stopped': True})
+    # In lock-step the reference generator has its publishers from the start.
+    nodes = make_nodes(context, overrides={'start_stopped': True, 'lock_step': True,
+                                           'publish_clock': False})
     try:
         parts = [HEAD, '# ROS 2 interface\n\n',
                  'All names are relative; the default namespace is `/bundle`. Two motor units are '
