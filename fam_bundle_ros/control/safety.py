@@ -36,6 +36,8 @@ FROZEN = 'FROZEN'
 LOST = 'LOST'
 #: A pressure loop is silent.
 PID_LOST = 'PID_LOST'
+#: Another controller acts on the same rig.
+OTHER = 'OTHER'
 #: The process itself stood still.
 STOPPED = 'STOPPED'
 

@@ -17,6 +17,7 @@ from fam_bundle_ros.control.safety import (
     kilopascals,
     LOST,
     LostTime,
+    OTHER,
     OVER_PRESSURE,
     PID_LOST,
     SensorWatch,
@@ -235,6 +236,11 @@ class Oversight:
         self.latch(STOPPED, f'this process stood still: nothing on supply_enable for '
                    f'{seconds:.2f} s')
 
+    def contradicted(self) -> None:
+        """Latch: another node says on `supply_enable` that the supply must be shut."""
+        self.latch(OTHER, 'another node says false on supply_enable while this one says true: a '
+                   'second recruitment controller?')
+
     # --- enable --------------------------------------------------------------------------------
 
     def refusal(self, exhausted: float = 0.0) -> str:
@@ -260,15 +266,15 @@ class Oversight:
             elif pressure > limit:
                 reasons.append(f'mu{unit + 1} is at {kilopascals(pressure)}, above '
                                f'{kilopascals(limit)}')
-            elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
-                reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
-                               f'{kilopascals(pressure)}')
             elif exhausted > _EXHAUSTED and pressure > limit - self._limit[unit]:
                 # A sensor that is off by so much hides a pressure above the trip.
                 hint = ('is it absolute? Then pressure_is_gauge is wrong'
                         if node.p['pressure_is_gauge'] else 'sensor, unit or exhaust?')
                 reasons.append(f'mu{unit + 1} shows {kilopascals(pressure)} after '
                                f'{exhausted:.1f} s of exhaust: {hint}')
+            elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
+                reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
+                               f'{kilopascals(pressure)}')
         return '; '.join(reasons or self._felt())
 
     def _felt(self) -> list[str]:

@@ -104,7 +104,8 @@ class RecruitmentNode(BundleNode):
                                              interface.recruitment_writer(n))
         self._publish_state(0)
         self._supply = SupplyEnable(self, lambda silence: self._oversight.stood_still(silence),
-                                    max(TIMEOUT, self.p['sensor_timeout']))
+                                    max(TIMEOUT, self.p['sensor_timeout']),
+                                    lambda: self._oversight.contradicted())
         self._oversight = Oversight(self, self.bundle, self._now, self._on_latch, self._on_e_stop)
         extra = ('reference',) if self.p['wait_for_reference'] else ()
         self._sensing = Sensing(self, n, self.bundle.length, self._on_sample, extra,
@@ -317,12 +318,13 @@ class RecruitmentNode(BundleNode):
                 self._forget_reference()
             self._enabled = self._automatic = False
             response.success, response.message = True, 'off; pressures ramp down'
-        elif self._enabled and not self._oversight.e_stop.on:
+        elif why := self._oversight.refusal(self._exhausted):
+            message = f'on already, although {why}' if self._enabled else why
+            response.success, response.message = False, message
+            self.say('not enabled', message if self._enabled else f'not enabled: {why}', 1.0)
+        elif self._enabled:
             # Calling again must not begin the watches anew.
             response.success, response.message = True, f'on already: {self._guard.word}'
-        elif why := self._oversight.refusal(self._exhausted):
-            response.success, response.message = False, why
-            self.say('not enabled', f'not enabled: {why}', 1.0)
         else:
             self._enable()
             response.success, response.message = True, 'on, from the pressures as they are'

@@ -35,17 +35,29 @@ class SupplyEnable:
         back by then. Whoever says true again lets latched pressure loops go, as `enable` does.
     timeout : float, s
         Silence for which a true counts.
+    on_contradiction : callable
+        Called when somebody else says false while this node says true.
     """
 
     def __init__(self, node: BundleNode, on_lapse: Callable[[float], None],
-                 timeout: float = TIMEOUT):
+                 timeout: float = TIMEOUT, on_contradiction: Callable[[], None] = lambda: None):
         self._send = node.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
-        self._on_lapse = on_lapse
+        self._on_lapse, self._on_contradiction = on_lapse, on_contradiction
+        #: Whether a true was heard since this node says true.
+        self._confirmed = False
         # In lock-step time may stand still.
         self._timeout = math.inf if node.lock_step else timeout
         self._say(False)
         if not node.lock_step:
             node.every(PERIOD, self._beat)
+            node.subscribe(interface.SUPPLY_ENABLE, Bool, self._hear, interface.RELIABLE)
+
+    def _hear(self, message: Bool) -> None:
+        # What this node said itself is heard, too: in order, a false before the true after it.
+        if message.data:
+            self._confirmed = self.value
+        elif self._confirmed:
+            self._on_contradiction()
 
     def set(self, value: bool) -> None:
         """Say at once whether the supply may be open, where that is new."""
@@ -69,6 +81,7 @@ class SupplyEnable:
         #: What was sent last.
         self.value = value
         self._said = time.monotonic()
+        self._confirmed = self._confirmed and value
         self._send(value)
 
 

@@ -288,6 +288,16 @@ def test_a_leave_that_has_lapsed_is_said_again_by_enable_only(graph, first):
     assert [round(silence) for silence in lapses] == [2]
 
 
+def test_two_controllers_of_one_rig_do_not_take_turns(graph, rig):
+    """One that says the supply must be shut ends the other, and says why."""
+    rig = rig()
+    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    other = graph.probe.create_publisher(Bool, 'supply_enable', interface.RELIABLE)
+    graph.until(lambda: other.publish(Bool(data=False)) or rig.node._guard.latched, 'the latch')
+    vented(graph, rig)
+    assert rig.node._guard.word == 'OTHER'
+
+
 def test_limits_are_not_raised_while_it_acts(graph, rig):
     """Lower is welcome; higher has to wait until it is off."""
     rig = rig()
