@@ -64,9 +64,15 @@ class Driver(Node):
         self.enabled = message.data, time.monotonic()
 
     def tick(self):
-        """Publish what the board reads, and tell it what it may do."""
+        """Tell the board what it may do, and publish what it reads."""
         now = self.get_clock().now()
         force, contraction, pressures, button = self.board.read()
+        # Before all publishing: that can take long while another process stands still.
+        allowed, heard = self.enabled
+        supply = allowed and not button and time.monotonic() - heard <= SUPPLY_TIMEOUT
+        self.board.write(supply, [
+            command if supply and now.nanoseconds - stamp <= COMMAND_TIMEOUT * 1e9 else -1.0
+            for command, stamp in self.commands])
         wrench, joint = WrenchStamped(), JointState(name=['contraction'])
         wrench.header.stamp = joint.header.stamp = now.to_msg()
         wrench.header.frame_id, wrench.wrench.force.x = 'load_cell', float(force)
@@ -80,11 +86,6 @@ class Driver(Node):
         if button != self.stopped:
             self.stopped = button
             self.e_stop.publish(Bool(data=bool(button)))
-        allowed, heard = self.enabled
-        supply = allowed and not button and time.monotonic() - heard <= SUPPLY_TIMEOUT
-        self.board.write(supply, [
-            command if supply and now.nanoseconds - stamp <= COMMAND_TIMEOUT * 1e9 else -1.0
-            for command, stamp in self.commands])
 
 
 def main():
