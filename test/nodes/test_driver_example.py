@@ -11,6 +11,7 @@ import sys
 
 from geometry_msgs.msg import WrenchStamped
 import pytest
+from rclpy.exceptions import InvalidHandle
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
@@ -92,6 +93,16 @@ def loop(graph, example, monkeypatch):
     yield loop
     graph.spinner.executor.remove_node(loop.node)
     loop.node.destroy_node()
+
+
+def test_valves_do_not_wait_for_what_is_published(graph, example):
+    """A publish may block, or fail as here: the board has been told before."""
+    loop = Loop(graph, example)
+    before = len(loop.board.written)
+    loop.node.force.destroy()
+    with pytest.raises(InvalidHandle):
+        loop.node.tick()
+    assert len(loop.board.written) == before + 1
 
 
 def test_readings_are_as_the_interface_says(graph, loop):
