@@ -14,12 +14,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import least_squares
 
 from fam_bundle_ros.discovery.cells import Cells
 
 Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
-#: Range of the exponent that is searched, 1 per strain.
+#: Exponents from the best of which the form is fitted, 1 per strain.
 _EXPONENTS = np.linspace(-60.0, 20.0, 33)
 
 
@@ -47,28 +47,23 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
     units each has its own a, d and f. Linear but for c and the floor.
     """
     floor, scale = float(force.min()), max(float(np.abs(pressure).max()), 1.0)
+    root, above = np.sqrt(weight), force > floor
 
     def columns(c: float, e: np.ndarray, p: np.ndarray) -> np.ndarray:
         bent, p, e1 = np.exp(c * e)[:, None], p / scale, e[:, None]
         return np.concatenate([bent * p, bent, e1 * p, p, np.ones((len(e), 1))], axis=1)
 
-    root = np.sqrt(weight)
-
-    def solved(c: float) -> tuple[float, np.ndarray]:
-        a = columns(c, strain, pressure)
-        x = np.linalg.lstsq(a * root[:, None], force * root, rcond=1e-10)[0]
-        return float(np.sum(weight * (np.maximum(a @ x, floor) - force) ** 2)), x
-
-    near = min(_EXPONENTS, key=lambda c: solved(c)[0])
-    width = _EXPONENTS[1] - _EXPONENTS[0]
-    c = minimize_scalar(lambda c: solved(c)[0], bounds=(near - width, near + width),
-                        method='bounded').x
-    start = np.append(solved(c)[1], c)
-
     def off(x: np.ndarray) -> np.ndarray:
         return root * (np.maximum(columns(x[-1], strain, pressure) @ x[:-1], floor) - force)
 
-    x = least_squares(off, start, x_scale=np.abs(start) + 1e-3, max_nfev=50).x
+    def started(c: float) -> np.ndarray:
+        # Rows at the floor say only that the form is not above it.
+        a = columns(c, strain[above], pressure[above])
+        x = np.linalg.lstsq(a * root[above, None], (force * root)[above], rcond=1e-10)[0]
+        return np.append(x, c)
+
+    start = min(map(started, _EXPONENTS), key=lambda x: float(np.sum(off(x) ** 2)))
+    x = least_squares(off, start, x_scale=np.abs(start) + 1e-3, max_nfev=200).x
     return lambda e, p: np.maximum(columns(x[-1], e, p) @ x[:-1], floor)
 
 

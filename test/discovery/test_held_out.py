@@ -9,6 +9,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
+from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery import rivals
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
@@ -110,6 +111,18 @@ def test_a_rival_is_fitted_to_cells_by_their_rows():
     assert_allclose(found, curve + 7.5, atol=1e-6)
     flat = force - 20.0 * e
     assert_allclose(rivals.plane(e, p, flat, weight)(e, p), flat, atol=1e-9)
+
+
+@pytest.mark.parametrize(('away', 'least'), [(0.047, 4.59), (0.098, 3.37), (0.155, 1.85),
+                                             (0.199, 2.89)])
+def test_the_empirical_form_is_fitted_to_a_measured_muscle_as_well_as_can_be(repository, away,
+                                                                             least):
+    """To a DMSP-20 without one strain; ``least`` (N rms) from many starting points."""
+    data = read_measurement(repository / 'config/data/dmsp20_static_map.csv')
+    there = data.select(np.abs(data.strain - away) > 0.01)
+    found = rivals.empirical(there.strain, there.pressure, there.force, np.ones(len(there)))
+    off = found(there.strain, there.pressure) - there.force
+    assert np.sqrt(np.mean(off ** 2)) == pytest.approx(least, abs=0.01)
 
 
 @pytest.mark.parametrize(('rival', 'degree'), [('mean', 0), ('plane', 1), ('empirical', 3),
