@@ -117,7 +117,7 @@ def serving(folder, repository, *arguments):
         cwd=folder)
     address = f'http://127.0.0.1:{port}/'
     try:
-        for _ in range(300):
+        for _ in range(1200):
             try:
                 urllib.request.urlopen(address, timeout=5).close()
                 break
