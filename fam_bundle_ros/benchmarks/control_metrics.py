@@ -5,6 +5,7 @@
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from fam_bundle_ros.benchmarks.control_trajectories import top_force
 from fam_bundle_ros.benchmarks.least_air import least_air
@@ -106,15 +107,11 @@ def held_air(plant: Any, pressure: np.ndarray, strain: float, tube_volume: float
 
 def least_air_of(log: Log, model: Bundle) -> float:
     """Return the least air, kg, that any allocation could use for the forces of a run."""
-    dt = float(log.time[1] - log.time[0])
-    return least_air(model, log.time, _smooth(log.force, dt), _smooth(log.strain, dt))
-
-
-def _smooth(signal, dt, width=0.02):
-    """Return a signal without what is faster than ``width``: sensor noise drives no allocation."""
-    count = max(1, round(width / dt)) | 1
-    padded = np.pad(signal, count // 2, mode='edge')
-    return np.convolve(padded, np.full(count, 1.0 / count), mode='valid')
+    # without what is faster than 20 ms: sensor noise drives no allocation
+    count = max(1, round(0.02 / (log.time[1] - log.time[0]))) | 1
+    force, strain = (uniform_filter1d(signal, count, mode='nearest')
+                     for signal in (log.force, log.strain))
+    return least_air(model, log.time, force, strain)
 
 
 def one_unit_is_enough(trajectory: Trajectory, model: Bundle, plant: Any) -> bool:

@@ -11,7 +11,7 @@ empirical form is refitted on the same rows and scored on the same rows.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 import tempfile
 from typing import Any
@@ -142,45 +142,30 @@ def benchmark(folder: Path, processes: int | None = None, draws: int = DRAWS,
             for away, rows in splits(read_measurement(data), draws)]
     rows = each(score, todo, processes, progress, scheduler)
     rows.sort(key=lambda row: -row['ratio'])
-    return {'rows': rows, 'summary': asdict(summary(rows))}
+    return {'rows': rows, 'summary': summary(rows)}
 
 
-@dataclass(frozen=True)
-class Summary:
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """
-    All splits together.
+    Return the figures of all splits.
 
-    Attributes
-    ----------
-    splits, named : int
-    worst, median : float
-        Error on rows kept away over the empirical form's.
-    worst_physics, median_physics : float
-        The same of effects alone.
-    always : dict of str to tuple of str
-        Families that are named, or tied with what is, on every split of a measurement.
+    Returns
+    -------
+    dict
+        ``splits``, ``named``; ``worst`` and ``median`` of the error on rows kept away over the
+        empirical form's, ``worst_physics`` and ``median_physics`` of effects alone; ``always``,
+        by measurement: families that are named, or tied with what is, on every split.
     """
-
-    splits: int
-    named: int
-    worst: float
-    median: float
-    worst_physics: float
-    median_physics: float
-    always: dict[str, tuple[str, ...]]
-
-
-def summary(rows: list[dict[str, Any]]) -> Summary:
-    """Return the figures of all splits."""
     ratio = np.array([row['ratio'] for row in rows])
     physics = np.array([row['physics_N'] / row['empirical_N'] for row in rows])
     families: dict[str, set[str]] = {}
     for row in rows:
         families[row['data']] = families.get(row['data'], set(row['families'])) & {
             *row['families']}
-    return Summary(len(rows), sum(bool(row['effects']) for row in rows), float(ratio.max()),
-                   float(np.median(ratio)), float(physics.max()), float(np.median(physics)),
-                   {name: tuple(sorted(always)) for name, always in families.items()})
+    return {'splits': len(rows), 'named': sum(bool(row['effects']) for row in rows),
+            'worst': float(ratio.max()), 'median': float(np.median(ratio)),
+            'worst_physics': float(physics.max()), 'median_physics': float(np.median(physics)),
+            'always': {name: tuple(sorted(always)) for name, always in families.items()}}
 
 
 def _written(recommended: Any) -> Bundle:

@@ -101,6 +101,7 @@ SOUND: dict[str, Faults] = {
     'valve conductance 30 % high': Faults(),
     'valve conductance 30 % low': Faults(),
 }
+EVERY = FAULTS | MESSAGES | SOUND
 _CONDUCTANCE = {'valve conductance 30 % high': 1.3, 'valve conductance 30 % low': 0.7}
 
 
@@ -136,7 +137,7 @@ class Case:
     @property
     def faults(self) -> Faults:
         """What is broken between `ONSET` and `REPAIR`."""
-        return {**FAULTS, **MESSAGES, **SOUND}[self.fault]
+        return EVERY[self.fault]
 
 
 def cases_of(faults: Sequence[str], phases: Sequence[str], policies: Sequence[str],

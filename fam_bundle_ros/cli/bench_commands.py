@@ -17,10 +17,10 @@ from fam_bundle_ros.cli.common import (
     PageFile,
     progress_bar,
     save_json,
+    save_page,
     SchedulerOption,
     table,
     WorkersOption,
-    wrote,
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import model_path
@@ -81,11 +81,9 @@ def benchmark_control(
                 1e6 * row['air_mass']) for row in over_ros], numeric=(1, 2, 3, 4))
     if out is not None:
         from fam_bundle_ros.report.control_pages import benchmark_page
-        from fam_bundle_ros.report.page import write_page
         shipped = control.MODEL.rpartition('/')[2].removesuffix('.yaml')
-        write_page(out, benchmark_page(result, open_model(shipped), seeds, over_ros,
-                                       [('model file', model_path(shipped))]))
-        wrote(out)
+        save_page(out, benchmark_page(result, open_model(shipped), seeds, over_ros,
+                                      [('model file', model_path(shipped))]))
     save_json(json_file, {**result.to_json(), 'over_ros': over_ros})
 
 
@@ -203,9 +201,7 @@ def bench(
     machine = speed.machine()
     if out is not None:
         from fam_bundle_ros.report.bench_page import bench_page
-        from fam_bundle_ros.report.page import write_page
-        write_page(out, bench_page(results, machine))
-        wrote(out)
+        save_page(out, bench_page(results, machine))
     save_json(json_file, {'machine': machine, 'scale': scale,
                           'rows': [result.to_json() for result in results]})
 

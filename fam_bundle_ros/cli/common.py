@@ -267,6 +267,13 @@ def save_json(path: Path | None, result: Any) -> None:
         wrote(path)
 
 
+def save_page(path: Path, page: Any) -> None:
+    """Write a page where ``--out`` asks for it."""
+    from fam_bundle_ros.report.page import write_page
+    write_page(path, page)
+    wrote(path)
+
+
 def wrote(*paths: Path | str) -> None:
     """Say what was written, on stderr."""
     for path in paths:

@@ -26,6 +26,7 @@ from fam_bundle_ros.cli.common import (
     Reading,
     reads_data,
     save_json,
+    save_page,
     show_muscle,
     table,
     Unexplained,
@@ -72,9 +73,7 @@ def compare(
         console.print(f'  {escape(str(region))}')
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import comparison_page
-        from fam_bundle_ros.report.page import write_page
-        write_page(out, comparison_page(result, bundle, _files(recordings, model)))
-        wrote(out)
+        save_page(out, comparison_page(result, bundle, _files(recordings, model)))
     save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
                           'data': measured.to_dict()})
 
@@ -170,9 +169,7 @@ def diagnose(
         console.print(f'note: {escape(note)}', style='dim', soft_wrap=True)
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import diagnosis_page
-        from fam_bundle_ros.report.page import write_page
-        write_page(out, diagnosis_page(result, _files(recordings, model)))
-        wrote(out)
+        save_page(out, diagnosis_page(result, _files(recordings, model)))
     save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
                           'data': measured.to_dict()})
     if model_out is not None:

@@ -48,12 +48,10 @@ def benchmark_faults(
     from fam_bundle_ros.benchmarks import faults as benchmark
     from fam_bundle_ros.cli.fault_work import result_of, run_cases
     from fam_bundle_ros.report import fault_tables as tables
-    known = [*benchmark.FAULTS, *benchmark.MESSAGES, *benchmark.SOUND]
     if listed:
-        table(('fault', ''), [(name, {**benchmark.FAULTS, **benchmark.MESSAGES,
-                                      **benchmark.SOUND}[name].text) for name in known])
+        table(('fault', ''), [(name, fault.text) for name, fault in benchmark.EVERY.items()])
         return
-    chosen = [] if faults == 'none' else pick(faults, known, '--faults')
+    chosen = [] if faults == 'none' else pick(faults, benchmark.EVERY, '--faults')
     policy_names = pick(policies, benchmark.POLICIES, '--policies')
     cases = [*benchmark.cases_of(chosen, pick(phases, benchmark.PHASES, '--phases'),
                                  policy_names, seed),

@@ -22,6 +22,7 @@ from fam_bundle_ros.cli.common import (
     Reading,
     reads_data,
     save_json,
+    save_page,
     show_muscle,
     table,
     wrote,
@@ -137,11 +138,9 @@ def ladder(
                for order, errors in orders.items()])
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import ladder_page
-        from fam_bundle_ros.report.page import write_page
         files = [('measurement', data_path(data)),
                  *(('model file', model_path(model)) for model in models)]
-        write_page(out, ladder_page(result, orders, files))
-        wrote(out)
+        save_page(out, ladder_page(result, orders, files))
     save_json(json_file, {**result.to_dict(), 'orders': orders, 'muscle': muscle_of(bundles[0]),
                           'data': measured.to_dict()})
 

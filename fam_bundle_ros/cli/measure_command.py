@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `measure`: an experiment driven and recorded."""
 
+from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -106,11 +107,10 @@ def _announce(plan: Any, done: frozenset[int], rig: bool) -> dict[str, Any]:
     planned = segments(plan)
     todo = [segment for segment in planned if segment.number not in done]
     left = sum(segment.duration for segment in todo)
-    rows: list[tuple[Any, str, str]] = []
-    begin = 0.0
-    for segment in todo:
-        rows.append((segment.number, minutes(begin), segment.course.words))
-        begin += segment.duration
+    begins = accumulate((segment.duration for segment in todo), initial=0.0)
+    rows: list[tuple[Any, str, str]] = [
+        (segment.number, minutes(begin), segment.course.words)
+        for segment, begin in zip(todo, begins)]
     if len(rows) > _LISTED:
         rows = [*rows[:_LISTED - 1], ('...', '', ''), rows[-1]]
     console.print(f'[bold]{escape(plan.name)}[/bold]: {len(planned)} segments'

@@ -259,12 +259,7 @@ def _isobars(drawing: go.Figure, result: Comparison) -> None:
 def _record(drawing: go.Figure, result: Comparison) -> None:
     data = result.measurement
     rows = thin(np.arange(len(data)), MOST_POINTS)
-    clock = np.array(data.clock, float)
-    # trials that each begin at zero are laid end to end
-    for first in np.flatnonzero(data.start)[1:]:
-        if clock[first] < clock[first - 1]:
-            clock[first:] += clock[first - 1] - clock[first] + 1.0
-    time = clock[rows]
+    time = running_clock(data)[rows]
     drawing.add_trace(plotting.points(time, data.force[rows], 'measured', plotting.INK, 3.0,
                                       hovertemplate='%{y:.2f} N at %{x:.2f} s'), row=1, col=1)
     drawing.add_trace(plotting.line(time, result.prediction[rows], 'model', _MODEL, width=1.6,
@@ -273,6 +268,15 @@ def _record(drawing: go.Figure, result: Comparison) -> None:
                                       showlegend=False,
                                       hovertemplate='%{y:.2f} N at %{x:.2f} s'), row=2, col=1)
     drawing.update_xaxes(title_text='time (s)', row=2, col=1)
+
+
+def running_clock(data: Measurement) -> np.ndarray:
+    """Return time (T,), s, with trials that each begin at zero laid end to end."""
+    clock = np.array(data.clock, float)
+    for first in np.flatnonzero(data.start)[1:]:
+        if clock[first] < clock[first - 1]:
+            clock[first:] += clock[first - 1] - clock[first] + 1.0
+    return clock
 
 
 def _line(data: Measurement, values: np.ndarray, rows: np.ndarray) -> tuple[Any, Any]:

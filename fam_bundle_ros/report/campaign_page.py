@@ -13,7 +13,7 @@ from fam_bundle_ros.campaign.trends import LEAST
 from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report import campaign_figures as figures
-from fam_bundle_ros.report.map_page import effects_table, units_table
+from fam_bundle_ros.report.map_page import model_section
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
@@ -38,7 +38,7 @@ def campaign_page(result: Campaign, files: Sequence[tuple[str, str | Path]] = ()
     """
     sections = [_missing(result), *([_trends(result)] if result.facts else []), _errors(result),
                 _recordings(result), *_left_out(result),
-                Section('Model', '', [units_table(result.model), effects_table(result.model)])]
+                model_section(result.model)]
     computed = f'{result.computed} of {len(result.recordings)}'
     return Page(f'What {result.model.name} is missing, over {len(result.recordings)} recordings',
                 _lead(result), _headline(result), sections,

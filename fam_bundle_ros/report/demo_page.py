@@ -14,7 +14,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import RigConfig
 from fam_bundle_ros.report.control_pages import run_pictures
 from fam_bundle_ros.report.discovery_pages import diagnosis_sections
-from fam_bundle_ros.report.map_page import effects_table, units_table
+from fam_bundle_ros.report.map_page import model_section
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.paper import PaperFigures
 from fam_bundle_ros.report.paper_plots import map_pictures
@@ -78,9 +78,8 @@ def demo_page(runs: Sequence[DemoRun], diagnosis: Diagnosis, found: Mapping[str,
          *_measured(diagnosis),
          Section('The paper’s figures', 'Of the bundle that was run above, computed from its '
                  'model.', map_pictures(paper)),
-         Section('Models', '', [units_table(bundle), effects_table(bundle),
-                                units_table(diagnosis.best), effects_table(diagnosis.best)],
-                 folded=True)],
+         Section('Models', '', [*model_section(bundle).items,
+                                *model_section(diagnosis.best).items], folded=True)],
         provenance(files, [
             ('simulated', 'the rig: valves, chambers, supply, load, sensors and their noise; '
                           f'seed {found["seed"]}. All nodes ran on real ROS 2 (rclpy), in '

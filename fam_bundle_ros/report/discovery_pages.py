@@ -12,7 +12,7 @@ from fam_bundle_ros.data.folds import KINDS
 from fam_bundle_ros.discovery import answer_figures, Comparison, Diagnosis, figures, Ladder
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
-from fam_bundle_ros.report.map_page import effects_table, units_table
+from fam_bundle_ros.report.map_page import model_section
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
@@ -28,8 +28,7 @@ def comparison_page(result: Comparison, model: Bundle, files: Files = ()) -> Pag
         f'{model.name} against {result.data}',
         f'{_comparison_lead(result)} Model {muscle_words(model)}.',
         _comparison_headline(result),
-        [*comparison_sections(result, model),
-         Section('Model', '', [units_table(model), effects_table(model)])],
+        [*comparison_sections(result, model), model_section(model)],
         provenance(files, _data_rows(result)))
 
 
@@ -81,7 +80,7 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
         + f' Model {muscle_words(result.model)}.', headline,
         [*diagnosis_sections(result),
          *comparison_sections(comparison, result.model),
-         Section('Best model', '', [units_table(result.best), effects_table(result.best)])],
+         model_section(result.best, 'Best model')],
         provenance(files, [*_data_rows(comparison),
                            ('rows left out of the fit', str(result.rows_left_out)),
                            ('time taken', f'{result.seconds:.1f} s')]))

@@ -41,13 +41,17 @@ def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path,
         [Section('Figures', '', pictures),
          *([] if ends is None else
            [Section('Fixed ends or tendons', '', tendon_pictures(ends))]),
-         Section('Model', '', [units_table(bundle), effects_table(bundle)])],
+         model_section(bundle)],
         provenance([('model file', model_file)],
                    [('kind of numbers', 'all computed from the model; nothing here is measured')]))
 
 
-def units_table(bundle: Bundle) -> Table:
-    """Return the motor units of a model with their dimensions."""
+def model_section(bundle: Bundle, title: str = 'Model') -> Section:
+    """Return a model: its motor units with their dimensions, its effects with their sources."""
+    return Section(title, '', [_units(bundle), _effects(bundle)])
+
+
+def _units(bundle: Bundle) -> Table:
     return Table(
         ('motor unit', 'muscles', 'radius (mm)', 'length (mm)', 'braid angle (°)', 'wall (mm)',
          'largest pressure (kPa)'),
@@ -57,8 +61,7 @@ def units_table(bundle: Bundle) -> Table:
          for unit in bundle.motor_units])
 
 
-def effects_table(bundle: Bundle) -> Table:
-    """Return the effects of a model with their values and sources."""
+def _effects(bundle: Bundle) -> Table:
     return Table(
         ('effect', 'values', 'what it is', 'source'),
         [(('effect', effect.name),

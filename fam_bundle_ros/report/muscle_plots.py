@@ -15,16 +15,7 @@ _POINTS = 201
 
 
 def muscle_pictures(bundle: Bundle) -> list[Picture]:
-    """
-    Return the pictures of ``fam_bundle map`` for a model of one motor unit.
-
-    Raises
-    ------
-    ValueError
-        For a bundle of several: its states are drawn by `paper_plots.map_pictures`.
-    """
-    if bundle.n != 1:
-        raise ValueError(f'{bundle.n} motor units; expected 1')
+    """Return the pictures of ``fam_bundle map`` for a model of one motor unit."""
     pressure = float(bundle.max_pressure[0]) * np.linspace(0.0, 1.0, _ISOBARS + 1)
     free = float(bundle.free_strain(bundle.max_pressure))
     strain = np.linspace(0.0, 1.1 * free if np.isfinite(free) else 0.3, _POINTS)

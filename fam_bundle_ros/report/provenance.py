@@ -3,6 +3,7 @@
 """Provenance of a result: files with their hashes, versions, the machine's Python."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 import platform
@@ -24,18 +25,12 @@ def provenance(files: Sequence[tuple[str, str | Path]] = (),
     more : sequence of (what, value)
         Seeds; what is simulated, measured, from memory.
     """
-    versions = ', '.join(f'{name} {metadata.version(name)}' for name in _PACKAGES
-                         if _installed(name))
+    versions = []
+    for name in _PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions.append(f'{name} {metadata.version(name)}')
     return [*((what, f'{Path(path).name}, sha256 {file_digest(path)[:16]}…')
               for what, path in files), *more,
-            ('fam_bundle_ros', fam_bundle_ros.__version__), ('versions', versions),
+            ('fam_bundle_ros', fam_bundle_ros.__version__), ('versions', ', '.join(versions)),
             ('Python', f'{platform.python_version()} on {platform.system()} '
                        f'{platform.machine()}')]
-
-
-def _installed(name: str) -> bool:
-    try:
-        metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return False
-    return True

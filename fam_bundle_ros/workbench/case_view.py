@@ -11,7 +11,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Effect
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.workbench import drawings, parts, worker
-from fam_bundle_ros.workbench.changes import Change
+from fam_bundle_ros.workbench.changes import Change, Since
 from fam_bundle_ros.workbench.jobs import Cancelled, Job, WorkerError
 from fam_bundle_ros.workbench.session import short
 from fam_bundle_ros.workbench.side_view import SideView
@@ -275,8 +275,8 @@ class CaseView:
 
     async def change(self, change: Change, effect: Effect | None = None) -> None:
         """Add, replace or leave out an effect, and refit everything."""
-        now = self.session.with_change(change, effect)
-        await self._refit(change.label, '' if change.removes else change.effect, *now)
+        await self._refit(change.label, '' if change.removes else change.effect,
+                          self.session.with_change(change, effect))
 
     async def do_all(self) -> None:
         """Do everything that the diagnosis says, one step after the other."""
@@ -292,19 +292,17 @@ class CaseView:
 
     async def recalibrate(self) -> None:
         """Move the model's own parameters."""
-        now = self.session.now
-        await self._refit('recalibrated', '', now.added, dict(now.replaced), now.removed)
+        await self._refit('recalibrated', '', self.session.now.since)
 
-    async def _refit(self, label: str, effect: str, added: tuple[Effect, ...],
-                     replaced: dict[str, str], removed: tuple[str, ...]) -> None:
+    async def _refit(self, label: str, effect: str, since: Since) -> None:
         session = self.session
         step = session.now
         refitted = await self.work(Job(worker.refit_job, session.steps[0].model, session.data,
-                                       added, replaced, removed))
+                                       since))
         if refitted is None or not session.steps or session.now is not step:
             return
-        await asyncio.to_thread(session.advance, label, refitted, added, effect, replaced,
-                                removed)
+        model, held_out = refitted
+        await asyncio.to_thread(session.advance, label, model, held_out, since, effect)
         self._moved()
 
     def undo(self) -> None:

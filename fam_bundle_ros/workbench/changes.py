@@ -2,19 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Changes of a model: add an effect, replace one, leave one out; and the same as a command."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 import shlex
-from typing import TYPE_CHECKING
 
 from fam_bundle_ros.model import catalogue, Effect
 from fam_bundle_ros.workbench.cases import Case
-
-if TYPE_CHECKING:
-    from fam_bundle_ros.workbench.session import Step
-
-#: Effects added, replaced (old -> new) and removed, all since the first model.
-Since = tuple[tuple[Effect, ...], dict[str, str], tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -50,52 +43,51 @@ class Change:
         return f'--replace {self.replaces}={self.effect}' if self.replaces else self.effect
 
 
-def after(step: 'Step', change: Change, effect: Effect | None = None) -> Since:
+@dataclass(frozen=True)
+class Since:
     """
-    Return all changes since the first model, with one more.
+    All changes since the first model.
 
-    Parameters
+    Attributes
     ----------
-    step : Step
-        Changes so far.
-    change : Change
-    effect : Effect, optional
-        The one that comes, at the value to start from; by default as the catalogue has it.
+    added : tuple of Effect
+        At their start values: what the next refit begins with.
+    replaced : mapping of str to str
+        Effects of the first model -> what stands in their place.
+    removed : tuple of str
+        Effects of the first model that are left out.
     """
-    added, replaced, removed = list(step.added), dict(step.replaced), list(step.removed)
-    gone = change.effect if change.removes else change.replaces
-    if gone and gone not in {e.name for e in added}:
-        # an effect of the first model, perhaps replaced before: the refit takes its first name
-        first = next((old for old, new in replaced.items() if new == gone), gone)
-        replaced.pop(first, None)
-        if change.removes:
-            removed.append(first)
+
+    added: tuple[Effect, ...] = ()
+    replaced: Mapping[str, str] = field(default_factory=dict)
+    removed: tuple[str, ...] = ()
+
+    def then(self, change: Change, effect: Effect | None = None) -> 'Since':
+        """Return these and one more; what comes is ``effect``, else as the catalogue has it."""
+        added, replaced, removed = self.added, dict(self.replaced), self.removed
+        gone = change.effect if change.removes else change.replaces
+        if gone and gone not in {e.name for e in added}:
+            # an effect of the first model, perhaps replaced before: the refit takes its first name
+            first = next((old for old, new in replaced.items() if new == gone), gone)
+            replaced.pop(first, None)
+            if change.removes:
+                removed = (*removed, first)
+            else:
+                replaced[first] = change.effect
         else:
-            replaced[first] = change.effect
-    else:
-        added = [e for e in added if e.name not in (gone, change.effect)]
-        if not change.removes:
-            added.append(effect or catalogue.get(change.effect)())
-    return tuple(added), replaced, tuple(removed)
+            added = tuple(e for e in added if e.name not in (gone, change.effect))
+            if not change.removes:
+                added = (*added, effect or catalogue.get(change.effect)())
+        return Since(added, replaced, removed)
 
 
-def command(case: Case, step: 'Step', asked: Sequence[Change]) -> str:
-    """
-    Return the command that makes the same model from the first; '' with a formula of the user.
-
-    Parameters
-    ----------
-    case : Case
-    step : Step
-        What was done so far.
-    asked : sequence of Change
-        What is to be done.
-    """
-    if any(effect.name not in catalogue.names() for effect in step.added):
+def command(case: Case, since: Since, asked: Sequence[Change]) -> str:
+    """Return the command that makes all changes; '' with a formula of the user's."""
+    if any(effect.name not in catalogue.names() for effect in since.added):
         return ''
-    done = [*(Change(effect.name) for effect in step.added),
-            *(Change(new, old) for old, new in step.replaced.items()),
-            *(Change(old, removes=True) for old in step.removed)]
+    done = [*(Change(effect.name) for effect in since.added),
+            *(Change(new, old) for old, new in since.replaced.items()),
+            *(Change(old, removes=True) for old in since.removed)]
     words = [change.option for change in (*done, *asked)]
     source = case.source
     columns = [] if source is None else [

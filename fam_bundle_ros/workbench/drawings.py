@@ -81,7 +81,7 @@ def main_figure(session: Session, over_time: bool = False, narrow: bool = False,
     """
     data, residual = session.data, session.residual()
     level, means = pressure_levels(data.pressure[:, varying_unit(data)])
-    x = _clock(data) if over_time else data.strain
+    x = figures.running_clock(data) if over_time else data.strain
     rows = np.flatnonzero(session.rows())
     shown = rows[thin_groups(level[rows], residual[rows], MOST_POINTS)]
     span = max(float(np.ptp(means)), 1.0)
@@ -185,15 +185,6 @@ def _path(data, x, values, rows, over_time):
 def _plain(values: np.ndarray) -> list[float | None]:
     """Return numbers for JSON (None for nan), rounded to what a screen can show."""
     return [None if v != v else v for v in np.round(values, 5).tolist()]
-
-
-def _clock(data):
-    """Return time with trials that each begin at zero laid end to end."""
-    clock = np.array(data.clock, float)
-    for first in np.flatnonzero(data.start)[1:]:
-        if clock[first] < clock[first - 1]:
-            clock[first:] += clock[first - 1] - clock[first] + 1.0
-    return clock
 
 
 def _force_range(session, rows):

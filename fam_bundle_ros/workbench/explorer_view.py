@@ -3,6 +3,7 @@
 """The force-strain space on the page: sliders, three figures, and what they show in words."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from fam_bundle_ros import palette
@@ -50,11 +51,8 @@ class ExplorerView:
                      '{:.1%}', self._strain, 'strain')
         for k in range(explorer.bundle.n):
             most = float(explorer.bundle.max_pressure[k]) / 1e3
-            def changed(value: float, k: int = k) -> None:
-                self._pressure(k, value)
-
             self._slider(f'Pressure of MU{k + 1}', 0.0, most, explorer.pressure[k] / 1e3,
-                         most / 200, '{:.0f} kPa', changed, f'mu{k + 1}',
+                         most / 200, '{:.0f} kPa', partial(self._pressure, k), f'mu{k + 1}',
                          palette.recruitment_state(k + 1))
 
     def _slider(self, label: str, low: float, high: float, value: float, step: float,
@@ -85,12 +83,11 @@ class ExplorerView:
         self._update()
 
     def _tendon(self, told: str) -> None:
-        wrong = ''
+        self.wrong.set_text('')
         try:
             self.explorer.set_tendon(told)
         except InputError as error:
-            wrong = str(error)
-        self.wrong.set_text(wrong)
+            self.wrong.set_text(str(error))
         self._update()
 
     def _update(self) -> None:
@@ -105,10 +102,10 @@ class ExplorerView:
         with self.told:
             for sentence in self.explorer.sentences():
                 parts.text('p', sentence)
-            if self.explorer.free_strain_sentence():
-                parts.text('p', self.explorer.free_strain_sentence(), 'muted small')
-            if self.explorer.tendon_sentence():
-                parts.text('p', self.explorer.tendon_sentence(), 'small')
+            for sentence, look in ((self.explorer.free_strain_sentence(), 'muted small'),
+                                   (self.explorer.tendon_sentence(), 'small')):
+                if sentence:
+                    parts.text('p', sentence, look)
 
     def _of(self, figure: dict[str, Any]) -> dict[str, Any]:
         return drawings.for_page(figure, self.page.dark)

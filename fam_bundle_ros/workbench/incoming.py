@@ -154,17 +154,13 @@ class Incoming:
     @cached_property
     def quantities(self) -> list[tuple[str, str]]:
         """What a column may be: keys and words; a pressure for each motor unit."""
-        units = [(f'pressure.mu{k}', f'pressure of MU{k}') for k in range(1, 7)]
-        listed = []
-        for key, words in QUANTITY_WORDS.items():
-            listed.append((key, words))
-            if key == 'pressure':
-                listed += units[:max(2, self._pressures())]
-        return listed
-
-    def _pressures(self) -> int:
         headers = self.table.columns if self.table is not None else ()
-        return min(6, sum(recognise(header).quantity == 'pressure' for header in headers))
+        pressures = sum(recognise(header).quantity == 'pressure' for header in headers)
+        units = [(f'pressure.mu{k}', f'pressure of MU{k}')
+                 for k in range(1, min(max(2, pressures), 6) + 1)]
+        listed = list(QUANTITY_WORDS.items())
+        after = list(QUANTITY_WORDS).index('pressure') + 1
+        return [*listed[:after], *units, *listed[after:]]
 
     @staticmethod
     def units_for(quantity: str, present: str) -> tuple[str, ...]:

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A file before it is opened: its first rows, what each column is, and the muscle."""
 
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import Any, TYPE_CHECKING
 
 from fam_bundle_ros.data.reading import Preview
 from fam_bundle_ros.workbench import parts
@@ -95,37 +96,29 @@ class IntakeView:
         parts.text('b', column.header)
         name = column.header
 
-        def quantity(value: str) -> None:
-            self._change(column, among, quantity=value)
-
-        def unit(value: str) -> None:
-            self._change(column, among, unit=value)
-
-        def sign(value: str) -> None:
-            self._change(column, among, turned=value == '-')
+        def change(**said: Any) -> None:
+            self.incoming.change(column, among, **said)
+            self.draw()
 
         options = self.incoming.quantities
         if column.quantity not in dict(options):
             options = [*options, (column.quantity, column.quantity)]
-        parts.choose('', options, column.quantity, quantity, f'map:{name}:quantity', 'cell',
-                     f'what {name} is')
+        parts.choose('', options, column.quantity, lambda value: change(quantity=value),
+                     f'map:{name}:quantity', 'cell', f'what {name} is')
         if column.quantity and column.quantity != 'trial':
             units = self.incoming.units_for(column.quantity, column.unit)
             with parts.box('div', 'pair'):
                 parts.choose('', [*([] if column.unit else [('', 'unit?')]),
-                                  *((text, text) for text in units)], column.unit, unit,
-                             f'map:{name}:unit', 'cell', f'unit of {name}')
+                                  *((text, text) for text in units)], column.unit,
+                             lambda value: change(unit=value), f'map:{name}:unit', 'cell',
+                             f'unit of {name}')
                 if column.quantity != 'time':
-                    parts.choose('', [('+', '+'), ('-', '−')], '-' if column.turned else '+', sign,
-                                 f'map:{name}:sign', 'cell', f'sign of {name}')
+                    parts.choose('', [('+', '+'), ('-', '−')], '-' if column.turned else '+',
+                                 lambda value: change(turned=value == '-'), f'map:{name}:sign',
+                                 'cell', f'sign of {name}')
         mark = '✓ ' if good and column.quantity else ''
         parts.text('span', mark + (column.why or ('used' if column.quantity else '')),
                    'tick small' if mark else 'muted small')
-
-    def _change(self, column: Column, among: list[Column], quantity: str | None = None,
-                unit: str | None = None, turned: bool | None = None) -> None:
-        self.incoming.change(column, among, quantity, unit, turned)
-        self.draw()
 
     def _draw_constants(self) -> None:
         """Offer constants for what a file may lack: the pressure of an isobar, the sample rate."""
@@ -135,12 +128,11 @@ class IntakeView:
         with self.constants:
             for quantity, label, hint in (('pressure', 'Pressure, a constant', '300 kPa'),
                                           ('time', 'Sample rate', '100 Hz')):
-                if quantity in has:
-                    continue
+                if quantity not in has:
+                    parts.typed(label, self.incoming.told.get(quantity, ''),
+                                partial(self._constant, quantity), mark=f'constant:{quantity}',
+                                hint=hint)
 
-                def changed(value: str, quantity: str = quantity) -> None:
-                    self.incoming.constant(quantity, value)
-                    self.draw()
-
-                parts.typed(label, self.incoming.told.get(quantity, ''), changed,
-                            mark=f'constant:{quantity}', hint=hint)
+    def _constant(self, quantity: str, value: str) -> None:
+        self.incoming.constant(quantity, value)
+        self.draw()

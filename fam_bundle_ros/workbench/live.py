@@ -18,8 +18,8 @@ import tempfile
 from fam_bundle_ros.discovery import Measurement, read_measurement
 from fam_bundle_ros.errors import InputError
 
-#: Longest recording, s.
-LONGEST = 600.0
+#: What is taken of the live graph: seconds, and of which bundle.
+SECONDS, NAMESPACE = 20.0, '/bundle'
 
 
 def available() -> bool:
@@ -45,26 +45,16 @@ async def end(process: asyncio.subprocess.Process | None, patience: float) -> No
         await process.wait()
 
 
-async def record(seconds: float, namespace: str = '/bundle') -> Measurement:
-    """
-    Return what the topics of a rig or of the simulator said for so many seconds.
-
-    Raises
-    ------
-    InputError
-        For a bad namespace or time, or where nothing was heard.
-    """
-    if not 1.0 <= seconds <= LONGEST:
-        raise InputError(f'recording time is {seconds:g} s; expected 1 to {LONGEST:g} s')
-    check_namespace(namespace)
+async def record() -> Measurement:
+    """Return what a bundle says for `SECONDS`; InputError where nothing is heard."""
     with tempfile.TemporaryDirectory(prefix='fam_bundle_live_') as folder:
         bag = Path(folder) / 'bag'
         process = await asyncio.create_subprocess_exec(
             sys.executable, '-m', 'fam_bundle_ros.cli', 'record', str(bag), '--seconds',
-            f'{seconds:g}', '--namespace', namespace, stdin=asyncio.subprocess.DEVNULL,
+            f'{SECONDS:g}', '--namespace', NAMESPACE, stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE)
         try:
-            _, said = await asyncio.wait_for(process.communicate(), seconds + 30.0)
+            _, said = await asyncio.wait_for(process.communicate(), SECONDS + 30.0)
         except TimeoutError:
             raise InputError('the recording did not end; is ROS running?') from None
         finally:
@@ -72,7 +62,6 @@ async def record(seconds: float, namespace: str = '/bundle') -> Measurement:
                 process.kill()
         if process.returncode != 0 or not bag.exists():
             last = said.decode(errors='replace').strip().splitlines()[-1:] or ['']
-            raise InputError(f'nothing was recorded from {namespace}: '
+            raise InputError(f'nothing was recorded from {NAMESPACE}: '
                              f'{last[0].removeprefix("fam_bundle: ") or "no topics were heard"}')
-        measured = await asyncio.to_thread(read_measurement, bag, name=f'live {namespace}')
-    return measured
+        return await asyncio.to_thread(read_measurement, bag, name=f'live {NAMESPACE}')

@@ -3,6 +3,7 @@
 """The panel "Your muscle" on the page: a part or dimensions, what is wrong, the model file."""
 
 from collections.abc import Callable
+from functools import partial
 
 from nicegui import ui
 
@@ -44,30 +45,27 @@ class MuscleView:
         self.fields.clear()
         with self.fields:
             for entry in ENTRIES:
-                def changed(value: str, key: str = entry.key) -> None:
-                    form.type(key, value)
-                    self._changed()
-
                 field = parts.typed(f'{entry.label}{f", {entry.unit}" if entry.unit else ""}',
-                                    form.values.get(entry.key, ''), changed,
+                                    form.values.get(entry.key, ''),
+                                    partial(self._type, entry.key),
                                     mark=f'muscle:{entry.key}', hint=entry.example)
                 field._props['title'] = entry.meaning
             if form.base is None:
                 parts.choose('Begin with', [(key, words) for key, words, _ in STARTS], form.start,
-                             self._start, 'muscle:start')
-                parts.typed('Name', form.name, self._name, mark='muscle:name')
+                             partial(self._set, 'start'), 'muscle:start')
+                parts.typed('Name', form.name, partial(self._set, 'name'), mark='muscle:name')
 
     def _part(self, part: str) -> None:
         self.form.choose(part)
         self._draw_fields()
         self._changed()
 
-    def _start(self, start: str) -> None:
-        self.form.start = start
+    def _type(self, key: str, value: str) -> None:
+        self.form.type(key, value)
         self._changed()
 
-    def _name(self, name: str) -> None:
-        self.form.name = name
+    def _set(self, attribute: str, value: str) -> None:
+        setattr(self.form, attribute, value)
         self._changed()
 
     def _changed(self) -> None:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The form for an effect of the user's own, with what it would do as it is typed."""
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -10,7 +11,7 @@ import numpy as np
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench import drawings, own_effect, parts
-from fam_bundle_ros.workbench.own_effect import Draft, PLACES, Preview
+from fam_bundle_ros.workbench.own_effect import Draft, Field, PLACES, Preview
 from fam_bundle_ros.workbench.session import short
 from fam_bundle_ros.workbench.thinning import thin
 
@@ -33,9 +34,10 @@ class OwnEffectDialog:
             with parts.box('div', 'form'):
                 parts.typed('Formula', draft.formula, self._formula, 'wide', 'own-formula', True,
                             '-k * strain_rate')
-                parts.typed('Name', draft.name, self._name, mark='own-name')
-                parts.choose('The formula gives', list(PLACES.items()), draft.place, self._place,
-                             'own-place')
+                parts.typed('Name', draft.name, partial(self._set, draft, 'name'),
+                            mark='own-name')
+                parts.choose('The formula gives', list(PLACES.items()), draft.place,
+                             partial(self._set, draft, 'place'), 'own-place')
             self.fields = parts.box('div')
             self.said = parts.text('p', '', 'said', 'own-said').props('role=status')
             self.sketch = parts.box('div')
@@ -54,11 +56,8 @@ class OwnEffectDialog:
                     for attribute, label, hint in (('value', 'start, with unit', '5 N*s'),
                                                    ('lower', 'at least', 'optional'),
                                                    ('upper', 'at most', 'optional')):
-                        def changed(value: str, item=item, attribute=attribute) -> None:
-                            setattr(item, attribute, value)
-                            self._look()
-
-                        parts.typed(label, getattr(item, attribute), changed, hint=hint,
+                        parts.typed(label, getattr(item, attribute),
+                                    partial(self._set, item, attribute), hint=hint,
                                     mark=f'own:{name}:{attribute}')
 
     # --- typing --------------------------------------------------------------------------------
@@ -71,12 +70,8 @@ class OwnEffectDialog:
             self._draw_fields()
         self._look()
 
-    def _name(self, value: str) -> None:
-        self.draft.name = value
-        self._look()
-
-    def _place(self, value: str) -> None:
-        self.draft.place = value
+    def _set(self, of: Draft | Field, attribute: str, value: str) -> None:
+        setattr(of, attribute, value)
         self._look()
 
     def _look(self) -> None:

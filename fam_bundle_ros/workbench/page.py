@@ -223,10 +223,10 @@ class Page:
     #: A model that was dropped before its data.
     pending_model: Bundle | None = None
 
-    async def record_live(self, seconds: float, namespace: str) -> None:
+    async def record_live(self) -> None:
         """Take the live ROS graph for some seconds."""
         async def listen() -> None:
-            data = await record(seconds, namespace)
+            data = await record()
             await asyncio.to_thread(self._take, Incoming(
                 data.name, 'live ROS graph', read_bag=lambda rest: data))
 

@@ -54,17 +54,14 @@ class RigView:
     # --- what is there -------------------------------------------------------------------------
 
     def _numbers(self) -> None:
+        self.meters = {}
         with parts.box('section', 'meters'):
-            self.meters = {key: self._meter(key, said) for key, said in (
-                ('error', 'model error of the last minute'), ('tracking', 'tracking error'),
-                ('noise', 'noise'), ('recruitment', 'recruitment state'))}
-
-    @staticmethod
-    def _meter(key: str, said: str) -> Any:
-        with parts.box('div', f'meter {key}'):
-            value = parts.text('b', '-', 'num', f'live:{key}')
-            parts.text('span', said, 'muted small')
-        return value
+            for key, said in (('error', 'model error of the last minute'),
+                              ('tracking', 'tracking error'), ('noise', 'noise'),
+                              ('recruitment', 'recruitment state')):
+                with parts.box('div', f'meter {key}'):
+                    self.meters[key] = parts.text('b', '-', 'num', f'live:{key}')
+                    parts.text('span', said, 'muted small')
 
     def _buttons(self) -> None:
         with parts.box('div', 'row'):
@@ -81,12 +78,12 @@ class RigView:
     def _source(self) -> None:
         with parts.box('section', 'side'):
             with parts.box('div', 'row'):
-                parts.typed('Namespace', self.rig.namespace, self._namespace,
-                            mark='live:namespace')
+                parts.typed('Namespace', self.rig.namespace, self._listen, mark='live:namespace')
             with parts.box('div', 'row'):
                 self.start = parts.button('Start a simulated bundle', self._simulate, 'plain',
                                           'live:simulate')
-                self.stop = parts.button('Stop it', self._stop, 'plain', 'live:stop')
+                self.stop = parts.button('Stop it', lambda: self._try(self.rig.stop_simulation),
+                                         'plain', 'live:stop')
                 self.hide = parts.button(f'Hide {HIDDEN[1]} in it', lambda: self._hide(HIDDEN[0]),
                                          'plain', 'live:hide')
                 self.show = parts.button('Take it out', lambda: self._hide(''), 'plain',
@@ -94,21 +91,16 @@ class RigView:
 
     # --- what a user does ----------------------------------------------------------------------
 
-    async def _listen(self) -> None:
+    async def _listen(self, namespace: str | None = None) -> None:
         if not live.available():
             self.told.set_text('This Python has no ROS (rclpy): start the workbench where it has.')
             return
-        await self._try(lambda: self.rig.listen(self.rig.namespace))
-
-    async def _namespace(self, name: str) -> None:
-        await self._try(lambda: self.rig.listen(name.strip()))
+        await self._try(lambda: self.rig.listen(
+            self.rig.namespace if namespace is None else namespace.strip()))
 
     async def _simulate(self) -> None:
         await self._try(self.rig.simulate)
         self.told.set_text('A simulated bundle starts ...')
-
-    async def _stop(self) -> None:
-        await self._try(self.rig.stop_simulation)
 
     async def _hide(self, effect: str) -> None:
         await self._order(set='hidden_effect', of='plant_simulator', value=effect)

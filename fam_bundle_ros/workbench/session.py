@@ -6,7 +6,6 @@ One user's session: a case, the models so far, the last diagnosis, the selection
 Plain Python without a browser; the page only shows what is here and calls these methods.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,24 +17,8 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect
 from fam_bundle_ros.workbench import changes
 from fam_bundle_ros.workbench.cases import Case
-from fam_bundle_ros.workbench.changes import Change
+from fam_bundle_ros.workbench.changes import Change, Since
 from fam_bundle_ros.workbench.incoming import Incoming
-
-
-@dataclass(frozen=True)
-class Refit:
-    """
-    A model refitted with effects added: what a worker brings back.
-
-    Attributes
-    ----------
-    model : Bundle
-    held_out_N : float
-        Error on blocks of data that the fit had not seen, N; nan where there are none.
-    """
-
-    model: Bundle
-    held_out_N: float
 
 
 @dataclass(frozen=True)
@@ -50,25 +33,19 @@ class Step:
     comparison : Comparison
         Of the model after this step, over every sample.
     held_out_N : float
-        Error on data that the fit had not seen, N rms.
-    added : tuple of Effect
-        Every effect added so far, at its start value: what the next refit begins with.
+        Error on blocks of data that the fit had not seen, N rms; nan where there are none.
+    since : Since
+        What was changed since the first model.
     effect : str
         Name of the effect that this step added, '' for none.
-    replaced : mapping of str to str
-        Effects of the first model -> what stands in their place.
-    removed : tuple of str
-        Effects of the first model that are left out.
     """
 
     label: str
     model: Bundle
     comparison: Comparison
     held_out_N: float
-    added: tuple[Effect, ...] = ()
+    since: Since = Since()
     effect: str = ''
-    replaced: Mapping[str, str] = field(default_factory=dict)
-    removed: tuple[str, ...] = ()
 
     @property
     def prediction(self) -> np.ndarray:
@@ -258,10 +235,8 @@ class Session:
         chosen = set(self.diagnosis.effects)
         rows = [Choice(c, c.effect in chosen, ties.get(c.effect, ()), c.shape in inside)
                 for c in self.diagnosis.ranking if not (c.replaces or c.removes)]
-        rivals = {name for group in self.diagnosis.tied for name in group}
         # those found in the order found, then what ties with them, then the rest
-        return sorted(rows, key=lambda row: 0 if row.found else
-                      1 if row.candidate.effect in rivals else 2)
+        return sorted(rows, key=lambda row: 0 if row.found else 1 if row.rivals else 2)
 
     def missing(self) -> list[Choice]:
         """Return what the last diagnosis found and the present model does not have yet."""
@@ -281,13 +256,14 @@ class Session:
 
     def command(self) -> str:
         """Return the command that does the same; '' where an effect is the user's own."""
-        return '' if self.case is None else changes.command(self.case, self.now, self.asked())
+        return '' if self.case is None else changes.command(self.case, self.now.since,
+                                                                  self.asked())
 
-    def with_change(self, change: Change, effect: Effect | None = None) -> changes.Since:
+    def with_change(self, change: Change, effect: Effect | None = None) -> Since:
         """Return all changes since the first model, with one more."""
         new = effect or (None if change.replaces or change.removes
                          else self.candidate_effect(change.effect))
-        return changes.after(self.now, change, new)
+        return self.now.since.then(change, new)
 
     @property
     def asks_recalibration(self) -> bool:
@@ -315,16 +291,13 @@ class Session:
                                          if key in effect.values})
         raise InputError(f"'{name}' is not among the candidates")
 
-    def advance(self, label: str, refit: Refit, added: tuple[Effect, ...], effect: str = '',
-                replaced: Mapping[str, str] | None = None, removed: tuple[str, ...] = ()) -> Step:
-        """Add a refitted model to the ladder and return the new step."""
-        model = refit.model
+    def advance(self, label: str, model: Bundle, held_out_N: float, since: Since,
+                effect: str = '') -> None:
+        """Add a refitted model to the ladder; see `Step`."""
         comparison = compare(model, self.data)
         self.steps.append(Step(label, model.named(model.name, error=comparison.error_N),
-                               comparison, refit.held_out_N, added, effect, replaced or {},
-                               removed))
+                               comparison, held_out_N, since, effect))
         self.selection = replace(self.selection, region=None)
-        return self.now
 
     def undo(self) -> None:
         """Take the last step back; nothing happens at the first."""

@@ -222,10 +222,7 @@ class SideView:
 
     def _would_be(self, form: MuscleForm) -> None:
         case = self.session.case
-        if case is None or form.problem:
-            self.would.set_text('')
-            return
-        if not form.changed(case.model):
+        if case is None or form.problem or not form.changed(case.model):
             self.would.set_text('')
             return
         try:

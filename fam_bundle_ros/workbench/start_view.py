@@ -80,16 +80,18 @@ class StartView:
                 self._live()
 
     def _live(self) -> None:
+        said = f'Take {live.SECONDS:g} s of the live ROS graph'
+
         async def listen() -> None:
-            button.set_text('Listening for 20 s …')
+            button.set_text(f'Listening for {live.SECONDS:g} s …')
             button.props('disabled')
-            await self.page.record_live(20.0, '/bundle')
+            await self.page.record_live()
             if not button.is_deleted:
-                button.set_text('Take 20 s of the live ROS graph')
+                button.set_text(said)
                 button.props(remove='disabled')
 
         with parts.box('div', 'row'):
-            button = parts.button('Take 20 s of the live ROS graph', listen, mark='live')
+            button = parts.button(said, listen, mark='live')
 
     def _example(self, example) -> None:
         with parts.box('button', 'card example', f'example:{example.key}').props('type=button').on(

@@ -12,7 +12,7 @@ from fam_bundle_ros.report.discovery_pages import (
     diagnosis_sections,
     ladder_picture,
 )
-from fam_bundle_ros.report.map_page import effects_table, units_table
+from fam_bundle_ros.report.map_page import model_section
 from fam_bundle_ros.report.page import Headline, Page, render, Section
 from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.workbench.session import Session, short
@@ -57,7 +57,7 @@ def report_text(session: Session) -> str:
     if session.diagnosis is not None:
         sections += diagnosis_sections(session.diagnosis)
     sections += comparison_sections(comparison, now.model)
-    sections.append(Section('Model', '', [units_table(now.model), effects_table(now.model)]))
+    sections.append(model_section(now.model))
     case = session.case
     rows = [('case', case.title), ('origin of the data', case.origin)] if case else []
     if session.data.sha256:

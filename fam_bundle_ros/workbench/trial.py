@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
-import numpy as np
-
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.model import Bundle
@@ -22,22 +20,17 @@ from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory
 
 
 @dataclass(frozen=True)
-class Track:
-    """One run: time (T,), s, force (T,), N, and the rms error after the first second, N."""
-
-    time: np.ndarray
-    force: np.ndarray
-    error_N: float
-
-
-@dataclass(frozen=True)
 class ControllerTrial:
-    """The task (reference (T,), N, over the time of ``old``; words) and both tracks."""
+    """The task in words, and the runs with either model."""
 
-    reference: np.ndarray
-    old: Track
-    new: Track
     words: str
+    old: Log
+    new: Log
+
+
+def error_N(log: Log) -> float:
+    """Return the rms error of a run after the first second, N."""
+    return rms(log.error[log.time > 1.0])
 
 
 def controller_trial(old: Bundle, new: Bundle, seconds: float,
@@ -67,29 +60,28 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
     runs: list[Log] = []
     for k, (model, name) in enumerate(((old, 'the old model'), (new, 'the new model'))):
         def told(t: float, k: int = k, name: str = name) -> None:
-            share = (t + 1.0) / (seconds + 1.0)
-            progress(0.5 * (k + min(max(share, 0.0), 1.0)), f'the controller has {name}')
+            progress(0.5 * (k + (t + 1.0) / (seconds + 1.0)), f'the controller has {name}')
 
         told(-1.0)
-        runs.append(ClosedLoop(new, model, seed=1).run(task, told))
-    before, after = (Track(log.time, log.force, rms(log.error[log.time > 1.0])) for log in runs)
+        # to compile a model that is new takes longer than a few seconds of simulation
+        runs.append(ClosedLoop(new, model, seed=1, compiled=False).run(task, told))
     words = (f'The task: hold {level:.0f} N while the strain swings between {100 * low:.0f} and '
              f'{100 * high:.0f} % every two seconds. The simulated muscle is the new model, '
              f'{muscle_words(new)}.')
-    return ControllerTrial(runs[0].reference, before, after, words)
+    return ControllerTrial(words, *runs)
 
 
 def figure(trial: ControllerTrial, effect: str = ''):
     """Draw both tracks and what was asked; the new one in the colour of the effect added."""
     drawing = plotting.figure('time (s)', 'force (N)', height=340)
     keep = slice(None, None, max(1, len(trial.old.time) // 1200))
-    for track, name, colour, width in (
+    for log, name, colour, width in (
             (trial.old, 'old', palette.NEUTRAL['faint'], 1.6),
             (trial.new, 'new', palette.effect(effect or 'mesh'), 2.2)):
         drawing.add_trace(plotting.line(
-            track.time[keep], track.force[keep], f'{name} model, {track.error_N:.2f} N rms',
+            log.time[keep], log.force[keep], f'{name} model, {error_N(log):.2f} N rms',
             colour, width=width, hovertemplate='%{y:.1f} N at %{x:.2f} s'))
     drawing.add_trace(plotting.line(
-        trial.old.time[keep], trial.reference[keep], 'asked', palette.NEUTRAL['ink'], 'dot', 1.4,
-        hoverinfo='skip'))
+        trial.old.time[keep], trial.old.reference[keep], 'asked', palette.NEUTRAL['ink'], 'dot',
+        1.4, hoverinfo='skip'))
     return drawing

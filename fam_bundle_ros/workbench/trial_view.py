@@ -50,7 +50,7 @@ class TrialDialog:
             return
         self.body.clear()
         with self.body:
-            old, new = result.old.error_N, result.new.error_N
+            old, new = trial.error_N(result.old), trial.error_N(result.new)
             share = f'{100 * (1 - new / old):.0f} % less' if new < old else 'no less'
             parts.text('p', f'Tracking error {old:.2f} N with the old model, {new:.2f} N with the '
                        f'new one: {share}.', mark='trial-result')

@@ -23,25 +23,24 @@ LENGTH = struct.Struct('>Q')
 Progress = Callable[[float, str], None]
 
 
-def diagnose_job(progress: Progress, model: Any, data: Any) -> Any:
+def diagnose_job(progress: Progress, model: Any, data: Any, choices: Any = None) -> Any:
     """Return the `Diagnosis` of a model on a measurement."""
     from fam_bundle_ros.discovery.diagnose import diagnose
-    return diagnose(model, data, progress=progress)
+    return diagnose(model, data, choices=choices, progress=progress)
 
 
-def refit_job(progress: Progress, model: Any, data: Any, effects: Any, replaced: Any = None,
-              removed: Any = ()) -> Any:
+def refit_job(progress: Progress, model: Any, data: Any, since: Any) -> Any:
     """
-    Return the `Refit` of a model with effects changed, all parameters moved together.
+    Return a model with effects changed, all parameters moved together, and its held-out error, N.
 
     Every row is fitted; with no effects the model's own parameters are recalibrated.
     """
     from fam_bundle_ros.discovery.add import add_effect
-    from fam_bundle_ros.workbench.session import Refit
-    names = ', '.join((*(effect.name for effect in effects), *(replaced or {}).values()))
+    names = ', '.join((*(effect.name for effect in since.added), *since.replaced.values()))
     progress(0.3, f'refitting with {names}' if names else 'moving the numbers of the model')
-    added = add_effect(model, list(effects), data, replacing=replaced, removing=removed)
-    return Refit(added.model, added.held_out_N)
+    added = add_effect(model, list(since.added), data, replacing=since.replaced,
+                       removing=since.removed)
+    return added.model, added.held_out_N
 
 
 def trial_job(progress: Progress, old: Any, new: Any, seconds: float) -> Any:

@@ -52,8 +52,8 @@ def test_a_measured_muscle_is_explained_better_than_by_six_free_numbers(shipped)
     assert {'slack', 'bladder', 'end_caps'} <= set(row['families'])
     assert row['held_out_N'] < row['empirical_N'] < 6.0
     found = summary([row, {**row, 'ratio': 3.0, 'effects': [], 'families': ['slack']}])
-    assert (found.splits, found.named, found.worst) == (2, 1, 3.0)
-    assert found.always == {row['data']: ('slack',)}
+    assert (found['splits'], found['named'], found['worst']) == (2, 1, 3.0)
+    assert found['always'] == {row['data']: ('slack',)}
 
 
 def test_a_folder_without_models_fails(tmp_path):

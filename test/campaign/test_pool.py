@@ -13,6 +13,17 @@ import pytest
 
 from fam_bundle_ros.campaign.pool import as_done, each, WorkerDied
 
+#: A command whose processes sleep for as long as a benchmark works.
+COMMAND = """
+import sys, time
+from fam_bundle_ros.campaign.pool import each
+from fam_bundle_ros.cli import app, main
+
+if __name__ == '__main__':
+    app.app = lambda **given: each(time.sleep, [60.0] * 2, 2)
+    sys.exit(main([]))
+"""
+
 
 def processes(group):
     """Return the ids of the processes of a group."""
@@ -67,11 +78,13 @@ def test_a_script_that_starts_processes_while_it_is_imported_is_told_so(tmp_path
     (signal.SIGTERM, 3, 1, 'fam_bundle: stopped\n'),
     (signal.SIGINT, 4, 1, 'fam_bundle: stopped\n'),
     (signal.SIGKILL, 4, -signal.SIGKILL, '')])
-def test_no_process_is_left_when_a_command_is_ended(end, count, status, words):
+def test_no_process_is_left_when_a_command_is_ended(end, count, status, words, tmp_path):
     """As `kill`, Ctrl-C and `kill -9` do, while its processes start and when all are there."""
+    script = tmp_path / 'command.py'
+    script.write_text(COMMAND)
     command = subprocess.Popen(
-        [sys.executable, '-m', 'fam_bundle_ros.cli', 'benchmark-control', '--workers', '2'],
-        start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        [sys.executable, str(script)], start_new_session=True, stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE, text=True,
         # where tests run in the background Ctrl-C is ignored, and that is inherited
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     deadline = time.monotonic() + 60.0

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from fam_bundle_ros import kernels
+from fam_bundle_ros import discovery, kernels
 from fam_bundle_ros.benchmarks import (
     plants,
     speed,
@@ -73,18 +73,28 @@ def test_every_row_gives_figures_or_says_why_not(name):
 
 @pytest.mark.parametrize(('graph', 'case'), [
     ('pids', {'rate': 1000.0, 'units': 3}), ('bundle', {'lock_step': True})])
-def test_rows_over_ros_hold_nodes_against_empty_ones(domain_id, graph, case):
+def test_rows_over_ros_hold_nodes_against_empty_ones(domain_id, monkeypatch, graph, case):
     """Both graphs answer samples: three loops at 1 kHz, all in lock-step."""
     pytest.importorskip('rclpy', reason='rclpy is not installed')
+    from fam_bundle_ros.nodes import latency
+    monkeypatch.setattr(speed_ros, 'elsewhere',
+                        lambda function, *given, **more: latency.measure(*given, **more))
     ours, empty = speed_ros.pair(TINY, graph, **case)
     assert set(ours) == set(empty) == {'median', 'p99', 'max', 'answered', 'sent', 'cpu'}
     assert 0.0 < ours['median'] <= ours['p99'] <= ours['max']
     assert empty['answered'] > 50.0
 
 
-def test_diagnose_is_timed():
-    """A log of one muscle with hidden friction takes some time."""
-    assert speed_studies.diagnose_seconds(150) > 0.0
+def test_diagnose_is_timed_on_a_log_with_hidden_friction(monkeypatch):
+    """Without it the model is off by the friction, with it by the noise."""
+    asked = []
+    monkeypatch.setattr(discovery, 'diagnose', lambda model, data: asked.append((model, data)))
+    assert speed_studies.diagnose_seconds(700) >= 0.0
+    (model, data), = asked
+    assert len(data) == 700
+    friction = model.with_effect('coulomb_friction')
+    assert discovery.compare(model, data).error_N > 0.8 * friction.effect('coulomb_friction').force
+    assert discovery.compare(friction, data).error_N < 1.0
 
 
 def test_the_closed_loop_runs_without_numba_elsewhere():

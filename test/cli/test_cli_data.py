@@ -32,8 +32,10 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     """
     `diagnose` on loops of a muscle with hidden dry friction names it, in JSON too.
 
-    The file has columns and signs of its own. What is said to type next takes the same ones.
+    The file has columns and signs of its own. What is said to type next takes the same ones, and
+    where there is a better.yaml, that of an earlier step, it writes another file.
     """
+    (tmp_path / 'better.yaml').write_text('an earlier step')
     case = repository / 'test/data/practice/p03'
     rows = [','.join(row[:4]) + f',{-float(row[4]):.4f}' for row in lab_rows(repository)]
     (tmp_path / 'one.csv').write_text('\n'.join(['c1,c2,c3,c4,c5', *rows]))
@@ -48,7 +50,7 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     assert planned.returncode == 0, planned.stderr
     assert 'segments, ' in planned.stdout
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        'next.yaml', 'one.csv', 'page.html', 'result.json']
+        'better.yaml', 'next.yaml', 'one.csv', 'page.html', 'result.json']
     found = json.loads((tmp_path / 'result.json').read_text())
     keys = {'verdict', 'noise_floor_N', 'error_N', 'effects', 'ranking', 'tied', 'located',
             'next_experiment'}
@@ -66,7 +68,8 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     command = next(line for line in result.stdout.splitlines() if line.startswith('add: '))
     done = fam_bundle(*shlex.split(command)[2:])
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / 'better.yaml').exists()
+    assert (tmp_path / 'better.yaml').read_text() == 'an earlier step'
+    assert (tmp_path / 'better_2.yaml').exists()
 
 
 @pytest.mark.parametrize(('effect', 'shape', 'of', 'label'), [
@@ -214,14 +217,6 @@ def test_add_does_not_overwrite_the_model_that_it_changes(fam_bundle, repository
     assert result.returncode == 2
     assert 'mine.yaml is the model that is changed; expected another name' in result.stderr
     assert mine.read_text() == before
-
-
-def test_the_printed_command_writes_to_a_new_file(fam_bundle, repository, tmp_path):
-    """Where there is a better.yaml, it is that of an earlier step."""
-    (tmp_path / 'better.yaml').write_text('an earlier step')
-    case = repository / 'test/data/practice/p03'
-    shown = fam_bundle('diagnose', f'{case}.csv', '--model', f'{case}.model.yaml')
-    assert '--out better_2.yaml' in shown.stdout
 
 
 @pytest.mark.parametrize(('out', 'words'), [

@@ -90,33 +90,24 @@ def test_python_without_venv_fails(tree):
     assert "'sudo apt install python3.12-venv'" in lines[0]
 
 
-def test_a_shim_that_does_not_run_is_passed_over(tree):
-    """A python3.12 that is on PATH but does not start gives way to a python3 that does."""
+def test_a_half_made_venv_is_made_again_and_without_a_network_that_is_told(tree):
+    """
+    What an interrupted install left is replaced; one line names the index and what to check.
+
+    A python3.12 that is on PATH but does not start gives way to a python3 that does.
+    """
     add_python(tree, 'python3.12', 'echo "python3.12: not installed" >&2; exit 127')
-    add_working_python(tree)
-    _, lines = make_install(tree)
-    assert any(line.startswith(f'fam_bundle_ros: making .venv with {tree}/bin/python3 (3.')
-               for line in lines)
-
-
-def test_no_network_fails(tree):
-    """Without a network one line names the index and what to check."""
-    add_working_python(tree)
-    status, lines = make_install(tree)
-    assert status != 0
-    assert 'pip cannot reach the package index: check the network' in lines[-1]
-    assert not (tree / '.venv' / '.complete').exists()
-
-
-def test_half_made_venv_is_made_again(tree):
-    """What an interrupted install left behind is announced and replaced."""
     add_working_python(tree)
     left_over = Path(tree, '.venv', 'lib', 'left_over')
     left_over.mkdir(parents=True)
     Path(tree, '.venv', 'pyvenv.cfg').write_text('home = /nowhere\n')
-    _, lines = make_install(tree)
-    assert 'half made' in lines[0]
+    status, (found, made, *_, last) = make_install(tree)
+    assert 'half made' in found
     assert not left_over.exists()
+    assert made.startswith(f'fam_bundle_ros: making .venv with {tree}/bin/python3 (3.')
+    assert status != 0
+    assert 'pip cannot reach the package index: check the network' in last
+    assert not (tree / '.venv' / '.complete').exists()
 
 
 def test_something_else_named_venv_is_left_alone(tree):

@@ -184,5 +184,3 @@ def test_the_map_of_one_motor_unit_draws_its_isobars_and_ends():
     assert abs(np.interp(free.y[-1], own[-1].x, own[-1].y)) < 1e-2 * top[-1]
     bare = muscle_pictures(load_model('dmsp20_static_map'))[0].drawing
     assert all(trace.line.dash == 'solid' for trace in bare.data)
-    with pytest.raises(ValueError, match='2 motor units; expected 1'):
-        muscle_pictures(load_model('spie2021'))

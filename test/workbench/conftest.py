@@ -19,7 +19,8 @@ import pytest
 from fam_bundle_ros.discovery import Choices
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.workbench.cases import load_example
-from fam_bundle_ros.workbench.session import Refit, Session
+from fam_bundle_ros.workbench.changes import Since
+from fam_bundle_ros.workbench.session import Session
 
 # Chromium asks Google for things at every start unless it is told not to.
 CHROMIUM_FLAGS = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
@@ -68,8 +69,8 @@ def with_friction(session):
     """Return the session after the friction that is in its data was added, without a refit."""
     from fam_bundle_ros.model import catalogue
     effect = catalogue.get('coulomb_friction')(force=6.66)
-    session.advance('+ coulomb_friction', Refit(session.now.model.with_effect(effect), 0.61),
-                    (effect,), 'coulomb_friction')
+    session.advance('+ coulomb_friction', session.now.model.with_effect(effect), 0.61,
+                    Since((effect,)), 'coulomb_friction')
     return session
 
 
@@ -116,7 +117,7 @@ def serving(folder, repository, *arguments):
         cwd=folder)
     address = f'http://127.0.0.1:{port}/'
     try:
-        for _ in range(300):
+        for _ in range(1200):
             try:
                 urllib.request.urlopen(address, timeout=5).close()
                 break

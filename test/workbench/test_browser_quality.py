@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """In a real browser: sizes, keyboard, contrast, dark, and what must not be reached."""
 
+from types import SimpleNamespace
 import urllib.error
 import urllib.request
 
 import pytest
 
 from fam_bundle_ros.resources import config_path
+from test.workbench.conftest import Watched
 
 VIEWS = ('start', 'intake', 'case', 'explorer')
 CSV = config_path('data/examples/hidden_friction.csv')
@@ -30,6 +32,12 @@ CONTRAST = """() => {
   }
   return bad;
 }"""
+LOOKS = {
+    'width': 'document.documentElement.scrollWidth', 'faint': CONTRAST,
+    'paper': 'getComputedStyle(document.body).backgroundColor',
+    'nameless': """() => [...document.querySelectorAll('button, input, select, a')].filter(e =>
+        e.offsetParent && !e.innerText?.trim() && !e.getAttribute('aria-label')
+        && !e.closest('label') && !e.closest('.q-uploader')).map(e => e.outerHTML)"""}
 
 
 def show(tab, view):
@@ -55,14 +63,38 @@ def show(tab, view):
     return page
 
 
-@pytest.mark.parametrize(('width', 'height'), [(1280, 720), (390, 844), (320, 640)])
-def test_nothing_is_cut_off(watched, width, height):
-    """At laptop and phone width no view is wider than the screen."""
-    tab = watched(viewport={'width': width, 'height': height})
+@pytest.fixture(scope='module', params=[(1280, 720, 'light'), (390, 844, 'dark'),
+                                        (320, 640, 'light')], ids=['laptop', 'phone', 'narrow'])
+def seen(chromium, server, request):
+    """Return the size and colours of a screen, and by view what the scripts find on it."""
+    width, height, scheme = request.param
+    tab = Watched(chromium, server, viewport={'width': width, 'height': height},
+                  color_scheme=scheme)
+    found = {}
     for view in VIEWS:
         page = show(tab, view)
         page.wait_for_timeout(300)
-        assert page.evaluate('document.documentElement.scrollWidth') <= width, view
+        found[view] = {name: page.evaluate(script) for name, script in LOOKS.items()}
+    tab.close()
+    return SimpleNamespace(width=width, scheme=scheme, views=found)
+
+
+def test_nothing_is_cut_off(seen):
+    """At laptop and phone width no view is wider than the screen."""
+    assert {view: look['width'] for view, look in seen.views.items()
+            if look['width'] > seen.width} == {}
+
+
+def test_words_stand_out(seen):
+    """All text has a contrast of 4.5 to 1 at least, light and dark, as the system asks."""
+    assert [text for look in seen.views.values() for text in look['faint']] == []
+    assert {look['paper'] == 'rgb(255, 255, 255)' for look in seen.views.values()} == {
+        seen.scheme == 'light'}
+
+
+def test_every_control_has_a_name(seen):
+    """Screen readers find words on every button, field and slider of every view."""
+    assert [control for look in seen.views.values() for control in look['nameless']] == []
 
 
 def test_the_first_step_is_on_the_first_screen(watched):
@@ -77,18 +109,6 @@ def test_the_first_step_is_on_the_first_screen(watched):
         tab.click('cancel')
 
 
-@pytest.mark.parametrize('scheme', ['light', 'dark'])
-def test_words_stand_out(watched, scheme):
-    """All text has a contrast of 4.5 to 1 at least, light and dark, as the system asks."""
-    tab = watched(color_scheme=scheme)
-    for view in VIEWS:
-        page = show(tab, view)
-        page.wait_for_timeout(300)
-        assert page.evaluate(CONTRAST) == [], view
-        paper = page.evaluate('getComputedStyle(document.body).backgroundColor')
-        assert (paper == 'rgb(255, 255, 255)') == (scheme == 'light')
-
-
 def test_the_theme_button_changes_page_and_figures(watched):
     """Dark is dark for the axes of a figure too, and back again."""
     tab = watched(color_scheme='light')
@@ -101,39 +121,6 @@ def test_the_theme_button_changes_page_and_figures(watched):
                            f'"{before}"')
     tab.click('theme')
     page.wait_for_function(f'() => {ink} === "{before}"')
-
-
-def test_the_story_can_be_done_by_keyboard(watched):
-    """Tab and Enter alone lead from the start page to the question and its answer."""
-    tab = watched()
-    page = tab.open()
-
-    def press_until(mark):
-        for _ in range(40):
-            page.keyboard.press('Tab')
-            if page.evaluate('document.activeElement.dataset.mark') == mark:
-                outline = page.evaluate('getComputedStyle(document.activeElement).outlineStyle')
-                assert outline == 'solid'
-                page.keyboard.press('Enter')
-                return
-        pytest.fail(f'{mark} was not reached')
-
-    press_until('open-first')
-    tab.drawn()
-    press_until('diagnose')
-    page.wait_for_selector('[data-mark=next-add]')
-    press_until('next-add')
-    page.wait_for_selector('.rung >> nth=1')
-
-
-def test_every_control_has_a_name(watched):
-    """Screen readers find words on every button, field and slider of every view."""
-    nameless = """() => [...document.querySelectorAll('button, input, select, a')].filter(e =>
-        e.offsetParent && !e.innerText?.trim() && !e.getAttribute('aria-label')
-        && !e.closest('label') && !e.closest('.q-uploader')).map(e => e.outerHTML)"""
-    tab = watched()
-    for view in VIEWS:
-        assert show(tab, view).evaluate(nameless) == [], view
 
 
 def test_the_sliders_teach_the_overlap(watched):

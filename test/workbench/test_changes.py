@@ -8,9 +8,8 @@ import shlex
 import pytest
 
 from fam_bundle_ros.cli.app import app
-from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.workbench import changes, worker
-from fam_bundle_ros.workbench.changes import Change
+from fam_bundle_ros.workbench.changes import Change, Since
 
 RUBBER = Change('bladder_polynomial', 'bladder_elasticity')
 
@@ -26,10 +25,10 @@ def test_the_button_does_all_that_the_verdict_says(told_to_swap):
     """The other bladder and the friction are asked for; once done nothing is left to do."""
     assert told_to_swap.asked() == [RUBBER, Change('coulomb_friction')]
     for change in told_to_swap.asked():
-        added, replaced, removed = told_to_swap.with_change(change)
-        refit = worker.refit_job(lambda share, words: None, told_to_swap.steps[0].model,
-                                 told_to_swap.data, added, replaced, removed)
-        told_to_swap.advance(change.label, refit, added, change.effect, replaced, removed)
+        since = told_to_swap.with_change(change)
+        refitted = worker.refit_job(lambda share, words: None, told_to_swap.steps[0].model,
+                                    told_to_swap.data, since)
+        told_to_swap.advance(change.label, *refitted, since, change.effect)
     names = [effect.name for effect in told_to_swap.now.model.effects]
     assert names == ['mesh', 'bladder_polynomial', 'coulomb_friction']
     assert told_to_swap.asked() == []
@@ -53,21 +52,20 @@ def test_the_printed_command_is_one_that_the_command_line_takes(told_to_swap):
 
 def test_an_effect_that_was_added_is_replaced_where_it_is(with_friction):
     """Of the first model nothing is replaced; the added one goes and the other comes."""
-    swap = Change('presliding_hysteresis', 'coulomb_friction')
-    added, replaced, removed = changes.after(with_friction.now, swap)
-    assert ([effect.name for effect in added], replaced, removed) == (
+    since = with_friction.now.since
+    swapped = since.then(Change('presliding_hysteresis', 'coulomb_friction'))
+    assert ([effect.name for effect in swapped.added], swapped.replaced, swapped.removed) == (
         ['presliding_hysteresis'], {}, ())
-    assert changes.after(with_friction.now, Change('coulomb_friction', removes=True)) == ((), {},
-                                                                                          ())
+    assert since.then(Change('coulomb_friction', removes=True)) == Since()
 
 
-def test_what_was_replaced_is_known_by_its_first_name(session):
+def test_what_was_replaced_is_known_by_its_first_name():
     """A second replacement and a removal speak of what the first model had."""
-    step = replace(session.now, replaced={'bladder_elasticity': 'bladder_polynomial'})
-    assert changes.after(step, Change('bladder_ogden', 'bladder_polynomial'))[1] == {
+    since = Since(replaced={'bladder_elasticity': 'bladder_polynomial'})
+    assert since.then(Change('bladder_ogden', 'bladder_polynomial')).replaced == {
         'bladder_elasticity': 'bladder_ogden'}
-    assert changes.after(step, Change('bladder_polynomial', removes=True)) == (
-        (), {}, ('bladder_elasticity',))
+    assert since.then(Change('bladder_polynomial', removes=True)) == Since(
+        removed=('bladder_elasticity',))
 
 
 def test_a_formula_of_ones_own_has_no_command(session):
@@ -76,7 +74,6 @@ def test_a_formula_of_ones_own_has_no_command(session):
     draft = Draft(name='mine', formula='-k * strain', place='force')
     draft.sync()
     draft.fields['k'].value = '5 N'
-    step = replace(session.now, added=(draft.effect(),))
-    assert changes.command(session.case, step, [Change('coulomb_friction')]) == ''
-    assert catalogue.get('coulomb_friction').name in changes.command(
-        session.case, session.now, [Change('coulomb_friction')])
+    friction = [Change('coulomb_friction')]
+    assert changes.command(session.case, Since((draft.effect(),)), friction) == ''
+    assert 'coulomb_friction' in changes.command(session.case, Since(), friction)

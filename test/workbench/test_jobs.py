@@ -7,11 +7,13 @@ import asyncio
 import pytest
 
 from fam_bundle_ros.data.grouping import reversals, rms
+from fam_bundle_ros.discovery import Choices
 from fam_bundle_ros.discovery.predict import motion
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import catalogue
-from fam_bundle_ros.workbench import worker
+from fam_bundle_ros.workbench import trial, worker
 from fam_bundle_ros.workbench.cases import load_example
+from fam_bundle_ros.workbench.changes import Since
 from fam_bundle_ros.workbench.jobs import Cancelled, Job, WorkerError
 from fam_bundle_ros.workbench.own_effect import Draft
 
@@ -20,7 +22,7 @@ pytestmark = pytest.mark.anyio
 
 async def test_a_diagnosis_comes_back_with_progress_on_the_way(session, friction_found):
     """The worker's diagnosis is the one of discovery, and the share rises while it works."""
-    job = Job(worker.diagnose_job, session.now.model, session.data)
+    job = Job(worker.diagnose_job, session.now.model, session.data, Choices(most=1))
     seen = []
 
     async def watch():
@@ -62,22 +64,22 @@ async def test_a_refit_with_a_users_formula_comes_back(session):
     draft = Draft('mine', '-k * tanh(strain_rate / v)', 'loss')
     draft.sync()
     draft.fields['k'].value, draft.fields['v'].value = '5 N', '0.002 1/s'
-    refit = await Job(worker.refit_job, session.now.model, session.data,
-                      (draft.effect(),)).run()
-    assert refit.model.effect('mine').k == pytest.approx(6.66, abs=0.1)
+    model, held_out = await Job(worker.refit_job, session.now.model, session.data,
+                                Since((draft.effect(),))).run()
+    assert model.effect('mine').k == pytest.approx(6.66, abs=0.1)
     # no direction of motion is known where a trial is entered: friction is off there by its size
     data = session.data
     inside = ~reversals(data)
-    residual = data.force - refit.model.predict(motion(data))
+    residual = data.force - model.predict(motion(data))
     assert rms(residual[inside]) < 0.75
-    assert refit.held_out_N < 0.15 * session.now.error_N
+    assert held_out < 0.15 * session.now.error_N
 
 
 async def test_bad_input_in_the_worker_is_bad_input_here(session):
     """An effect that the model has already is refused in the user's words."""
     effect = catalogue.get('bladder_elasticity')()
     with pytest.raises(InputError, match='already'):
-        await Job(worker.refit_job, session.now.model, session.data, (effect,)).run()
+        await Job(worker.refit_job, session.now.model, session.data, Since((effect,))).run()
 
 
 async def test_a_worker_that_breaks_down_is_told():
@@ -89,6 +91,6 @@ async def test_a_worker_that_breaks_down_is_told():
 async def test_the_better_model_tracks_better(with_friction):
     """On a rig of the user's own muscle the controller that knows the friction keeps the force."""
     job = Job(worker.trial_job, with_friction.steps[0].model, with_friction.now.model, 2.5)
-    trial = await job.run()
-    assert trial.new.error_N < 0.6 * trial.old.error_N
-    assert with_friction.now.model.name in trial.words
+    found = await job.run()
+    assert trial.error_N(found.new) < 0.6 * trial.error_N(found.old)
+    assert with_friction.now.model.name in found.words

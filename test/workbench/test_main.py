@@ -54,9 +54,11 @@ def test_a_file_opens_with_its_model():
 
 
 def test_the_printed_command_finds_the_file_of_the_command_line():
-    """Also after its columns were asked for: its path, not its name."""
+    """Also after its columns were asked for: its path, not its name, and what was told of them."""
     data = config_path('data/examples/hidden_friction.csv')
     case = first_case(data, config_path('data/examples/hidden_friction.model.yaml'))
     session = Session()
-    session.take(case.source.again())
-    assert f'--data {data} ' in session.command()
+    source = case.source.again()
+    source.told['force'] = 'force [N]'
+    session.take(source)
+    assert f"--data {data} --columns 'force=force [N]' " in session.command()
