@@ -81,6 +81,20 @@ def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
     assert down[-1].state == 1
 
 
+@pytest.mark.parametrize('rate', [-0.2, 0.2])
+def test_a_moving_muscle_gets_the_pressures_of_where_it_will_be(paper_bundle, rate):
+    """When the command is there: after dead time and lead it has moved on."""
+    outer = OuterConfig(feedback=False, delay=20e-3, lead_time=10e-3)
+    moving = Bench(paper_bundle, 0.1, outer=outer)
+    for _ in range(60):
+        moving.strain += rate * DT
+        command = moving.update(20.0)
+    here, there = (Bench(paper_bundle, moving.strain + late * rate, outer=outer).hold(
+        20.0, 0.3)[-1].pressure for late in (0.0, 30e-3))
+    assert abs(here - there).max() > 4e3
+    assert command.pressure == pytest.approx(there, abs=0.2 * abs(here - there).max())
+
+
 @given(units=st.sampled_from([2, 3, 6]), strain=st.floats(0.0, 0.2),
        shares=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=5), rate=st.floats(40.0, 300.0))
 # Recruited ahead of need, and then the demand stops: at rest it counts as needed all the same.
