@@ -116,9 +116,9 @@ def test_with_a_strain_level_away_the_muscle_lacks_the_same(repository):
 ])
 def test_an_effect_is_found_again_in_data_that_it_made(sweeps, paper_muscle, name, values):
     """Hidden in sweeps of 0.6 N noise it comes first or ties, with its parameters."""
-    result = diagnose(paper_muscle, sweeps(paper_muscle.with_effect(name, **values)))
+    result = diagnose(paper_muscle, sweeps(paper_muscle.with_effect(name, **values)),
+                      choices=Choices(most=1))
     assert result.verdict == 'missing_effect'
-    assert len(result.effects) == 1
     assert name in labels(result)
     assert result.error_N['best'] < 0.66
     if result.shapes == (name,):
