@@ -66,8 +66,7 @@ def switches(commands):
     return np.diff([c.state for c in commands])
 
 
-@pytest.mark.parametrize('units', [2, 6])
-@pytest.mark.parametrize('policy', ['hysteresis', 'reversal_aware'])
+@pytest.mark.parametrize(('units', 'policy'), [(2, 'hysteresis'), (6, 'reversal_aware')])
 def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
     """Up and down through every state once, in order, and the force is met at the end."""
     bench = Bench(bundles[units], 0.12, policy=policy, outer=OPEN)
