@@ -170,7 +170,7 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain
     strains, forces = map(list, zip(*load.table)) if load.table else ([], [])
-    spare = [0.0] * (-len(strains) % _TABLE if strains else _TABLE)
+    spare = [0.0] * (_TABLE - len(strains) % _TABLE)
     own = (config.strain_gain, config.strain_integral, config.strain_damping)
     return OuterSettings(**{
         **vars(config), 'worked_out': own == (None, None, None), 'bias_time': bias_time,

@@ -296,7 +296,7 @@ def _stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
     rows = np.concatenate([np.arange(begin, begin + length) for begin in begins])
     piece = np.repeat(np.arange(count), length)
     picked = data.select(rows)
-    _, trial = np.unique(np.stack([piece, picked.trial], -1), axis=0, return_inverse=True)
+    _, trial = np.unique(np.column_stack([piece, picked.trial]), axis=0, return_inverse=True)
     trial = np.cumsum(np.diff(trial.ravel(), prepend=trial.ravel()[0]) != 0)
     return replace(picked, trial=trial, trial_names=tuple(
         f'stretch {k + 1}' for k in range(int(trial.max()) + 1)))

@@ -59,11 +59,11 @@ class _Reader:
         try:
             for event in yaml.parse(text, Loader=yaml.SafeLoader):
                 if isinstance(event, yaml.AliasEvent):
-                    line = event.start_mark.line + 1 if event.start_mark else 1
-                    raise self.error(line, 'aliases (*name) are not allowed')
+                    mark: Any = event.start_mark
+                    raise self.error(mark.line + 1, 'aliases (*name) are not allowed')
             node = yaml.compose(text, Loader=yaml.SafeLoader)
         except yaml.YAMLError as error:
-            mark: Any = getattr(error, 'problem_mark', None)
+            mark = getattr(error, 'problem_mark', None)
             problem = getattr(error, 'problem', None) or 'it holds characters that YAML forbids'
             raise self.error(mark.line + 1 if mark else 1, f'is not YAML: {problem}') from error
         except RecursionError as error:

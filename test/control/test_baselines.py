@@ -17,6 +17,7 @@ from fam_bundle_ros.control.baselines import (
     play,
 )
 from fam_bundle_ros.control.outer_loop import FORCE
+from fam_bundle_ros.control.reasons import NONE
 from fam_bundle_ros.control.saturation import SATURATION
 from fam_bundle_ros.control.signals import command_record
 from fam_bundle_ros.errors import InputError
@@ -161,6 +162,22 @@ def test_equal_pressure_goes_up_to_the_limit_of_each_unit(paper_bundle):
     one = controller(unlike, 'equal_pressure', force_gain=100.0)
     command = one.update(5e-3, seen(10.0), Reference('force', 500.0))
     assert command.pressure == pytest.approx([200e3, second.max_pressure])
+
+
+@pytest.mark.parametrize('equal', [True, False])
+def test_a_unit_that_begins_or_ends_is_told_once_in_turn_and_never_at_equal_pressure(
+        paper_bundle, equal):
+    """Two seconds of a force that is too small, then of one that is too large."""
+    bundle, state, command = paper_bundle, BaselineState(), command_record(2)
+    settings = baseline_settings(BaselineConfig(), bundle, bundle.max_pressure)
+    changes = 0
+    for k in range(1000):
+        before, command.reason.why = state.state, NONE
+        baseline_step(settings, state, equal, [0, 1], bundle.max_pressure.tolist(), 0.0, seen(0.0),
+                      FORCE, 50.0 if k < 500 else -50.0, 4e-3, command)
+        changes += state.state != before
+        assert (command.reason.why != NONE) == (state.state != before and not equal)
+    assert changes > 1
 
 
 def test_threshold_hands_over_at_full_and_at_empty(bundles):

@@ -35,12 +35,11 @@ def cycle(seed, count=6000):
 
 
 @pytest.mark.parametrize('name', MUSCLES)
-@pytest.mark.parametrize('seed', [1, 2])
-def test_no_cycle_of_strain_and_pressure_gives_more_work_than_the_surface(name, seed):
+def test_no_cycle_of_strain_and_pressure_gives_more_work_than_the_surface(name):
     """Over closed cycles the muscle gives no more work than its table along the braid's path."""
     plant = muscle_plant(model_of(2), MUSCLES[name])
     model = plant.model(False)
-    strain, pressure = (np.concatenate([part] * 3) for part in cycle(seed))
+    strain, pressure = (np.concatenate([part] * 3) for part in cycle(1))
     given = table = 0.0
     before = None
     for k, (e, p) in enumerate(zip(strain.tolist(), pressure.tolist())):

@@ -55,6 +55,16 @@ def test_a_spring_a_weight_and_an_arm_are_told_apart(stiffness, damping, inertia
         force[-1], abs=1.0)
 
 
+@pytest.mark.parametrize('only', range(3))
+def test_what_a_load_has_not_is_not_found(only):
+    """Of stiffness, damping and inertia one alone: the other two are nearly none."""
+    motion = moved(8.0)
+    state = learnt(motion[0], 20.0 + (400.0, 15.0, 0.8)[only] * motion[only])
+    for k, (part, size, within) in enumerate(zip(state.value, (400.0, 15.0, 0.8),
+                                                 (20.0, 0.75, 0.08))):
+        assert part == pytest.approx(size * (k == only), abs=within)
+
+
 def test_an_inertia_that_nothing_shows_stays_the_usual_one():
     """A slow motion tells the stiffness."""
     slow = np.linspace(0.0, 0.1, 2500)

@@ -51,8 +51,8 @@ def test_what_is_learnt_to_be_late_makes_the_observer_patient():
     assert late.points[-1].gain_margin_db == pytest.approx(6.02, abs=0.05)
 
 
-@pytest.mark.parametrize('delay', [5e-3, 10e-3, 15e-3])
-@pytest.mark.parametrize('mass', [1.0, 3.0, 10.0])
+@pytest.mark.parametrize(('delay', 'mass'), [
+    (10e-3, 1.0), (5e-3, 3.0), (15e-3, 3.0), (10e-3, 10.0)])
 def test_the_strain_loop_keeps_its_margins_on_a_mass_without_damping(paper_bundle, delay, mass):
     """6 dB and 29 degrees (hardly less between frequencies) over stiffness and force."""
     load = LoadModel(inertia=mass * paper_bundle.length)

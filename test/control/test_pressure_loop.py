@@ -263,3 +263,11 @@ def test_a_missing_rate_is_shared_by_variance():
     even = next(wide for wide in np.linspace(0.0, 1.0, 2001) if worth(wide, 0.04) < 0.5)
     assert worth(2.0 * even, 0.04) == pytest.approx(0.2, abs=0.01)
     assert worth(2.0 * even, 0.08) == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_valve_that_is_open_to_exhaust_for_good_teaches_nothing(chamber):
+    """All air is out: what a reading then does is no answer to the valve."""
+    made = chamber(noise=100.0)
+    made.run(150e3, 0.2)
+    learnt = [made.pid.state.learnt.vent for seconds in (0.2, 0.1, 0.2) if made.run(0.0, seconds)]
+    assert learnt[1] == learnt[2] == pytest.approx(learnt[0], abs=1e-4)

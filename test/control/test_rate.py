@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.control import ControllerConfig, OuterConfig
-from fam_bundle_ros.control.rate import quiet_rate, rate_ahead, rate_doubt, RateState
+from fam_bundle_ros.control.rate import (
+    find_direction,
+    quiet_rate,
+    rate_ahead,
+    rate_doubt,
+    RateState,
+)
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
@@ -121,6 +127,18 @@ def test_starts_and_stops_are_not_learnt_as_noise():
 def test_nothing_is_believed_before_the_noise_is_known():
     """The first readings say nothing, however much they move."""
     assert not np.any(believed(0.1 * np.arange(9), 0.0))
+
+
+@pytest.mark.parametrize('window', [0.02, 0.04, 0.16])
+def test_a_motion_is_over_when_its_rate_is_within_its_own_noise_of_rest(window):
+    """A standard deviation or so: that of the window which the rate is of."""
+    for noise in (1e-6, 5e-5, 1e-3):
+        for share, direction in ((0.2, 0), (2.0, 1)):
+            state = RateState()
+            state.direction, state.window = 1, window
+            state.rate = share * noise * rate_doubt(window, DT)
+            find_direction(state, noise, noise, DT)
+            assert state.direction == direction
 
 
 def test_a_window_keeps_the_noise_that_it_says():

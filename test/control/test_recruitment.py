@@ -66,8 +66,7 @@ def switches(commands):
     return np.diff([c.state for c in commands])
 
 
-@pytest.mark.parametrize('units', [2, 3, 6])
-@pytest.mark.parametrize('policy', ['hysteresis', 'reversal_aware'])
+@pytest.mark.parametrize(('units', 'policy'), [(2, 'hysteresis'), (6, 'reversal_aware')])
 def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
     """Up and down through every state once, in order, and the force is met at the end."""
     bench = Bench(bundles[units], 0.12, policy=policy, outer=OPEN)
@@ -79,6 +78,20 @@ def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
     down = bench.ramp(top, 2.0, 40.0) + bench.hold(2.0, units)
     assert np.all(switches(down) <= 0)
     assert down[-1].state == 1
+
+
+@pytest.mark.parametrize('rate', [-0.2, 0.2])
+def test_a_moving_muscle_gets_the_pressures_of_where_it_will_be(paper_bundle, rate):
+    """When the command is there: after dead time and lead it has moved on."""
+    outer = OuterConfig(feedback=False, delay=20e-3, lead_time=10e-3)
+    moving = Bench(paper_bundle, 0.1, outer=outer)
+    for _ in range(60):
+        moving.strain += rate * DT
+        command = moving.update(20.0)
+    here, there = (Bench(paper_bundle, moving.strain + late * rate, outer=outer).hold(
+        20.0, 0.3)[-1].pressure for late in (0.0, 30e-3))
+    assert abs(here - there).max() > 4e3
+    assert command.pressure == pytest.approx(there, abs=0.2 * abs(here - there).max())
 
 
 @given(units=st.sampled_from([2, 3, 6]), strain=st.floats(0.0, 0.2),
@@ -153,7 +166,7 @@ def test_transition_keeps_the_force_on_the_demand(paper_bundle):
     assert np.max(np.abs(errors)) < 0.3
 
 
-@pytest.mark.parametrize('units', [2, 3, 6])
+@pytest.mark.parametrize('units', [2, 6])
 def test_every_climb_is_like_the_first(bundles, units):
     """After a climb and a full release each unit is recruited at the same demand as before."""
     bench = Bench(bundles[units], 0.12, outer=OPEN)

@@ -27,15 +27,14 @@ def lifted(bundle, mass, delay):
                                MassSpring(mass=mass), prepare=2.0))
 
 
-@pytest.mark.parametrize('delay', [5e-3, 10e-3, 15e-3])
 @pytest.mark.parametrize('mass', [1.5, 5.0])
-def test_an_undamped_mass_follows_at_every_delay_that_is_told(paper_bundle, mass, delay):
+def test_an_undamped_mass_follows_at_every_delay_that_is_told(paper_bundle, mass):
     """Within 0.1 % strain rms, and without air for an oscillation."""
-    log = lifted(paper_bundle, mass, delay)
-    assert np.sqrt(np.mean(log.error ** 2)) < 1e-3
-    assert abs(log.error).max() < 3e-3
-    prompt = lifted(paper_bundle, mass, 0.0)
-    assert log.air[-1] < 1.1 * prompt.air[-1]
+    prompt, *late = (lifted(paper_bundle, mass, delay) for delay in (0.0, 5e-3, 10e-3, 15e-3))
+    for log in late:
+        assert np.sqrt(np.mean(log.error ** 2)) < 1e-3
+        assert abs(log.error).max() < 3e-3
+        assert log.air[-1] < 1.1 * prompt.air[-1]
 
 
 @pytest.mark.parametrize('units', [2, 6])

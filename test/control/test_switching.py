@@ -201,7 +201,8 @@ def test_simple_policies_release_below_a_level(made, policy, level):
     assert 'release MU2: demand' in Machine(made(), 2, policy=policy).tell(level - 0.5)[1]
 
 
-@pytest.mark.parametrize(('policy', 'waits'), [('neglect', False), ('reversal_aware', True)])
+@pytest.mark.parametrize(('policy', 'waits'), [
+    ('neglect', False), ('hysteresis', True), ('reversal_aware', True)])
 def test_dwell_holds_for_opposite_switches_only(made, policy, waits):
     """Two units in two ticks, but no way back within the dwell time; neglect knows none."""
     machine = Machine(made(), 0, policy=policy, dwell=1.0)

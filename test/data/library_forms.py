@@ -210,6 +210,14 @@ def by_h5py_with_units(log, path):
             file[name].attrs['units'] = unit
 
 
+def by_h5py_with_texts(log, path):
+    """Write HDF5 whose units stand beside the numbers, as texts of their own."""
+    import h5py
+    with h5py.File(path, 'w') as file:
+        file.update({**log, 'pressure': log['pressure'] / 6894.757})
+        file.update({'pressure_unit': 'psi', 'force_unit': 'N'})
+
+
 def by_h5py_records(log, path):
     """Write HDF5 of one table of records."""
     import h5py
@@ -274,6 +282,7 @@ LIBRARIES = {
     'scipy.io.savemat of a matrix': ('a.mat', by_savemat_matrix),
     'h5py': ('a.mat', by_h5py),
     'h5py with units': ('a.h5', by_h5py_with_units),
+    'h5py with texts': ('a.h5', by_h5py_with_texts),
     'h5py records': ('a.h5', by_h5py_records),
     'pandas.to_parquet': ('a.parquet', lambda log, path: frame(log).to_parquet(path)),
     'pyarrow with units': ('a.parquet', by_pyarrow),

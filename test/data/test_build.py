@@ -273,6 +273,28 @@ def test_signs_turned_round_are_noticed(muscle, strain, force, words):
     assert not build('map', e, p, muscle(e, p)).notes
 
 
+def test_a_muscle_that_is_pressed_past_its_free_strain_has_its_sign(muscle):
+    """It pushes then: a force below zero that neither pressure nor length makes more negative."""
+    strain = np.tile(np.linspace(0.25, 0.4, 40), 2)
+    for pressure in (np.full(80, 2e5), np.repeat([2e5, 2.02e5], 40)):
+        force = muscle(strain, pressure)
+        assert np.median(force) < 0.0
+        assert not [note for note in build('map', strain, pressure, force, max_strain=0.5).notes
+                    if 'sign' in note]
+
+
+def test_the_order_in_which_trials_are_logged_does_not_show(sweeps):
+    """Rows of two trials among each other: each trial is put together again."""
+    data = sweeps(cycles=1).select(slice(0, 160))
+    turns = np.append(0, np.random.default_rng(0).permutation(np.repeat([0, 1], [79, 80])))
+    logged = np.argsort(np.argsort(turns, kind='stable'))
+    mixed, whole = (build('two', *(values[rows] for values in (
+        data.strain, data.pressure, data.force, data.trial, data.time)))
+        for rows in (logged, slice(None)))
+    for name in ('strain', 'force', 'trial', 'time', 'strain_rate', 'direction'):
+        assert np.array_equal(getattr(mixed, name), getattr(whole, name)), name
+
+
 def test_directions_survive_a_selection(sweeps):
     """Direction and its basis stay with their rows."""
     data = sweeps()

@@ -96,7 +96,7 @@ def test_a_pressure_that_may_be_two_units_is_asked_for(log, top, words):
     data = table(log, pressure=('pressure', log[2] * top / log[2].max()))
     with pytest.raises(InputError, match=words) as caught:
         read_measurement(data)
-    assert '--columns "pressure=pressure [' in str(caught.value)
+    assert f'--columns "pressure=pressure [{words.partition(" ")[0]}]"' in str(caught.value)
 
 
 def test_percent_without_a_unit_is_taken_and_said(log):
@@ -110,10 +110,12 @@ def test_percent_without_a_unit_is_taken_and_said(log):
         read_measurement(table(log, strain=('strain', slip)))
 
 
-def test_percent_that_are_ratios_are_noticed(log):
-    """0.2 under a header of percent is 0.002: a note asks."""
-    data = read_measurement(table(log, strain=('strain [%]', log[1])))
-    assert any('ratio, not %' in note for note in data.notes)
+@pytest.mark.parametrize(('header', 'size', 'asked'), [
+    ('strain [%]', 1.0, True), ('strain [%]', 100.0, False), ('strain [1]', 0.025, False)])
+def test_percent_that_are_ratios_are_noticed(log, header, size, asked):
+    """0.2 under a header of percent is 0.002: a note asks. A small strain in its unit is none."""
+    data = read_measurement(table(log, strain=(header, size * log[1])))
+    assert any('ratio, not %' in note for note in data.notes) == asked
 
 
 @pytest.mark.parametrize(('header', 'values'), [

@@ -170,6 +170,14 @@ def test_a_pressure_that_was_measured_twice_has_two_columns(trials):
     same(data, [trials[0], trials[0], other])
 
 
+@pytest.mark.parametrize('names', [('1 bar',), ('1 bar', '20 psi'), ('1 bar', '5 %')])
+def test_one_level_or_levels_of_several_kinds_are_left_as_they_are(names):
+    """A map has two levels or more, all of one quantity in one unit."""
+    table = Table('a', 'arrays', {'strain': np.arange(3.0), 'pressure': np.arange(3.0), **{
+        f'F at {name} [N]': np.arange(3.0) for name in names}}, {})
+    assert unstacked(table) is table
+
+
 def test_columns_that_repeat_without_a_force_are_left_as_they_are():
     """Thermocouples with two columns each are no trials of a muscle."""
     ones = np.ones(20)

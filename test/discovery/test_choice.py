@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A thick muscle at two strains only: what is said of the strains between them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -113,3 +115,31 @@ def test_the_set_to_predict_with_is_the_best_on_folds_of_those_as_probable(searc
     errors = [held_out_physics(fitter, fitter.without_discrepancy(fit)) for fit in near]
     assert len(errors) > 3
     assert held_out_physics(fitter, found) == pytest.approx(min(errors))
+
+
+@pytest.mark.parametrize('unit', [1e-4, 1.0, 1e4])
+def test_folds_are_as_good_within_a_standard_error_in_any_unit(unit):
+    """On average no more behind than the mean of so many differences is in doubt."""
+    rng = np.random.default_rng(0)
+    best, spread = rng.uniform(1.0, 2.0, 8), rng.normal(size=8)
+    spread = (spread - spread.mean()) / spread.std(ddof=1)
+    for behind in (0.8, 1.2):
+        worse = best + 0.1 * (spread + behind / np.sqrt(8))
+        assert as_good(unit * worse, unit * best) == (behind < 1.0)
+    assert as_good(unit * best, unit * best)
+    assert not as_good(unit * best[:1] + unit, unit * best[:1])
+
+
+def test_smaller_sets_are_fitted_again_from_those_that_beat_them():
+    """Each once, from the best that it is part of; none from a set that is not as good."""
+    def fitted(names, posterior):
+        return SimpleNamespace(names=names, posterior=posterior, start=names, hyper=None)
+    fits = {names: fitted(names, posterior) for names, posterior in (
+        ('ab', 10.0), ('a', 9.0), ('b', 11.0), ('bc', 8.0), ('', 0.0), ('cd', -20.0),
+        ('c', -30.0))}
+    again = []
+    Search._settle(SimpleNamespace(
+        fits=fits, best=fits['b'], again=lambda names, start, hyper: again.append((names, start)),
+        options=SimpleNamespace(choices=Choices(odds=np.exp(5.0)),
+                                back=lambda names: [names.replace(name, '') for name in names])))
+    assert again == [('', 'b'), ('a', 'ab'), ('c', 'bc')]

@@ -9,6 +9,7 @@ import pytest
 
 from fam_bundle_ros.discovery.estimates import confounding, estimates, unit_of, with_intervals
 from fam_bundle_ros.discovery.evidence import pinned
+from fam_bundle_ros.discovery.posterior import Posterior
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import catalogue
 
@@ -121,3 +122,19 @@ def test_parameters_are_told_in_the_units_that_people_use(paper_muscle):
             model = relaxed.with_effect(effect)
             unit, size = unit_of(model, f'{effect.name}.{parameter.name}')
             assert (unit or '1', size) == (parameter.unit, parameter.scale)
+
+
+def test_the_spread_of_a_parameter_is_that_of_all_sets_that_have_it():
+    """The standard deviation about a value of what is drawn from them by their weights."""
+    def fitted(key, u, sd):
+        return SimpleNamespace(priors=(SimpleNamespace(key='other'), SimpleNamespace(key=key)),
+                               u=np.array([9.0, u]), covariance=np.diag([9.0, sd ** 2]))
+    sets = SimpleNamespace(fits=[fitted('a', 1.0, 0.2), fitted('b', 7.0, 5.0),
+                                 fitted('a', 2.0, 0.5)], weights=[0.6, 0.1, 0.3])
+    rng = np.random.default_rng(0)
+    first = rng.uniform(size=100_000) < 0.6 / 0.9
+    drawn = np.where(first, rng.normal(1.0, 0.2, 100_000), rng.normal(2.0, 0.5, 100_000))
+    for about in (1.0, 1.5):
+        assert Posterior.spread(sets, 'a', about) == pytest.approx(
+            np.sqrt(np.mean((drawn - about) ** 2)), rel=0.01)
+    assert Posterior.spread(sets, 'c', 0.0) is None

@@ -57,6 +57,14 @@ def test_an_error_in_a_box_is_found_where_it_is(planted, box, words):
     assert all(other.share < 0.05 for other in others)
 
 
+def test_a_gauge_a_little_below_zero_is_told_as_zero(planted):
+    """Not as minus zero."""
+    data, noise, rows = planted
+    region, *_ = locate(replace(data, pressure=data.pressure - 200.0),
+                        noise - 5.0 * rows(last=0, high=0.0599), 0.3)
+    assert region.where == 'strain below 0.06 at 0 kPa'
+
+
 def test_two_errors_are_two_regions_the_larger_first(planted):
     """No row is in both; asked for one region, the larger comes alone."""
     data, noise, rows = planted

@@ -3,6 +3,7 @@
 """Formulas of a model file: what they may say, and what becomes of them."""
 
 import inspect
+import operator
 import re
 
 from hypothesis import given
@@ -15,6 +16,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import loads_model, Parameter
 from fam_bundle_ros.model.compose import composition
 from fam_bundle_ros.model.expression import expression_law, FUNCTIONS, VARIABLES
+from fam_bundle_ros.model.graph import Graph, Writer
 
 HEAD = """\
 format: fam-bundle-model/1
@@ -132,3 +134,34 @@ def test_a_formula_is_worked_out_as_it_is_written(formula):
     one, other = (each.step(each.start_state(), 0.0, 0.1, pressure)[0][0]
                   for each in (bundle, plain))
     assert one - other == pytest.approx(expected)
+
+
+OPERATIONS = {
+    '+': operator.add, '-': operator.sub, '*': operator.mul, '/': operator.truediv,
+    '**': operator.pow, '<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge,
+    '==': operator.eq, '!=': operator.ne, '|': operator.or_, '&': operator.and_,
+    'neg': operator.neg}
+
+
+@pytest.mark.parametrize('outer', set(OPERATIONS) - {'neg'})
+@pytest.mark.parametrize('inner', set(OPERATIONS) - {'neg'})
+def test_parentheses_stand_where_the_value_needs_them(outer, inner):
+    """An operation in another, on either side, negated or not: Python reads what was meant."""
+    def nested(make, a, b, c):
+        """Return each way to nest the two, where there is one."""
+        for way in (lambda: make(outer, make(inner, a, b), c),
+                    lambda: make(outer, a, make(inner, b, c)),
+                    lambda: make(outer, make('neg', make(inner, a, b)), c),
+                    lambda: make(outer, make('neg', a), make('neg', make(inner, b, c)))):
+            try:
+                yield way()
+            except (TypeError, ZeroDivisionError):   # bits of a fraction, over a comparison
+                yield None
+
+    graph = Graph()
+    formulas = [Writer([node], []).text(node) for node in nested(
+        graph.make, *map(graph.argument, 'abc'))]
+    for values in ((7, 2, 3), (2, 3, 2), (1, 1, 4)):
+        meant = nested(lambda name, *of: OPERATIONS[name](*of), *values)
+        for text, value in zip(formulas, meant, strict=True):
+            assert value is None or eval(text, dict(zip('abc', values))) == value, text

@@ -114,12 +114,14 @@ def test_aliases_are_refused():
         loads_model(bomb)
 
 
-@pytest.mark.parametrize('content', [b'', b'\x00\x01\xff\xfe', b'- 1\n- 2\n', b'[' * 5000])
-def test_what_is_no_model_file_is_refused(tmp_path, content):
+@pytest.mark.parametrize(('content', 'said'), [
+    (b'', ''), (b'\x00\x01\xff\xfe', ''), (b'- 1\n- 2\n', ''), (b'[' * 9, 'is not YAML'),
+    (b'[' * 500 + b']' * 500, 'is nested too deeply')])
+def test_what_is_no_model_file_is_refused(tmp_path, content, said):
     """Empty, binary, a list, or nested without end: one sentence each, and the file's name."""
     path = tmp_path / 'm.yaml'
     path.write_bytes(content)
-    with pytest.raises(InputError, match='m.yaml'):
+    with pytest.raises(InputError, match=f'm.yaml.*{said}'):
         load_model(path)
 
 

@@ -50,15 +50,15 @@ def column(readings, name):
 
 
 def test_noise_has_the_stated_standard_deviation_and_no_bias():
-    """Force 0.9 N, pressure 0.35 kPa, strain 5e-5, white: over 20000 samples within 3 %."""
-    readings = read(SensorConfig(), 20000)
+    """Force 0.9 N, pressure 0.35 kPa, strain 5e-5, white: over 6000 samples within 4 %."""
+    readings = read(SensorConfig(), 6000)
     for name, sd, mean in (('force', 0.9, 80.0), ('strain', 5e-5, 0.1), ('supply', 350.0, 5e5)):
         shown = column(readings, name)
-        assert np.std(shown) == pytest.approx(sd, rel=0.03)
-        assert np.mean(shown) == pytest.approx(mean, abs=5.0 * sd / math.sqrt(20000))
+        assert np.std(shown) == pytest.approx(sd, rel=0.04)
+        assert np.mean(shown) == pytest.approx(mean, abs=5.0 * sd / math.sqrt(6000))
     pressure = column(readings, 'pressure')
-    assert np.std(pressure, axis=0) == pytest.approx(350.0, rel=0.03)
-    assert abs(np.corrcoef(pressure.T)[0, 1]) < 0.03
+    assert np.std(pressure, axis=0) == pytest.approx(350.0, rel=0.04)
+    assert abs(np.corrcoef(pressure.T)[0, 1]) < 0.05
 
 
 def test_same_seed_gives_the_same_readings_and_another_seed_others():
