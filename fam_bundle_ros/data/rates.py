@@ -355,34 +355,3 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     turns[1:-1] = ((way[1:-1] == 0) & (way[:-2] * way[2:] < 0) & (of[:-2] == of[2:])
                    & (length[1:-1] <= window))
     return np.repeat(turns, length)
-
-
-def beside_motion(rate: np.ndarray, moving: np.ndarray, trial: np.ndarray, window: int,
-                  ) -> np.ndarray:
-    """
-    Return which rows seem to move and have a slope of their neighbours' motion, (T,) bool.
-
-    Where a motion begins or ends at rest the smoothed slope rises over a window, so that rows at
-    rest seem to move. They have less than half of the slope that is near, and no motion the other
-    way is: through a turning point the slope is as it seems.
-
-    Parameters
-    ----------
-    rate : ndarray, shape (T,)
-        Smoothed slope.
-    moving : ndarray of int, shape (T,)
-        +1, -1, and 0 where the motion is not beyond its own noise.
-    trial : ndarray of int, shape (T,)
-    window : int
-        Rows over which the slope was smoothed.
-    """
-    cuts = np.flatnonzero(np.diff(trial)) + 1
-
-    def near(way: int) -> np.ndarray:
-        size = np.where(moving == way, np.abs(rate), 0.0)
-        return np.concatenate([maximum_filter1d(part, 2 * window + 1, mode='nearest')
-                               for part in np.split(size, cuts)])
-
-    up, down = near(1), near(-1)
-    share = np.abs(rate) / np.maximum(np.maximum(up, down), np.finfo(float).tiny)
-    return (np.minimum(up, down) == 0.0) & (share > CRAWL) & (share < 0.5)

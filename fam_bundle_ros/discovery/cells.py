@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
 from fam_bundle_ros.data.noise import noise_floor
-from fam_bundle_ros.data.rates import beside_motion, CRAWL, sample_noise, slope, turning
+from fam_bundle_ros.data.rates import CRAWL, sample_noise, slope, turning
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.outliers import spikes
 from fam_bundle_ros.discovery.predict import matched, motion, stiffness
@@ -172,16 +172,13 @@ def unknown_direction(data: Measurement) -> np.ndarray:
     The first of each trial: how the muscle came there is in no row, nor is the memory of a loss.
     Where trials are cut at turning points friction is off there by its size, in every trial at
     the same strain, and that looks like an effect of the strain. And rows at a turning point
-    where the rate is not beyond its noise: friction is off by up to twice its size; or at rest
-    beside a motion, whose rate they seem to have.
+    where the rate is not beyond its noise: friction is off by up to twice its size.
     """
     if data.time is None:
         return np.zeros(len(data), bool)
     first = data.start & ~np.append(data.start[1:], True)  # a trial of one row stays
     moving = np.where(data.direction_basis == BY_STRAIN, data.direction, 0)
-    window = slope(data.time, data.strain, data.trial).window
-    return (first | turning(moving, data.trial, window)
-            | beside_motion(data.strain_rate, moving, data.trial, window))
+    return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
 
 
 def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:

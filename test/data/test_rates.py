@@ -13,7 +13,6 @@ from fam_bundle_ros.data.rates import (
     _locally,
     _parts,
     begins,
-    beside_motion,
     direction,
     sample_noise,
     signal_step,
@@ -229,25 +228,3 @@ def test_a_turning_point_is_a_short_rest_between_opposite_motions(moving, turns)
     """A window of three rows: a longer rest is a hold; and one between trials is none."""
     assert turning(np.array(moving), np.zeros(len(moving), int), 3).tolist() == turns
     assert not turning(np.array(moving), np.arange(len(moving)), 3).any()
-
-
-def test_rows_at_rest_beside_a_motion_are_told_from_it():
-    """Held for 0.5 s, up, down, held: the slope leaks into the rests; a swing has none."""
-    time, trial = 0.1 * np.arange(100), np.zeros(100, int)
-    leaked = told = lost = 0
-    for seed in range(30):
-        strain = 0.05 * np.interp(time, [0.53, 4.91, 9.29], [0.0, 4.38, 0.0])
-        strain += 1e-4 * np.random.default_rng(seed).standard_normal(100)
-        found = slope(time, strain, trial)
-        moving = direction(time, found.rate, found.noise, trial, 2e-4)
-        beside = beside_motion(found.rate, moving, trial, found.window)
-        rests = (time < 0.53) | (time > 9.29)
-        leaked += (rests & (np.abs(found.rate) > 1e-3)).sum()
-        told += (rests & beside).sum()
-        lost += (beside & ~rests).sum()
-    assert told > 0.5 * leaked > 0
-    assert lost <= 30
-    found = slope(time, np.sin(time), trial)
-    moving = direction(time, found.rate, found.noise, trial, 0.01)
-    assert beside_motion(found.rate, moving, trial, found.window).mean() < 0.05
-    assert not beside_motion(found.rate, moving, np.arange(100), found.window).any()
