@@ -8,6 +8,8 @@ Evidence is in units of the noise; rows that a fit has not seen (`held_out`) are
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import softmax
 
@@ -114,7 +116,9 @@ def believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
 
     Beside a small error a smooth discrepancy is hardly less probable than an effect. But the one
     says that something is missing as the other does: it is no reason to name nothing. An effect
-    in more than half of the posterior is (Barbieri and Berger 2004).
+    in more than half of the posterior is (Barbieri and Berger 2004). Look-alikes share it, so
+    that none may have half: then the most probable set, within the odds of nothing, whose effects
+    explain all of the structure alone, without a discrepancy beside them.
     """
     fitter, null = search.fitter, search.null
     left = what_is_left(fitter.covariance, null, fitter.without_discrepancy(null))
@@ -124,8 +128,24 @@ def believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
     for fit in posterior.fits:
         found = changes(search.options, fit.names)
         if all(posterior.of_label(change.label) > 0.5 for change in found):
+            if found:
+                return fit, found
+            break
+    for fit in _near(search, null.posterior, choices):
+        found = changes(search.options, fit.names)
+        if found and _explains_alone(search, fit, choices.inclusion):
             return fit, found
     return null, []
+
+
+def _explains_alone(search: Search, fit: Fit, inclusion: float) -> bool:
+    """Return whether physics without a discrepancy leaves no structure that needs one."""
+    fitter = search.fitter
+    alone = fitter.without_discrepancy(fit)
+    hyper, evidence = fitter.best_hyper(fit.hyper, alone.linear)
+    beside = replace(alone, hyper=hyper, evidence=evidence)
+    left = what_is_left(fitter.covariance, beside, beside)
+    return not is_structured(fitter.cells, need_of_structure(fitter, beside), left, inclusion)
 
 
 def that_predict(search: Search, chosen: Fit, found: list[Change], physics: Fit,

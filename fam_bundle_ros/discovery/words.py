@@ -110,8 +110,15 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
 
 def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                     answer: Sequence[Change], chosen: Fit, ties: Ties,
-                    shapes: Sequence[Template]) -> Next:
-    """Return the experiment that would tell most."""
+                    shapes: Sequence[Template], base: Fit) -> Next:
+    """
+    Return the experiment that would tell most.
+
+    Parameters
+    ----------
+    base : Fit
+        The model recalibrated; the others as in `diagnose`.
+    """
     if finding.artefacts:
         return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
     if answer:
@@ -134,7 +141,12 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
         return Next(f'measure where the error is largest again, in finer steps and at two speeds '
                     f'({shape})', finer(fitter.cells, chosen.model))
     if finding.verdict == 'recalibrate':
-        return Next('measure radius and braid angle with a calliper: they explain the error')
+        moved, _ = max(zip(base.priors, base.u), key=lambda pair: abs(pair[1]))
+        owner = moved.key.partition('.')[0]
+        if owner == 'geometry':
+            return Next('measure radius and braid angle with a calliper: they explain the error')
+        return Next(f'take the refitted constants of {owner}: they moved most, and no calliper '
+                    'shows them')
     if fitter.cells.data.is_static:
         return Next('log a sweep up and down with time: friction and memory cannot be seen in a '
                     'map', plain(fitter.cells, chosen.model))

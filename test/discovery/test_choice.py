@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A thick muscle at two strains only: what is said of the strains between them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.choice import (
     as_good,
     away_from_all,
+    believed,
     best_of_ties,
     predictive,
 )
@@ -143,3 +145,22 @@ def test_smaller_sets_are_fitted_again_from_those_that_beat_them():
         options=SimpleNamespace(choices=Choices(odds=np.exp(5.0)),
                                 back=lambda names: [names.replace(name, '') for name in names])))
     assert again == [('', 'b'), ('a', 'ab'), ('c', 'bc')]
+
+
+def test_of_what_is_as_probable_as_nothing_the_effect_that_explains_all_alone_is_believed(
+        paper_muscle, sweeps):
+    """A small friction: none has half of the posterior, and warming up leaves all of it."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction', force=3.0), cycles=1)
+    cells, choices = reduce(paper_muscle, data), Choices()
+    search = Search(Options.of(paper_muscle, cells, choices),
+                    Fitter(cells, Covariance(cells, choices.unexplained)))
+    own = search.options.own
+    worth = {own: 0.0, tuple(sorted((*own, 'temperature'))): -0.4,
+             tuple(sorted((*own, 'coulomb_friction'))): -0.5}
+    for names, log in worth.items():
+        fit = search.fit(names)
+        search.fits[names] = replace(fit, evidence=log - fit.log_prior)
+    fit, found = believed(search, choices)
+    assert [change.label for change in found] == ['coulomb_friction']
+    del search.fits[fit.names]
+    assert believed(search, choices) == (search.null, [])

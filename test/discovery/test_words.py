@@ -74,7 +74,8 @@ def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatc
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
     words.next_experiment(fitter, posterior, Finding('missing_effect', Left(3.1, 0.2),
                                                      Left(0.0, 0.2), 0.8),
-                          [Change('', 'end_caps'), Change('', 'coulomb_friction')], None, (), ())
+                          [Change('', 'end_caps'), Change('', 'coulomb_friction')], None, (), (),
+                          BASE)
     assert asked == ['end_caps']
 
 
@@ -133,7 +134,7 @@ def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
     artefact = SimpleNamespace(words='trial 3 is off', remedy='tare before each trial')
     assert said('unexplained', artefacts=(artefact, artefact)) == 'trial 3 is off; trial 3 is off'
     told = next_experiment(None, None, Finding('unexplained', Left(1, 1), Left(1, 1), 0.0,
-                                               artefacts=(artefact,)), (), None, (), ())
+                                               artefacts=(artefact,)), (), None, (), (), BASE)
     assert told == ('tare before each trial', None)
 
 
@@ -151,14 +152,17 @@ def test_an_answer_says_how_much_it_explains_and_what_could_take_its_place():
                          '(and 1 trades more)')
 
 
-@pytest.mark.parametrize(('verdict', 'static', 'words'), [
-    ('recalibrate', False, 'measure radius and braid angle with a calliper'),
-    ('adequate', False, 'none needed within this range')])
-def test_where_nothing_is_missing_the_next_step_is_plain(verdict, static, words):
-    """A calliper, or another range."""
-    fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=static)))
+@pytest.mark.parametrize(('verdict', 'rubber', 'words'), [
+    ('recalibrate', 0.3, 'measure radius and braid angle with a calliper'),
+    ('recalibrate', -2.4, 'take the refitted constants of bladder_elasticity'),
+    ('adequate', 0.0, 'none needed within this range')])
+def test_where_nothing_is_missing_the_next_step_is_plain(verdict, rubber, words):
+    """A calliper where dimensions moved most, but not for constants of rubber; another range."""
+    fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
+    base = SimpleNamespace(u=np.array([-1.2, rubber]), priors=[
+        SimpleNamespace(key=key) for key in ('geometry.radius', 'bladder_elasticity.c10')])
     told = next_experiment(fitter, None, Finding(verdict, Left(0, 0), Left(0, 0), 1.0), (), None,
-                           (), ())
+                           (), (), base)
     assert told.words.startswith(words)
     assert told.protocol is None
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
-from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.model.laws.bladder import bladder_elasticity
+from fam_bundle_ros.model import Bundle, Geometry, MotorUnit
+from fam_bundle_ros.model.laws.bladder import bladder_elasticity, bladder_thick
 from fam_bundle_ros.model.laws.mesh import mesh
 
 from .conftest import PAPER, units
@@ -62,7 +62,7 @@ def test_bladder_force_alone():
 
 def test_rubber_is_at_rest_at_zero_strain():
     """No bladder of the family pushes or pulls at its rest length."""
-    for name in ('bladder_elasticity', 'bladder_ogden', 'bladder_polynomial'):
+    for name in ('bladder_elasticity', 'bladder_ogden', 'bladder_polynomial', 'bladder_thick'):
         tube = Bundle('tube', units(1), [mesh()]).with_effect(name)
         assert_allclose(tube.force(0.0, [0.0]), 0.0, atol=1e-9)
 
@@ -92,6 +92,29 @@ def test_bladder_force_is_the_slope_of_its_energy():
     tube = Bundle('tube', units(1), [bladder_elasticity()])
     assert_allclose(tube.force(strain, np.zeros((9, 1))),
                     PAPER.bladder_volume / PAPER.length * slope, rtol=1e-6)
+
+
+def test_a_thick_tube_s_force_is_the_slope_of_the_energy_of_all_its_layers():
+    """Two hundred layers of Yeoh's rubber, each keeping its volume; a thin one is as printed."""
+    strain = np.linspace(0.02, 0.25, 9)
+    edges = np.linspace((PAPER.radius - PAPER.wall_thickness) ** 2, PAPER.radius ** 2, 201)
+    square = 0.5 * (edges[1:] + edges[:-1])[:, None]
+
+    def energy(stretch):
+        outside = PAPER.radius ** 2 * (1 + PAPER.cot2 * (1 - stretch ** 2))
+        around = (outside - (PAPER.radius ** 2 - square) / stretch) / square
+        first = stretch ** 2 + around + 1 / (stretch ** 2 * around) - 3
+        return np.pi * np.diff(edges) @ (150e3 * (first - 0.1 * first ** 2))
+
+    h = 1e-6
+    slope = (energy(1 - strain + h) - energy(1 - strain - h)) / (2 * h)
+    still = np.zeros((9, 1))
+    tube = Bundle('tube', units(1), [bladder_thick(c10=150e3, stiffening=-0.1)])
+    assert_allclose(tube.force(strain, still), slope, rtol=1e-3)
+    thin = [MotorUnit('mu1', 1, Geometry(PAPER.radius, PAPER.length, PAPER.braid_angle, 1e-6))]
+    assert_allclose(Bundle('thin', thin, [bladder_thick(c10=150e3)]).force(strain, still),
+                    Bundle('thin', thin, [bladder_elasticity(c10=150e3, c01=0.0)]).force(
+                        strain, still), rtol=1e-3)
 
 
 def test_bundle_free_strain_dips_when_the_second_unit_fills(paper_bundle):

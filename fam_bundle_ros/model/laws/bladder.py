@@ -1,7 +1,8 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The rubber tube inside the braid: three shapes of one physics, elastic force in strain alone."""
+"""The rubber tube inside the braid: four shapes of one physics, elastic force in strain alone."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -63,3 +64,40 @@ def bladder_ogden(stretch, braid, cos2, sin2, cot2, wall_area, modulus, exponent
     energy_slope = (stretch ** power + around ** power * slope
                     - wall ** exponent * (1.0 / stretch + slope / around))
     return wall_area * modulus * energy_slope
+
+
+@law('force', **_FAMILY, variant_of='bladder_elasticity', look=('green', 'longdashdot'),
+     summary='rubber tube with a thick wall, softer or stiffer the more it is stretched (Yeoh)',
+     source='Yeoh 1993, Rubber Chem. Technol. 66, 754, first two terms; incompressible tube after '
+            'Rivlin 1949, Phil. Trans. R. Soc. A 242, 173; c10 that of a small stretch of the '
+            'latex of Klute and Hannaford 2000',
+     off={'c10': 0.0},
+     c10=Parameter(224.1, 'kPa', 0.0, 3000.0, 'half the shear modulus'),
+     stiffening=Parameter(0.0, '1', -0.25, 1.0, 'c20 over c10: below zero it softens'))
+def bladder_thick(stretch, radius, wall_thickness, braid, cos2, sin2, cot2, wall_area, c10,
+                  stiffening):
+    """
+    Tube of incompressible rubber whose outside follows the braid, F = int dW/dl dA over its wall.
+
+    W = C10 ((I1 - 3) + s (I1 - 3)^2), I1 = l^2 + q + 1/(l^2 q). A layer of radius R at rest
+    has the stretch around sqrt(q), q = 1/l + (r0/R)^2 (u - 1/l), with u as in
+    `bladder_elasticity`: the inside widens more than the threads do. Gauss's rule with three
+    points over R^2.
+    """
+    u, inner = (braid - stretch * stretch * cos2) / sin2, 1.0 - wall_thickness / radius
+    middle, half = 0.5 * (1.0 + inner * inner), 0.5 * (1.0 - inner * inner)
+    reach = math.sqrt(0.6) * half
+    total = (5.0 * _layer(stretch, u, cot2, middle - reach, stiffening)
+             + 8.0 * _layer(stretch, u, cot2, middle, stiffening)
+             + 5.0 * _layer(stretch, u, cot2, middle + reach, stiffening)) / 18.0
+    return wall_area * c10 * total
+
+
+def _layer(stretch, u, cot2, share, stiffening):
+    """Return dW/dl over C10 of the layer of R^2 = share r0^2."""
+    square = stretch * stretch
+    around = 1.0 / stretch + (u - 1.0 / stretch) / share
+    slope = -1.0 / square + (1.0 / square - 2.0 * cot2 * stretch) / share
+    first = square + around + 1.0 / (square * around) - 3.0
+    first_slope = (2.0 * stretch + slope - (2.0 / stretch + slope / around) / (square * around))
+    return first_slope * (1.0 + 2.0 * stiffening * first)
