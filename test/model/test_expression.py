@@ -143,8 +143,8 @@ OPERATIONS = {
     'neg': operator.neg}
 
 
-@pytest.mark.parametrize('outer', set(OPERATIONS) - {'neg'})
-@pytest.mark.parametrize('inner', set(OPERATIONS) - {'neg'})
+@pytest.mark.parametrize('outer', list(OPERATIONS)[:-1])
+@pytest.mark.parametrize('inner', list(OPERATIONS)[:-1])
 def test_parentheses_stand_where_the_value_needs_them(outer, inner):
     """An operation in another, on either side, negated or not: Python reads what was meant."""
     def nested(make, a, b, c):
