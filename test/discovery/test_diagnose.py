@@ -84,7 +84,7 @@ def test_a_triple_that_no_single_effect_starts_is_found(repository, tmp_path):
     assert result.error_N['model'] == pytest.approx(151.3, abs=0.5)
     assert result.error_N['best'] < 9.0
     recommended = result.recommended
-    assert recommended.held_out_N < 0.3 * recommended.rivals_N['empirical']
+    assert recommended.held_out_N < 0.6 * recommended.rivals_N['empirical']
     recommended.save(tmp_path / 'best.yaml')
     again = compare(load_model(tmp_path / 'best.yaml'), data)
     assert again.error_N < 9.0
