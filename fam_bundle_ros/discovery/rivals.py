@@ -47,7 +47,7 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
     units each has its own a, d and f. Linear but for c and the floor.
     """
     floor, scale = float(force.min()), max(float(np.abs(pressure).max()), 1.0)
-    root, above = np.sqrt(weight), force > floor
+    root, above, units = np.sqrt(weight), force > floor, pressure.shape[1]
 
     def columns(c: float, e: np.ndarray, p: np.ndarray) -> np.ndarray:
         bent, p, e1 = np.exp(c * e)[:, None], p / scale, e[:, None]
@@ -56,6 +56,11 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
     def off(x: np.ndarray) -> np.ndarray:
         return root * (np.maximum(columns(x[-1], strain, pressure) @ x[:-1], floor) - force)
 
+    def slopes(x: np.ndarray) -> np.ndarray:
+        a = columns(x[-1], strain, pressure)
+        bent = a[:, :units + 1] @ x[:units + 1] * strain
+        return np.where(a @ x[:-1] > floor, root, 0.0)[:, None] * np.column_stack([a, bent])
+
     def started(c: float) -> np.ndarray:
         # Rows at the floor say only that the form is not above it.
         a = columns(c, strain[above], pressure[above])
@@ -63,7 +68,7 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
         return np.append(x, c)
 
     start = min(map(started, _EXPONENTS), key=lambda x: float(np.sum(off(x) ** 2)))
-    x = least_squares(off, start, x_scale=np.abs(start) + 1e-3, max_nfev=200).x
+    x = least_squares(off, start, slopes, x_scale=np.abs(start) + 1e-3, max_nfev=200).x
     return lambda e, p: np.maximum(columns(x[-1], e, p) @ x[:-1], floor)
 
 
