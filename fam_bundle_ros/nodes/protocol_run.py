@@ -25,12 +25,16 @@ _ARRIVED, _ARRIVING = 3e-3, 5.0
 _OBEYS, _OBEYING = 5e3, 1.0
 #: Samples in a row beyond the force limit: one alone may be a spike.
 _SPIKE = 3
-#: s without a sample after which a segment is not worth keeping.
-_GAP = 0.5
+#: s without a sample after which a segment is run again, and how often it is run at most.
+_GAP, _TRIES = 0.5, 3
 
 
 class Stopped(Exception):
     """The experiment cannot go on; the text says why. Everything is to be vented."""
+
+
+class _Gap(Exception):
+    """Samples are missing in a segment; the text says for how long."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +128,9 @@ class ProtocolRun:
         Stopped
             For a force beyond its limit, and where rig or controller do not follow.
         """
+        if self._asked is not None and seen.time - self._seen.time > _GAP:
+            # Whoever was held up has not heard what was asked meanwhile.
+            self._disobeyed = None
         self._seen = seen
         self._look(seen)
         self._passed = seen.time - self._begun
@@ -153,9 +160,10 @@ class ProtocolRun:
     # --- the script: each yield is a sample -----------------------------------------------------
 
     def _run(self) -> Generator[Asked, None, None]:
+        tries, again = 0, ''
         while self._todo:
             segment = self._todo[0]
-            self._begun, where = self._seen.time, f'segment {segment.number}'
+            self._begun, where = self._seen.time, f'segment {segment.number}{again}'
             if segment.pause:
                 self.words = f'{where}: pause of {segment.pause:g} s'
                 self._pressure = (0.0,) * self._protocol.motor_units
@@ -165,9 +173,18 @@ class ProtocolRun:
             yield from self._fill(segment.course.start.pressure)
             yield from self._wait(self._protocol.settle)
             self.words = f'{where}: {segment.course.words}'
-            rows = yield from self._record(segment)
+            try:
+                rows = yield from self._record(segment)
+            except _Gap as gap:
+                tries += 1
+                if tries == _TRIES:
+                    raise Stopped(f'{where}: {gap}') from gap
+                # A computer that was held up is no reason to end an experiment of hours.
+                again = f' again ({gap})'
+                continue
             self._keep(segment, rows)
             self._todo.pop(0)
+            tries, again = 0, ''
             self._begun, self._passed = self._seen.time, 0.0
 
     def _hold(self) -> Asked:
@@ -239,7 +256,7 @@ class ProtocolRun:
             yield Asked(self._place, rate, self._pressure)
             step = self._seen.time - seen.time
             if step > _GAP:
-                raise Stopped(f'segment {segment.number}: nothing came for {step:.2f} s')
+                raise _Gap(f'nothing came for {step:.2f} s')
         self._place, _, self._pressure = course.at(course.seconds)
         return rows
 

@@ -161,8 +161,11 @@ def test_a_sample_that_comes_twice_is_answered_twice_and_kept_once(ros_context, 
 @pytest.fixture
 def rig(repository, domain_id, tmp_path):
     """Yield a bundle that runs by itself in wall time, with a dynamometer, not enabled."""
+    # Being held up by other tests is not what it is about.
     values = {'load.kind': 'dynamometer', 'generate': 'false', 'start_enabled': 'false',
-              'monitor': 'false', 'reference_timeout': '2.0'}
+              'monitor': 'false', 'reference_timeout': '10.0', 'sensor_timeout': '5.0',
+              'setpoint_timeout': '5.0', 'command_timeout': '5.0', 'supply_timeout': '5.0',
+              'clocks_synchronised': 'false'}
     process = subprocess.Popen(
         [sys.executable, '-m', 'fam_bundle_ros.cli', 'run', '--ros-args',
          *(part for name, value in values.items() for part in ('-p', f'{name}:={value}'))],
@@ -206,7 +209,7 @@ def test_a_running_rig_is_enabled_measured_and_left_vented(rig, domain_id, tmp_p
         patience(0.0)
         with pytest.raises(InputError, match='reference_timeout .* is 0; expected more'):
             measure(SHORT, tmp_path / 'log.csv', paper_bundle, rig=True, domain=domain_id)
-        patience(2.0)
+        patience(10.0)
         sender = probe.create_publisher(WrenchStamped, interface.REFERENCE_FORCE, 10)
         over = threading.Event()
 

@@ -172,6 +172,52 @@ def test_a_rig_or_a_controller_that_does_not_follow_stops_it():
     assert list(lost) == [1]
 
 
+def test_a_segment_with_a_gap_is_run_again_and_twice_more_at_most():
+    """A computer that is held up for 0.7 s does not end the experiment; one that always is does."""
+    run, kept = experiment()
+    toy = Toy()
+    steps = []
+
+    def held_up(seen):
+        steps.append(run.words)
+        if 'segment 2: sweep' in run.words and seen.strain > 0.1:
+            toy.time += 0.7
+        return change(seen, time=toy.time)
+    toy.broken = held_up
+    toy.run(run)
+    assert list(kept) == [1, 2]
+    assert 'segment 2 again (nothing came for 0.71 s): sweep' in ' '.join(steps)
+    times = [row.time for row in kept[2]]
+    assert max(b - a for a, b in zip(times, times[1:])) < 2 * DT
+    assert len(times) == pytest.approx(401, abs=2)
+
+    def always(seen):
+        toy.time += 0.7 if 'sweep' in run.words and seen.strain > 0.1 else 0.0
+        return change(seen, time=toy.time)
+    run, kept = experiment()
+    toy = Toy()
+    toy.broken = always
+    with pytest.raises(Stopped, match='segment 1 again .*: nothing came for 0.71 s'):
+        toy.run(run)
+    assert kept == {}
+
+
+def test_a_controller_that_was_held_up_has_its_time_to_follow():
+    """1.2 s without a sample, as the second isobar is asked for, count for one sample."""
+    run, kept = experiment()
+    toy = Toy()
+    late = [(0.0,)] * 3
+
+    def held_up(seen):
+        late.append(seen.setpoint)
+        if late[-3:] == [(50e3,), (90e3,), (90e3,)]:
+            toy.time += 1.2
+        return change(seen, time=toy.time, setpoint=late[-4])
+    toy.broken = held_up
+    toy.run(run)
+    assert list(kept) == [1, 2]
+
+
 def test_readings_that_are_no_numbers_are_left_out():
     """A short drop-out costs its samples, and no more."""
     run, kept = experiment()
