@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf
+from scipy.special import log_ndtr
 
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
@@ -52,15 +53,19 @@ class Linear(NamedTuple):
     Attributes
     ----------
     columns : ndarray, shape (n, k + 1), N
-        Slopes in the k coordinates that are at no limit, then the residual at zero of them.
+        Slopes in the k coordinates that are at no limit, sizes that may be absent last, then the
+        residual at zero of them.
     own : ndarray, shape (k,)
         Those coordinates.
+    sizes : int
+        How many of them are sizes that may be absent.
     constant : float
         Part of the log evidence that goes with the priors and the number of cells.
     """
 
     columns: np.ndarray
     own: np.ndarray
+    sizes: int
     constant: float
 
     @classmethod
@@ -68,13 +73,16 @@ class Linear(NamedTuple):
            slopes: np.ndarray) -> Linear:
         """Return it for residual (n,) and slopes (n, p) at u (p,)."""
         held = pinned(priors, u)
-        own = u[~held]
+        half = np.array([p.kind == 'half' for p in priors], bool)
+        free = np.concatenate([np.flatnonzero(~held & ~half), np.flatnonzero(~held & half)])
+        own = u[free]
         columns = np.empty((len(residual), len(own) + 1), order='F')
-        columns[:, :-1] = slopes[:, ~held]
+        columns[:, :-1] = slopes[:, free]
         columns[:, -1] = residual + columns[:, :-1] @ own
-        halves = sum(p.kind == 'half' for p, at_limit in zip(priors, held) if not at_limit)
-        return cls(columns, own, float(np.log(2.0) * halves - 0.5 * np.sum(u[held] ** 2)
-                                       - 0.5 * len(residual) * np.log(2.0 * np.pi)))
+        absent = np.sum(half & held & (u <= 0.0))
+        return cls(columns, own, int(np.sum(half & ~held)), float(
+            -np.log(2.0) * absent - 0.5 * np.sum(u[held] ** 2)
+            - 0.5 * len(residual) * np.log(2.0 * np.pi)))
 
 
 @dataclass(frozen=True)
@@ -150,6 +158,31 @@ def pinned(priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
                      for prior, value in zip(priors, u)], bool)
 
 
+def _of_sizes(factor: np.ndarray, at: Linear, reached: bool) -> float:
+    """
+    Return what it adds to the log evidence that sizes are not negative, and may be absent.
+
+    A size is zero with probability one half, else half-normal. With mean m and deviation s of its
+    posterior under a normal prior of 1, the evidence is Phi(m / s) of that with the normal prior
+    for what is above zero, and half the ratio of the densities at zero of posterior and prior for
+    zero itself (Dickey 1971, Ann. Math. Stat. 42, 204).
+
+    Parameters
+    ----------
+    factor : ndarray, shape (n + k, k + 1)
+        R of the stacked slopes, prior and residual.
+    reached : bool
+        With the sizes at u for the means, as `Fitter.log_evidence`.
+    """
+    k = len(at.own)
+    last = slice(k - at.sizes, k)
+    corner = np.triu(factor[last, last])
+    sd = np.linalg.norm(np.linalg.inv(corner), axis=1)
+    mean = at.own[last] if reached else np.linalg.solve(corner, factor[last, k])
+    above, zero = log_ndtr(mean / sd), -0.5 * (mean / sd) ** 2 - np.log(2.0 * sd)
+    return float(np.logaddexp(above, zero).sum())
+
+
 @dataclass
 class Fitter:
     """
@@ -212,11 +245,13 @@ class Fitter:
         stacked = np.zeros((n + k, k + 1), order='F')
         white = stacked[:n] = self.covariance.whiten(h, at.columns)
         stacked[n + np.arange(k), np.arange(k)] = 1.0
-        diagonal = np.diag(dgeqrf(stacked, overwrite_a=1)[0])
+        factor = dgeqrf(stacked, overwrite_a=1)[0]
+        diagonal = np.diag(factor)
         misfit = float(np.sum((white[:, k] - white[:, :k] @ at.own) ** 2) + at.own @ at.own
                        ) if reached else diagonal[k] ** 2
         return float(at.constant - 0.5 * misfit - np.log(np.abs(diagonal[:k])).sum()
-                     - self.covariance.log_determinant(h) + self.covariance.log_prior(h))
+                     - self.covariance.log_determinant(h) + self.covariance.log_prior(h)
+                     + (_of_sizes(factor, at, reached) if at.sizes else 0.0))
 
     def evidence_of(self, fit: Fit) -> float:
         """Return the log evidence of a fit to other cells, linearised there, with its prior."""

@@ -4,7 +4,7 @@
 Which experiment tells two models apart: a T-criterion over a short menu of protocols.
 
 For each experiment the difference of the two predictions is taken, less what the weaker model
-could make up by moving its parameters within what the present data leave open.
+makes up by moving its parameters within their bounds and what the present data leave open.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from fam_bundle_ros.data.grouping import pressure_speed, varying_unit
 from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
@@ -27,7 +28,7 @@ from fam_bundle_ros.data.protocol import (
 )
 from fam_bundle_ros.data.segments import LEAST_STRAIN, MOST_STRAIN, Pressures, Step
 from fam_bundle_ros.discovery.cells import Cells
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.model import Bundle, catalogue, Motion
 
 #: Below this many noise standard deviations (summed squares) an experiment tells nothing.
@@ -42,6 +43,8 @@ _SWEEP, _HOLD, _STEP = 25, 60, 3
 _SHORT = 0.05
 #: What the load cell has borne, times this, it bears in the next experiment too.
 _BEARS = 1.5
+#: Share of the chi2 that a step of its fit gains at least.
+_ALIKE = 1e-2
 #: Least range of strain (1) and highest pressure (Pa) of an experiment, where the data have less.
 _RANGE, _PRESSURE = 0.05, 20e3
 #: Steps of the strains, and of the pressures (Pa), that are proposed.
@@ -205,24 +208,39 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
     log is one.
     """
     ranked, swept = [], _is_swept(fitter.cells.data)
-    known = np.linalg.inv(second.covariance)
     for protocol in menu(fitter.cells, first.model):
         if swept and protocol.name == _PLAIN:
             continue
-        test = motion(protocol)
-        slope = np.array([prior.slope(u) for prior, u in zip(second.priors, second.u)])
-        force, columns = second.model.jacobian(test, [p.key for p in second.priors])
-        gap = (first.model.predict(test) - force) / fitter.cells.noise
-        columns = columns * slope / fitter.cells.noise
-        part = columns.T @ gap
-        separation = float(gap @ gap - part @ np.linalg.solve(known + columns.T @ columns, part))
+        separation = _separation(motion(protocol), first.model, second, fitter.cells.noise)
         if np.isfinite(separation):
-            ranked.append(Experiment(protocol, max(separation, 0.0)))
+            ranked.append(Experiment(protocol, separation))
     plain = max((item.separation for item in ranked if item.words == _PLAIN), default=0.0)
     ranked.sort(key=lambda item: (-item.separation if item.separation > _WORTH * plain
                                   else -plain, item.words != _PLAIN))
     top = ranked[0] if ranked and ranked[0].separation > _USELESS else None
     return top, ranked
+
+
+def _separation(test: Motion, truth: Bundle, rival: Fit, noise: float) -> float:
+    """Return the least chi2 of a fitted model, with what is known of it, on what is true."""
+    force = truth.predict(test)
+    keys = [prior.key for prior in rival.priors]
+    root = np.linalg.cholesky(np.linalg.inv(rival.covariance)).T
+
+    def off(u: np.ndarray) -> np.ndarray:
+        moved = with_coordinates(rival.model, rival.priors, u).predict(test)
+        return np.append((moved - force) / noise, root @ (u - rival.u))
+
+    def slopes(u: np.ndarray) -> np.ndarray:
+        _, columns = with_coordinates(rival.model, rival.priors, u).jacobian(test, keys)
+        slope = np.array([prior.slope(value) for prior, value in zip(rival.priors, u)])
+        columns = np.where(np.isfinite(columns), columns, 0.0)
+        return np.concatenate([columns * slope / noise, root])
+
+    if not np.isfinite(off(rival.u)).all():
+        return np.nan
+    low, high = np.transpose([prior.limits for prior in rival.priors])
+    return float(2.0 * least_squares(off, rival.u, slopes, (low, high), ftol=_ALIKE).cost)
 
 
 def _is_swept(data: Measurement) -> bool:

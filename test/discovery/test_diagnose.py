@@ -161,6 +161,16 @@ def test_viscous_damping_in_triangles_does_not_look_dry(paper_muscle, speeds, ti
     assert 'viscous_damping' in labels(result)
 
 
+def test_dry_friction_that_no_pressure_changes_is_not_taken_for_damping(paper_muscle):
+    """As a rig's bearings have it: at one speed both tie, and another speed is proposed."""
+    truth = paper_muscle.with_effect('coulomb_friction', force=4.0, per_pressure=0.0)
+    result = diagnose(paper_muscle, triangles(truth, (0.05,)))
+    assert result.verdict == 'missing_effect'
+    assert set(result.tied[0]) == {'coulomb_friction', 'viscous_damping'}
+    assert 'ten times' in result.next_experiment
+    assert diagnose(paper_muscle, triangles(truth, (0.05, 0.2))).effects == ('coulomb_friction',)
+
+
 @pytest.mark.parametrize('late', [0.02, -0.02])
 def test_strain_and_force_logged_apart_are_no_damping(paper_muscle, late):
     """20 ms between two instruments look like damping, or what feeds motion: it is neither."""
@@ -327,7 +337,7 @@ def test_two_muscles_in_one_file_are_unexplained(sweeps, paper_muscle):
 def test_effects_that_the_data_cannot_tell_apart_are_tied(sweeps, paper_muscle):
     """At one sweep speed dry and viscous friction tie, and an experiment is proposed."""
     data = sweeps(paper_muscle.with_effect('coulomb_friction', force=3.0))
-    # turning points tell them apart by 12 log units: the power of the speed is at its bound
+    # turning points tell them apart: the power of the speed is at its bound
     result = diagnose(paper_muscle, data, choices=Choices(odds=1e6))
     group = next(g for g in result.tied if {'coulomb_friction', 'viscous_damping'} & set(g))
     assert len(group) > 1

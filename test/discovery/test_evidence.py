@@ -353,6 +353,49 @@ def test_a_parameter_at_its_bound_counts_as_fixed(problem):
     assert both == pytest.approx(free - 2.0)
 
 
+@pytest.mark.parametrize('size', [-0.02, 0.0, 0.01, 0.05, 1.0])
+def test_a_size_is_positive_or_absent_with_equal_odds(problem, size):
+    """The evidence is the marginal likelihood under that prior, by quadrature."""
+    cells, covariance, fitter = problem
+    rng = np.random.default_rng(2)
+    slopes = 20.0 * rng.standard_normal((len(cells), 2))
+    priors = [Prior('a.size', 0.0, 1e3, 0.0, 1.0, 'half'),
+              Prior('a.x', -1e3, 1e3, 0.0, 1.0, 'normal')]
+    white = Hyper(white=4)
+    noise = np.sqrt(cells.noise ** 2 / cells.count + covariance.variance(4))
+    slopes *= np.median(noise) / np.linalg.norm(slopes[:, 0]) / 0.02
+    force = slopes @ [size, 0.5] + noise * rng.standard_normal(len(cells))
+    u = np.array([0.3, 0.2])
+    told = fitter.log_evidence(white, Linear.of(priors, u, force - slopes @ u, slopes))
+
+    def given(value):
+        rest = Linear.of(priors[1:], u[1:], force - value * slopes[:, 0] - slopes[:, 1] * u[1],
+                         slopes[:, 1:])
+        return fitter.log_evidence(white, rest)
+    values = np.linspace(0.0, 4.0, 20001)
+    height = np.array([given(value) for value in values])
+    top = height.max()
+    above = np.trapezoid(np.exp(height - top - 0.5 * values ** 2), values) / np.sqrt(2.0 * np.pi)
+    exact = top + np.log(0.5 * np.exp(given(0.0) - top) + above)
+    assert told == pytest.approx(exact, abs=2e-3)
+    at_zero = fitter.log_evidence(white, Linear.of(
+        priors, np.array([0.0, 0.2]), force - 0.2 * slopes[:, 1], slopes))
+    assert at_zero == pytest.approx(given(0.0) - np.log(2.0))
+
+
+def test_what_is_reached_at_a_size_of_nearly_zero_is_that_at_zero(problem):
+    """A hair above its bound a size costs what it costs at the bound."""
+    cells, _, fitter = problem
+    rng = np.random.default_rng(3)
+    slopes = 100.0 * rng.standard_normal((len(cells), 1))
+    priors = [Prior('a.size', 0.0, 1e3, 0.0, 1.0, 'half')]
+    force = rng.standard_normal(len(cells))
+    values = [fitter.log_evidence(FULL, Linear.of(priors, np.array([size]),
+                                                  force - size * slopes[:, 0], slopes), True)
+              for size in (0.0, 1e-7)]
+    assert values[1] == pytest.approx(values[0], abs=0.02)
+
+
 def test_amplitudes_pay_by_what_is_normal(problem):
     """exp(-sum of amplitudes / unexplained): half of what is normal costs twice as much."""
     cells, _, _ = problem
