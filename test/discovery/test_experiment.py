@@ -188,7 +188,8 @@ def test_experiments_are_ranked_by_what_a_refit_cannot_make_up_for(bundle, log, 
         least = minimize(apart, np.zeros(2), method='Nelder-Mead').fun
         assert item.separation == pytest.approx(least, rel=2e-2)
         made_up.append(1.0 - item.separation / apart(np.zeros(2)))
-    assert min(made_up) >= 0.0 and max(made_up) > 0.03
+    assert min(made_up) >= 0.0
+    assert max(made_up) > 0.03
     assert best is ranked[0]
     plain = [item for item in ranked if item.words.startswith('sweep each isobar up and down')]
     assert len(plain) == static  # the log is such a sweep

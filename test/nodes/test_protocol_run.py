@@ -173,7 +173,7 @@ def test_a_rig_or_a_controller_that_does_not_follow_stops_it():
 
 
 def test_a_segment_with_a_gap_is_run_again_and_twice_more_at_most():
-    """A computer that is held up for 0.7 s does not end the experiment; one that always is does."""
+    """Being held up for 0.7 s does not end the experiment; being held up each time does."""
     run, kept = experiment()
     toy = Toy()
     steps = []
