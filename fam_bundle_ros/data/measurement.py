@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import csv
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 import hashlib
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -166,6 +167,19 @@ class Measurement(Told):
     def clock(self) -> np.ndarray:
         """Return the time, or for a static map seconds that merely count the rows, (T,)."""
         return np.arange(len(self), dtype=float) if self.time is None else self.time
+
+    @cached_property
+    def smoothed(self) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Strain (T,) and pressure (T, n) of a log, smoothed as far as their own noise allows.
+
+        Kept: a diagnosis asks for them nine times, which took an eighth of it.
+        """
+        if self.time is None:
+            return self.strain, self.pressure
+        strain, *columns = (rates.smooth(self.time, column, self.trial)
+                            for column in (self.strain, *self.pressure.T))
+        return strain, np.stack(columns, -1)
 
     @property
     def dropped_words(self) -> str:

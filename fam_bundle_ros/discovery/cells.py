@@ -221,8 +221,9 @@ def _places(data: Measurement, direction: np.ndarray, strain_range: float,
         parts = [np.round(data.strain / strain_range * bins).astype(int), direction]
         parts += [np.round(column / size * bins).astype(int)
                   for column, size in zip(data.pressure.T, pressure_range)]
-        _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
-        label = cell.ravel()
+        label = np.zeros(len(data), int)
+        for part in parts:  # one number after the other: rows sorted whole take four times as long
+            label = _renumbered(label * (np.ptp(part) + 1) + part - part.min())
         if label.max() < most:
             break
     return label

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import smooth
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Motion
 
@@ -23,10 +22,7 @@ def motion(data: Measurement) -> Motion:
 
     Strain and pressure of a log are smoothed as far as their own noise allows.
     """
-    if data.time is None:
-        return Motion(data.strain, data.pressure, data.strain_rate, None, data.start)
-    strain = smooth(data.time, data.strain, data.trial)
-    pressure = np.stack([smooth(data.time, column, data.trial) for column in data.pressure.T], -1)
+    strain, pressure = data.smoothed
     return Motion(strain, pressure, data.strain_rate, data.time, data.start)
 
 
