@@ -3,6 +3,7 @@
 """Real processes: clean ends, bad input, lost nodes, launch files."""
 
 import ast
+from importlib import import_module
 import signal
 
 import pytest
@@ -10,6 +11,23 @@ from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.resources import config_path
+
+
+@pytest.fixture
+def main(capfd):
+    """Return a function that runs an executable in this process; status, stdout and stderr."""
+    # `run` ignores signals from its end on, as a process that is about to exit should
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def run(node, *arguments):
+        capfd.readouterr()
+        try:
+            status = import_module(f'fam_bundle_ros.nodes.{node}').main([node, *arguments])
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+        return status, *capfd.readouterr()
+    return run
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
@@ -79,37 +97,35 @@ def test_node_that_cannot_stop_leaves_the_others_vented(ros_context):
     ('reference_generator', 'repeet:=true', "did you mean 'repeat'?"),
     ('bundle_bringup', 'load.kind:=crane', "load.kind is 'crane'; expected one of dynamometer"),
 ])
-def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text, start):
+def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text, main):
     """What was given, what is expected, nothing else; for every executable."""
-    process = start(node, '--ros-args', '-p', argument)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 2
+    status, said, errors = main(node, '--ros-args', '-p', argument)
+    assert (status, said) == (2, '')
     assert len(errors.strip().splitlines()) == 1
     assert errors.startswith(f'{node}: ')
     assert text in errors
 
 
 def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path, start):
-    """A file that is not there, or no YAML."""
+    """A file that is not there, or no YAML; of a process too nothing else is heard."""
     process = start('pressure_pid', '--ros-args', '--params-file', str(tmp_path / 'none.yaml'))
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 2
+    said, errors = process.communicate(timeout=60)
+    assert (process.returncode, said) == (2, '')
     assert 'none.yaml' in errors
+    assert len(errors.strip().splitlines()) == 1
     assert 'Traceback' not in errors
 
 
-def test_unknown_argument_is_refused(domain_id, start):
+def test_unknown_argument_is_refused(main):
     """A parameter without --ros-args would be ignored in silence."""
-    process = start('pressure_pid', 'motor_unit:=2')
-    _, errors = process.communicate(timeout=60)
-    assert (process.returncode, 'given as --ros-args' in errors) == (2, True)
+    status, _, errors = main('pressure_pid', 'motor_unit:=2')
+    assert (status, 'given as --ros-args' in errors) == (2, True)
 
 
-def test_help_lists_the_parameters(domain_id, start):
+def test_help_lists_the_parameters(main):
     """--help says what the node is for, and every parameter with its range."""
-    process = start('pressure_pid', '--help')
-    text, _ = process.communicate(timeout=60)
-    assert process.returncode == 0
+    status, text, _ = main('pressure_pid', '--help')
+    assert status == 0
     assert 'gains.p = 54.0 [0..1000] (changes while running)' in text
 
 
