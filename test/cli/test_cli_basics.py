@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.model import catalogue
 
 MODEL = """format: fam-bundle-model/1
@@ -171,8 +172,12 @@ def test_an_unexpected_error_is_a_short_line(fam_bundle, monkeypatch):
         fam_bundle('effects', '--debug')
 
 
-def test_benchmark_control_reports_every_run_beside_equal_pressure(fam_bundle, tmp_path):
+def test_benchmark_control_reports_every_run_beside_equal_pressure(fam_bundle, tmp_path,
+                                                                   monkeypatch):
     """One trajectory on two plants: rows and summary in JSON, a page, the terminal's tables."""
+    # test/control/test_benchmark.py has the search for its gains
+    monkeypatch.setattr('fam_bundle_ros.benchmarks.control.baseline_gains',
+                        lambda *case: BaselineConfig())
     result = fam_bundle('benchmark-control', '--trajectories', 'ramp_80', '--plants',
                         'nominal,units_5', '--units', '2', '--controllers', 'none', '--no-ros',
                         '--workers', '1', '--json', 'runs.json', '--out', 'runs.html')
