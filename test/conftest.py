@@ -11,6 +11,7 @@ import fcntl
 from importlib import import_module
 import os
 from pathlib import Path
+import pickle
 import pkgutil
 import tempfile
 
@@ -57,6 +58,34 @@ def not_frozen():
                 if isinstance(kind, type) and is_dataclass(kind)
                 and kind.__module__ == module.__name__ and not kind.__dataclass_params__.frozen}
     return names
+
+
+@pytest.fixture(scope='session')
+def once(tmp_path_factory):
+    """Return a function that makes something under a name once for all workers of this run."""
+    folder = tmp_path_factory.getbasetemp()
+    if 'PYTEST_XDIST_WORKER' in os.environ:
+        folder = folder.parent
+
+    def get(name, make):
+        path = folder / f'{name}.pickle'
+        with (folder / f'{name}.lock').open('w') as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not path.exists():
+                path.write_bytes(pickle.dumps(make()))
+            return pickle.loads(path.read_bytes())
+    return get
+
+
+@pytest.fixture(scope='session')
+def map_found(once):
+    """Return what discovery says about the measured map that ships, DMSP-20."""
+    from fam_bundle_ros.discovery import diagnose, read_measurement
+    from fam_bundle_ros.model import load_model
+    from fam_bundle_ros.resources import config_path
+    return once('map_found', lambda: diagnose(
+        load_model(config_path('data/dmsp20_static_map.model.yaml')),
+        read_measurement(config_path('data/dmsp20_static_map.csv'))))
 
 
 @pytest.fixture(scope='session')

@@ -14,7 +14,9 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from fam_bundle_ros import discovery
 from fam_bundle_ros.cli.demo import stories
+from fam_bundle_ros.model import dumps_model
 
 
 @pytest.fixture
@@ -106,9 +108,15 @@ def quicker(bundle):
         for name, task, words in stories(bundle))
 
 
-def test_demo_tells_the_whole_story(fam_bundle, domain_id, tmp_path, monkeypatch):
+def test_demo_tells_the_whole_story(fam_bundle, domain_id, tmp_path, monkeypatch, map_found):
     """`demo`: RS1 to RS2 to RS1 twice over ROS, the model's error by step, report/ whole."""
+    def found(model, data, progress):
+        assert dumps_model(model) == dumps_model(map_found.model)
+        assert data.sha256 == map_found.measurement.sha256
+        progress(0.5, 'as test_diagnose has it')
+        return map_found
     monkeypatch.setattr('fam_bundle_ros.cli.demo.stories', quicker)
+    monkeypatch.setattr(discovery, 'diagnose', found)
     result = fam_bundle('demo')
     assert result.returncode == 0, result.stderr
     assert sorted(p.name for p in (tmp_path / 'report').iterdir()) == [

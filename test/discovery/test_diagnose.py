@@ -73,12 +73,9 @@ def test_practice_case_comes_out_as_its_answer(practice, answers, name):
     assert saved['next_experiment']
 
 
-def test_a_triple_that_no_single_effect_starts_is_found(repository, tmp_path):
+def test_a_triple_that_no_single_effect_starts_is_found(map_found, tmp_path):
     """DMSP-20: bladder and slack together, not one by one; the model that it writes is good."""
-    folder = repository / 'config' / 'data'
-    model = load_model(folder / 'dmsp20_static_map.model.yaml')
-    data = read_measurement(folder / 'dmsp20_static_map.csv')
-    result = diagnose(model, data)
+    result, data = map_found, map_found.measurement
     assert result.verdict in ('missing_effect', 'partial')
     assert {'bladder_elasticity', 'tendon_slack'} <= labels(result)
     assert result.error_N['model'] == pytest.approx(151.3, abs=0.5)

@@ -58,10 +58,10 @@ def session():
 
 
 @pytest.fixture(scope='session')
-def friction_found():
+def friction_found(once):
     """Return what discovery says about the hidden-friction example, where it needs one effect."""
     case = load_example('hidden_friction')
-    return diagnose(case.model, case.data, choices=Choices(most=1))
+    return once('friction_found', lambda: diagnose(case.model, case.data, choices=Choices(most=1)))
 
 
 @pytest.fixture
