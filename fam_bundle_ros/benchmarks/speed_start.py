@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Row of the start: how long until a process has imported, shown its help, or has a node up."""
 
+from functools import cache
 import importlib.util
 import re
 import resource
@@ -37,20 +38,24 @@ def seconds(programs: list[str], repeats: int) -> list[float]:
         return usage.ru_utime + usage.ru_stime
 
     taken: dict[str, list[float]] = {program: [] for program in programs}
-    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as folder:
-        variables = _environment(folder)
-        for program in programs * (repeats + 1):
-            begin = spent()
-            subprocess.run([sys.executable, '-c', program + _END], check=True, env=variables,
-                           capture_output=True)
-            taken[program].append(spent() - begin)
+    for program in programs * (repeats + 1):
+        begin = spent()
+        subprocess.run([sys.executable, '-c', program + _END], check=True,
+                       env=_environment(), capture_output=True)
+        taken[program].append(spent() - begin)
     return [min(taken[program][1:]) for program in programs]
 
 
-def _environment(folder: str) -> dict[str, str]:
-    """Return the environment of a process that keeps its bytecode in a folder."""
+@cache
+def _bytecode() -> tempfile.TemporaryDirectory[str]:
+    """Return a folder for the bytecode of all starts; it goes with this process."""
+    return tempfile.TemporaryDirectory(prefix='fam_bundle_')
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment of a process that keeps its bytecode in our folder."""
     return {key: value for key, value in environment().items()
-            if key != 'PYTHONDONTWRITEBYTECODE'} | {'PYTHONPYCACHEPREFIX': folder}
+            if key != 'PYTHONDONTWRITEBYTECODE'} | {'PYTHONPYCACHEPREFIX': _bytecode().name}
 
 
 def measure(scale: float) -> list[Figure]:
@@ -79,11 +84,9 @@ def where(scale: float) -> str:
     """Return which imports of a node take longest, and its construction."""
     timed = _NODE.replace('PressurePidNode(1', 'import time\nt = time.perf_counter()\n'
                           'PressurePidNode(1') + '\nprint(time.perf_counter() - t, flush=True)'
-    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as folder:
-        for _ in range(2):
-            done = subprocess.run([sys.executable, '-X', 'importtime', '-c', timed + _END],
-                                  check=True, env=_environment(folder), capture_output=True,
-                                  text=True)
+    for _ in range(2):
+        done = subprocess.run([sys.executable, '-X', 'importtime', '-c', timed + _END],
+                              check=True, env=_environment(), capture_output=True, text=True)
     spent: dict[str, float] = {}
     for own, name in re.findall(r'import time:\s+(\d+) \|\s+\d+ \|\s+(\S+)', done.stderr):
         package = name.partition('.')[0]
