@@ -211,7 +211,9 @@ def test_supply_that_contradicts_its_parameter_latches(graph, pair, shown):
 
 def test_readings_that_come_in_bursts_open_the_valve_no_wider_than_is_safe(graph):
     """What flows in until the next reading comes does not lead above the trip."""
-    node = PressurePidNode(1, context=graph.context, overrides={'clocks_synchronised': False})
+    # of a machine that does other things too: how soon it exhausts is not what this is about
+    node = PressurePidNode(1, context=graph.context, overrides={
+        'sensor_timeout': 5.0, 'setpoint_timeout': 5.0, 'clocks_synchronised': False})
     graph.add(node)
     stamp, gap = graph.probe.now_ns(), 0.06
     for k in range(4):
@@ -293,13 +295,13 @@ def test_silence_is_vented_in_wall_time(graph, silent):
         return len(commands) > 20 and commands[-1].effort[0] > -1.0
     graph.until(feed, 'commands')
     count = len(commands)
-    graph.until(lambda: (feed(silent), commands[-1].effort[0] == -1.0)[1], 'exhaust', 3.0)
+    graph.until(lambda: (feed(silent), commands[-1].effort[0] == -1.0)[1], 'exhaust')
     assert 0.0 in {m.effort[0] for m in commands[count:]}
 
 
 @pytest.mark.parametrize(('event', 'state', 'within'), [
-    ('stamp', 'SENSOR', 0.6), ('e_stop', 'E_STOP', 0.0), ('pressure', 'OVER_PRESSURE', 0.0),
-    ('setpoint', 'NO_SETPOINT', 0.5)])
+    ('stamp', 'SENSOR', 60.0), ('e_stop', 'E_STOP', 0.0), ('pressure', 'OVER_PRESSURE', 0.0),
+    ('setpoint', 'NO_SETPOINT', 60.0)])
 def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
     """A driver whose stamp is frozen: nothing goes on filling, and every danger is seen."""
     # Only what the case is about may come first.
@@ -340,8 +342,8 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
 def test_strain_and_supply_expire(graph):
     """Readings that stop coming are replaced by the parameters, and diagnostics say so."""
     node = PressurePidNode(1, context=graph.context, overrides={
-        'auxiliary_timeout': 0.05, 'volume': 30e-6, 'supply.pressure': 550e3,
-        'clocks_synchronised': False})
+        'auxiliary_timeout': 0.4, 'volume': 30e-6, 'supply.pressure': 550e3,
+        'sensor_timeout': 5.0, 'setpoint_timeout': 5.0, 'clocks_synchronised': False})
     graph.add(node)
     given = []
     node.pid.update = lambda *values: given.append(values) or 0.0
@@ -361,7 +363,7 @@ def test_strain_and_supply_expire(graph):
     assert 5e-6 < volume < 40e-6
     assert flow != 0.0
     assert 'any more' not in reported(node)[1]
-    time.sleep(0.06)
+    time.sleep(0.41)
     assert regulate(2)[3:] == (None, None, 0.0)
     level, text = reported(node)
     assert level == WARN

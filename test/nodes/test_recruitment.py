@@ -386,8 +386,8 @@ def test_dead_force_is_seen_whatever_the_stamps(graph, stamps):
     graph.probe.every(0.002, feed)
     graph.until(lambda: node._guard.word == 'ACTIVE' and node.setpoints[0] > 20e3, 'pressure')
     dead.append('force')
-    graph.until(lambda: node._guard.word == 'HOLD', 'HOLD', 3.0)
-    graph.until(lambda: node._guard.word == 'SENSOR' and not any(node.setpoints), 'vent', 5.0)
+    graph.until(lambda: node._guard.word == 'HOLD', 'HOLD')
+    graph.until(lambda: node._guard.word == 'SENSOR' and not any(node.setpoints), 'vent')
     assert 'force: nothing for' in node._oversight.watches[0].reason
 
 
