@@ -110,6 +110,7 @@ class ProtocolRun:
         self._passed = 0.0
         self._begun = 0.0
         self._script = self._run()
+        self._seen: Seen
         self._asked: Asked | None = None
         self.done = False
         self.words = 'waiting for the rig'
