@@ -10,6 +10,7 @@ import pytest
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import compare, diagnose, noise_floor, read_measurement
+from fam_bundle_ros.discovery.predict import motion
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model
@@ -119,6 +120,22 @@ def test_the_measured_map_gives_150_newtons_to_the_ideal_braid(repository):
     assert len(result.tables['pressure']) == 21
     assert {row['label'] for row in result.tables['region']} <= {'tensile', 'past free strain'}
     assert json.loads(result.to_json())['noise_floor_N'] < 5.0
+
+
+def test_a_log_is_smoothed_in_strain_and_in_each_pressure():
+    """With a quarter less noise or more; the model is told of both, and of a map as it is."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 20.0, 0.02)
+    strain, pressure = 0.1 + 0.05 * np.sin(time), 2e5 + 5e4 * np.cos(time)
+    data = build('log', strain + 1e-3 * rng.standard_normal(1000),
+                 (pressure + 1e3 * rng.standard_normal(1000))[:, None], 1e-4 * pressure, None,
+                 time)
+    told = motion(data)
+    assert np.std(told.strain - strain) < 0.75e-3
+    assert np.std(told.pressure[:, 0] - pressure) < 0.75e3
+    still = motion(replace(data, time=None))
+    assert still.strain is data.strain
+    assert still.pressure is data.pressure
 
 
 def test_other_motor_units_than_the_models_fail(practice, paper_muscle):
