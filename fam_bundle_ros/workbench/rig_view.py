@@ -35,6 +35,7 @@ class RigView:
     def __init__(self, page: 'Page'):
         self.page, self.rig = page, _rig
         self._shown: dict[str, Any] = {}
+        self._due = False
         with parts.box('div', 'case live'):
             with parts.box('div', 'answer').props('aria-live=polite'):
                 self.head = parts.text('h1', 'Listening ...', mark='live:head')
@@ -106,7 +107,14 @@ class RigView:
         await self._order(set='hidden_effect', of='plant_simulator', value=effect)
 
     async def _order(self, **order: Any) -> None:
-        await self._try(lambda: self.rig.order(**order))
+        if self._due:  # the second of two clicks would be answered by a refusal
+            return
+        self._due = True
+        self._look()
+        try:
+            await self._try(lambda: self.rig.order(**order))
+        finally:
+            self._due = False
 
     async def _try(self, work: Callable[[], Awaitable[Any]]) -> None:
         """Do something that may be refused; show the answer, and until it comes none."""
@@ -138,9 +146,9 @@ class RigView:
                            if at_work else state.get('failure') or '')
         self.measure.look()
         candidate = state.get('candidate')
-        self._able('diagnose', heard and not at_work and bool(state))
-        self._able('apply', bool(candidate))
-        self._able('back', heard)
+        self._able('diagnose', heard and not at_work and bool(state) and not self._due)
+        self._able('apply', bool(candidate) and not self._due)
+        self._able('back', heard and not self._due)
         nodes = record.graph.get('nodes', ())
         self.start.set_visibility(not heard and not self.rig.simulating)
         self.stop.set_visibility(self.rig.simulating)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page "Live" by records alone, as the listener of a running bundle tells them."""
 
+import asyncio
 import re
 
 from nicegui import ui
@@ -38,6 +39,7 @@ class Told(LiveRig):
         """Refuse to apply, agree to all else."""
         self.orders.append(order)
         if order.get('call') == 'apply_model':
+            await asyncio.sleep(0.3)
             raise InputError('it predicts the memory no better')
         return 'so be it'
 
@@ -119,8 +121,13 @@ async def test_from_a_failure_to_a_candidate_and_its_refusal(page):
     await sees(user, 'Found: Coulomb friction')
     await user.should_see('Apply brings 7.99 N down to 0.57 N.')
     assert able(user, 'live:apply')
-    user.find(marker='live:apply').click()
+    # the second of two clicks, while the answer is due, orders nothing
+    for _ in range(2):
+        user.find(marker='live:apply').click()
+        await asyncio.sleep(0.05)
+        assert not able(user, 'live:apply')
     await sees(user, 'it predicts the memory no better')
+    assert sum(order.get('call') == 'apply_model' for order in rig.orders) == 1
     plot, = (each for each in user.find(ui.plotly).elements if each.figure['data'])
     assert any(trace.get('name') == 'residual' for trace in plot.figure['data'])
 
