@@ -7,17 +7,23 @@ from typing import Any
 from fam_bundle_ros.control.crossing import begin_crossing, crossing_pace, hand_over_time
 from fam_bundle_ros.control.curves import force_at, line_at, on_line
 from fam_bundle_ros.control.observer import quick_noise, shift
+from fam_bundle_ros.control.outer_loop import STRAIN
 from fam_bundle_ros.control.reasons import BEYOND, UNREACHABLE
 from fam_bundle_ros.control.spread import TOLERANCE
 from fam_bundle_ros.control.switching import REVERSAL_AWARE, switch_step
 
 
 def patience(settings: Any, state: Any, doubt: float, dt: float) -> float:
-    """Return what a hand-over takes where there is time, s: at most the dwell time."""
+    """
+    Return what a hand-over takes where there is time, s.
+
+    At most what is looked ahead; in a strain loop, which no observer helps, the dwell time.
+    """
     outer = state.outer
     noise = quick_noise(outer.observer, outer.lag, dt)
     time = hand_over_time(doubt, max(noise, TOLERANCE), outer.lag)
-    return min(time, settings.switching.dwell)
+    limits = settings.switching
+    return min(time, limits.dwell if outer.kind == STRAIN else limits.horizon)
 
 
 def switch_units(settings: Any, state: Any, dt: float, command: Any) -> None:

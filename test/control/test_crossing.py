@@ -27,6 +27,8 @@ from fam_bundle_ros.control.recruitment_loop import recruitment_state
 from fam_bundle_ros.control.spread import BATCH, ORDERLY, ratio_of
 from fam_bundle_ros.control.switching import Demand
 from fam_bundle_ros.control.transition import patience, send_unit
+from fam_bundle_ros.plant import Dynamometer
+from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
 PACE, DT = 2e6, 1e-3
 
@@ -218,12 +220,23 @@ def test_a_hand_over_is_within_the_noise_that_is_left_behind_the_loop():
     for reading in readings:
         found.append(found[-1] + (1.0 - math.exp(-dt / lag)) * (reading - found[-1]))
     state, settings = recruitment_state([0, 1], [[0.0, 1e5]] * 2, True), SimpleNamespace(
-        switching=SimpleNamespace(dwell=5.0))
+        switching=SimpleNamespace(horizon=5.0))
     state.outer.lag = lag
     for reading in readings[:2000]:
         learn_noise(state.outer.observer, reading, 0.1, dt)
         kept.append(doubt * lag / patience(settings, state, doubt, dt))
     assert np.mean(kept[1000:]) == pytest.approx(np.std(found), rel=0.1)
+
+
+def test_a_push_back_that_is_not_there_is_found_on_the_way_where_the_demand_is_slow(paper_bundle):
+    """Rising by 4 N/s it leaves a second for a dip of 6 N; feedback needs all of it."""
+    plant = paper_bundle.with_parameters({'resistive_buckling.pressure_share': 0.12})
+    ramp = Trajectory(
+        'ramp', 'force', 7.5, lambda t: 20.0 + 4.0 * t, lambda t: 4.0, Dynamometer(0.16),
+        prepare=1.5)
+    log = ClosedLoop(plant, paper_bundle, noise_factor=0.1, seed=1).run(ramp)
+    assert len(log.switches) == 1
+    assert np.abs(log.error[log.switches[0]:]).max() < 0.85
 
 
 def test_a_hand_over_is_in_doubt_only_while_a_unit_is_on_its_way(paper_bundle):
