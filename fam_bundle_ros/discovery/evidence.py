@@ -53,12 +53,15 @@ class Linear(NamedTuple):
     Attributes
     ----------
     columns : ndarray, shape (n, k + 1), N
-        Slopes in the k coordinates that are at no limit, sizes that may be absent last, then the
-        residual at zero of them.
+        Slopes in the k coordinates that are at no limit, sizes that may be absent last and before
+        them those of `others`, then the residual at zero of them.
     own : ndarray, shape (k,)
         Those coordinates.
     sizes : int
         How many of them are sizes that may be absent.
+    others : tuple of (int, int, float)
+        Sizes that may be absent instead: place of such a one among the coordinates, of the other,
+        and the coordinate at which the linear model has none of it.
     constant : float
         Part of the log evidence that goes with the priors and the number of cells.
     """
@@ -66,6 +69,7 @@ class Linear(NamedTuple):
     columns: np.ndarray
     own: np.ndarray
     sizes: int
+    others: tuple[tuple[int, int, float], ...]
     constant: float
 
     @classmethod
@@ -74,13 +78,19 @@ class Linear(NamedTuple):
         """Return it for residual (n,) and slopes (n, p) at u (p,)."""
         held = pinned(priors, u)
         half = np.array([p.kind == 'half' for p in priors], bool)
-        free = np.concatenate([np.flatnonzero(~held & ~half), np.flatnonzero(~held & half)])
-        own = u[free]
+        there = {p.key: k for k, p in enumerate(priors) if half[k] and not held[k]}
+        beside = np.array([p.beside in there for p in priors], bool)
+        free = np.concatenate([np.flatnonzero(~held & ~half & ~beside),
+                               np.flatnonzero(~held & beside), np.flatnonzero(~held & half)])
+        own, place = u[free], {k: j for j, k in enumerate(free.tolist())}
+        # slopes are in the logarithm: one over its width takes all of a size away
+        others = tuple((place[k], place[there[p.beside]], float(u[k] - 1.0 / p.width))
+                       for k, p in enumerate(priors) if beside[k] and not held[k])
         columns = np.empty((len(residual), len(own) + 1), order='F')
         columns[:, :-1] = slopes[:, free]
         columns[:, -1] = residual + columns[:, :-1] @ own
         absent = np.sum(half & held & (u <= 0.0))
-        return cls(columns, own, int(np.sum(half & ~held)), float(
+        return cls(columns, own, int(np.sum(half & ~held)), others, float(
             -np.log(2.0) * absent - 0.5 * np.sum(u[held] ** 2)
             - 0.5 * len(residual) * np.log(2.0 * np.pi)))
 
@@ -165,7 +175,8 @@ def _of_sizes(factor: np.ndarray, at: Linear, reached: bool) -> float:
     A size is zero with probability one half, else half-normal. With mean m and deviation s of its
     posterior under a normal prior of 1, the evidence is Phi(m / s) of that with the normal prior
     for what is above zero, and half the ratio of the densities at zero of posterior and prior for
-    zero itself (Dickey 1971, Ann. Math. Stat. 42, 204).
+    zero itself (Dickey 1971, Ann. Math. Stat. 42, 204). Where it is not zero the other size of its
+    law is, with probability one half: friction in proportion to the pressure has no constant part.
 
     Parameters
     ----------
@@ -175,12 +186,21 @@ def _of_sizes(factor: np.ndarray, at: Linear, reached: bool) -> float:
         With the sizes at u for the means, as `Fitter.log_evidence`.
     """
     k = len(at.own)
-    last = slice(k - at.sizes, k)
-    corner = np.triu(factor[last, last])
-    sd = np.linalg.norm(np.linalg.inv(corner), axis=1)
-    mean = at.own[last] if reached else np.linalg.solve(corner, factor[last, k])
-    above, zero = log_ndtr(mean / sd), -0.5 * (mean / sd) ** 2 - np.log(2.0 * sd)
-    return float(np.logaddexp(above, zero).sum())
+    sizes = k - at.sizes
+    first = sizes - len(at.others)
+    corner = np.triu(factor[first:k, first:k])
+    root = np.linalg.inv(corner)
+    sd = np.linalg.norm(root, axis=1)
+    mean = at.own[first:] if reached else root @ factor[first:k, k]
+    ratio = mean / sd
+    above, zero = log_ndtr(ratio), -0.5 * ratio ** 2 - np.log(2.0 * sd)
+    for place, size, none in at.others:
+        i, j = place - first, size - first
+        away, shared = (none - mean[i]) / sd[i], root[i] @ root[j] / sd[i]
+        alone = log_ndtr((mean[j] + shared * away) / np.sqrt(sd[j] ** 2 - shared ** 2))
+        gone = 0.5 * (none ** 2 - away ** 2) - np.log(sd[i])
+        above[j] = np.logaddexp(above[j], alone + gone) - np.log(2.0)
+    return float(np.logaddexp(above, zero)[sizes - first:].sum())
 
 
 @dataclass

@@ -4,13 +4,14 @@
 What is known of each parameter before the data, as a standard normal coordinate u.
 
 theta = value exp(width u) for positive constants, value + width u for signed ones; a size that
-is zero by default is half-normal. u = 0 is the model file's or the catalogue's value.
+is zero by default is half-normal, and beside it the other size of its law may be absent. u = 0 is
+the model file's or the catalogue's value.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -40,6 +41,8 @@ class Prior:
         ``log``, ``normal`` or ``half``.
     own : bool
         Whether the model has the parameter already.
+    beside : str
+        Key of the half-normal size of the same law beside which this one may be absent.
     """
 
     key: str
@@ -49,6 +52,7 @@ class Prior:
     width: float
     kind: str
     own: bool = False
+    beside: str = ''
 
     @cached_property
     def limits(self) -> tuple[float, float]:
@@ -135,4 +139,9 @@ def effect_priors(effect: Effect, units: int, own: bool = False,
             width = min(width, size / rate) if rate > 0 else width
         kind = 'half' if low >= 0 and value == 0 else 'normal'
         found.append(Prior(key, low, high, value, width, kind, own))
-    return found
+    halves = [prior.key for prior in found if prior.kind == 'half']
+    if own or len(halves) != 1:
+        return found
+    return [replace(prior, beside=halves[0])
+            if prior.kind == 'log' and effect.off.get(prior.key.partition('.')[2]) == 0.0
+            else prior for prior in found]

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cells, priors, covariance and evidence against what they are by definition."""
 
+from dataclasses import replace
+
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -15,8 +17,9 @@ from fam_bundle_ros.discovery.cells import reduce, unknown_direction
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
 from fam_bundle_ros.discovery.evidence import Fitter, Linear
 from fam_bundle_ros.discovery.options import head, Options, shapes_of
+from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
-from fam_bundle_ros.discovery.search import _ranked, Screened
+from fam_bundle_ros.discovery.search import _ranked, Screened, Search
 from fam_bundle_ros.discovery.settings import (
     AMPLITUDES,
     Choices,
@@ -381,6 +384,46 @@ def test_a_size_is_positive_or_absent_with_equal_odds(problem, size):
     at_zero = fitter.log_evidence(white, Linear.of(
         priors, np.array([0.0, 0.2]), force - 0.2 * slopes[:, 1], slopes))
     assert at_zero == pytest.approx(given(0.0) - np.log(2.0))
+
+
+def test_beside_a_part_that_is_there_the_other_is_absent_with_even_odds(problem):
+    """Half the evidence of both parts, half that of the law without the one in the logarithm."""
+    cells, covariance, fitter = problem
+    rng = np.random.default_rng(4)
+    white = Hyper(white=4)
+    noise = np.sqrt(cells.noise ** 2 / cells.count + covariance.variance(4))
+    ways = rng.standard_normal((len(cells), 3)) * 0.3 * np.median(noise)
+    ways[:, 0] += 0.5 * ways[:, 1]
+    other = Prior('a.constant', 0.0, 1e3, 2.0, 1.2, 'log', beside='a.size')
+    priors = [other, Prior('a.size', 0.0, 1e3, 0.0, 1.0, 'half'),
+              Prior('a.x', -1e3, 1e3, 0.0, 1.0, 'normal')]
+    force = ways @ [0.0, 9.0, 0.5] + noise * rng.standard_normal(len(cells))
+    u = np.array([-1.5, 9.1, 0.4])
+    theta, slopes = np.append(other.theta(u[0]), u[1:]), ways.copy()
+    slopes[:, 0] *= other.slope(u[0])
+    told, both = (fitter.log_evidence(white, Linear.of(
+        [first, *priors[1:]], u, force - ways @ theta, slopes))
+        for first in (other, replace(other, beside='')))
+    alone = fitter.log_evidence(white, Linear.of(
+        priors[1:], u[1:], force - ways[:, 1:] @ u[1:], ways[:, 1:]))
+    assert told == pytest.approx(np.logaddexp(both, alone) - np.log(2.0), abs=1e-6)
+    assert alone > both + 1.0
+
+
+def test_friction_in_proportion_to_the_pressure_ties_with_damping_at_one_speed(paper_muscle):
+    """A constant part that neither has is free: its usual size is no reason for either."""
+    clock, leg = 0.02 * np.arange(1200.0), np.repeat(np.arange(4), 300)
+    strain = 0.02 + 0.18 * (1.0 - np.abs(2.0 * (np.arange(1200) / 300 % 1.0) - 1.0))
+    pressure = np.array([80e3, 170e3, 280e3, 400e3])[leg, None]
+    log = build('one speed', strain, pressure, np.full(1200, 50.0), leg, clock)
+    truth = paper_muscle.with_effect('coulomb_friction', force=0.0, per_pressure=2e-5)
+    noise = np.random.default_rng(5).standard_normal(len(log))
+    cells = reduce(paper_muscle, replace(log, force=predict(truth, log) + noise))
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    options = Options.of(paper_muscle, cells, Choices())
+    rubbed, damped = (Search(options, fitter).fit(tuple(sorted([*options.own, name])))
+                      for name in ('coulomb_friction', 'viscous_damping'))
+    assert rubbed.posterior == pytest.approx(damped.posterior, abs=1.0)
 
 
 def test_what_is_reached_at_a_size_of_nearly_zero_is_that_at_zero(problem):

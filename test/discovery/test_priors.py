@@ -114,3 +114,15 @@ def test_the_width_of_a_signed_parameter_is_limited_by_what_it_does():
     free = 0.125 * (high - low)
     assert prior_of(0.0, change, size=1e12).width == pytest.approx(free)
     assert prior_of(0.0, lambda key, step: 0.0).width == pytest.approx(free)
+
+
+@pytest.mark.parametrize(('name', 'other'), [('coulomb_friction', 'force'),
+                                             ('viscous_damping', 'coefficient')])
+def test_beside_a_part_that_grows_with_the_pressure_the_constant_one_may_be_absent(name, other):
+    """Where a law is added; what a model has is there, and so is all that has no such part."""
+    effect = catalogue.get(name)()
+    beside = {prior.key: prior.beside for prior in effect_priors(effect, 1) if prior.beside}
+    assert beside == {f'{name}.{other}': f'{name}.per_pressure'}
+    assert not any(prior.beside for prior in effect_priors(effect, 1, own=True))
+    rubber = effect_priors(catalogue.get('bladder_elasticity')(), 1)
+    assert not any(prior.beside for prior in rubber)
