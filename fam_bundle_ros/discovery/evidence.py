@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -186,21 +187,35 @@ def _of_sizes(factor: np.ndarray, at: Linear, reached: bool) -> float:
         With the sizes at u for the means, as `Fitter.log_evidence`.
     """
     k = len(at.own)
-    sizes = k - at.sizes
-    first = sizes - len(at.others)
-    corner = np.triu(factor[first:k, first:k])
-    root = np.linalg.inv(corner)
-    sd = np.linalg.norm(root, axis=1)
-    mean = at.own[first:] if reached else root @ factor[first:k, k]
-    ratio = mean / sd
-    above, zero = log_ndtr(ratio), -0.5 * ratio ** 2 - np.log(2.0 * sd)
+    others = len(at.others)
+    first = k - at.sizes - others
+    # plain numbers: it is called some ten thousand times, for one to four of them
+    rows = factor[first:k, first:k + 1].tolist()
+    root = _inverse_of_upper(rows)
+    sd = [math.hypot(*row) for row in root]
+    mean = at.own[first:].tolist() if reached else [
+        sum(value * right[-1] for value, right in zip(row, rows)) for row in root]
+    above = [float(log_ndtr(m / s)) for m, s in zip(mean, sd)]
     for place, size, none in at.others:
         i, j = place - first, size - first
-        away, shared = (none - mean[i]) / sd[i], root[i] @ root[j] / sd[i]
-        alone = log_ndtr((mean[j] + shared * away) / np.sqrt(sd[j] ** 2 - shared ** 2))
-        gone = 0.5 * (none ** 2 - away ** 2) - np.log(sd[i])
-        above[j] = np.logaddexp(above[j], alone + gone) - np.log(2.0)
-    return float(np.logaddexp(above, zero)[sizes - first:].sum())
+        away = (none - mean[i]) / sd[i]
+        shared = sum(a * b for a, b in zip(root[i], root[j])) / sd[i]
+        alone = float(log_ndtr((mean[j] + shared * away) / math.sqrt(sd[j] ** 2 - shared ** 2)))
+        gone = 0.5 * (none ** 2 - away ** 2) - math.log(sd[i])
+        above[j] = float(np.logaddexp(above[j], alone + gone)) - math.log(2.0)
+    return sum(float(np.logaddexp(above[j], -0.5 * (mean[j] / sd[j]) ** 2
+                                  - math.log(2.0 * sd[j]))) for j in range(others, len(sd)))
+
+
+def _inverse_of_upper(rows: list[list[float]]) -> list[list[float]]:
+    """Return the inverse of an upper triangular matrix whose rows may be longer than it is."""
+    size = len(rows)
+    root = [[0.0] * size for _ in rows]
+    for j in range(size):
+        root[j][j] = 1.0 / rows[j][j]
+        for i in range(j - 1, -1, -1):
+            root[i][j] = -sum(rows[i][m] * root[m][j] for m in range(i + 1, j + 1)) / rows[i][i]
+    return root
 
 
 @dataclass
