@@ -21,6 +21,7 @@ import numpy as np
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
+from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_intervals
@@ -31,6 +32,7 @@ from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, us
 from fam_bundle_ros.discovery.predict import matched, predict
 from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.discovery.verdict import what_is_left
 from fam_bundle_ros.discovery.words import renamed
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.jsonfile import to_json
@@ -195,6 +197,8 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
     """
     Return physics, or physics with what it leaves, whichever predicts unseen rows better.
 
+    What is left and cannot be seen in the noise of rows is no finding, and no part of a model.
+
     Parameters
     ----------
     best : Bundle
@@ -204,7 +208,9 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
     held : HeldOut
     fitter : Fitter
     """
-    surface = joint.hyper.fits_a_table and held.discrepancy < held.physics
+    left = what_is_left(fitter.covariance, joint, physics).smooth
+    surface = (joint.hyper.fits_a_table and held.discrepancy < held.physics
+               and left > settings.VISIBLE * fitter.cells.noise)
     leftover = Leftover.of(fitter, physics, joint.hyper) if surface else None
     model = best.named(f'{best.name}_and_discrepancy') if surface else best
     return Recommended(model, tuple(effect.name for effect in best.effects), leftover,

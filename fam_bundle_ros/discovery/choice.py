@@ -13,7 +13,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import softmax
 
+from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.estimates import is_dead
 from fam_bundle_ros.discovery.evidence import Fit
 from fam_bundle_ros.discovery.held_out import (
     held_out,
@@ -50,14 +52,15 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[s
     between strains that were measured they may be far apart. Of them the most probable one that is
     as near to what all of them predict as any, within the noise of a row: a single set predicts
     best where it is nearest to the average over sets (Barbieri and Berger 2004).
-    Only where structure is left: down to the noise folds can tell nothing that evidence does not.
+    Only where structure is left: down to the noise folds can tell nothing that evidence does not,
+    and of shapes alike the `plainest` will do.
     """
     fitter = search.fitter
     if not found:
         return chosen, found
     physics = fitter.without_discrepancy(chosen)
     if what_is_left(fitter.covariance, chosen, physics).total <= small(fitter.cells):
-        return chosen, found
+        return plainest(search, chosen, found, choices)
     near = _near(search, chosen.posterior, choices)
     # what is no part of an answer by itself is none beside a tie either
     earned = {fit.names: fit for fit in (named(search, fit)[0] for fit in near)}
@@ -73,6 +76,39 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[s
                 if square <= away.min() + fitter.cells.noise ** 2)
     order = changes(search.options, best.names)
     return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
+
+
+def plainest(search: Search, chosen: Fit, found: list[Change], choices: Choices,
+             ) -> tuple[Fit, list[Change]]:
+    """
+    Return the chosen set with shapes of its effects of fewer parameters and fewer dead ones.
+
+    A parameter that the data do not move costs no evidence: a shape with it is as probable as one
+    without. Only shapes whose error on unseen rows is no larger, but for what noise hides.
+    """
+    fitter, labels = search.fitter, [change.label for change in found]
+    hidden = (settings.VISIBLE * fitter.cells.noise) ** 2
+    physics = fitter.without_discrepancy(chosen)
+    least = _dead(physics, found)
+    for fit in _near(search, chosen.posterior, choices) if least else ():
+        order = changes(search.options, fit.names)
+        if ({change.label for change in order} != set(labels)
+                or len(fit.priors) >= len(chosen.priors)):
+            continue
+        other = fitter.without_discrepancy(fit)
+        dead = _dead(other, order)
+        if dead < least and (held_out_physics(fitter, other) ** 2
+                             <= held_out_physics(fitter, physics) ** 2 + hidden):
+            least, chosen = dead, fit
+            found = sorted(order, key=lambda change: labels.index(change.label))
+    return chosen, found
+
+
+def _dead(physics: Fit, found: list[Change]) -> int:
+    """Return how many parameters of what was found the data do not move."""
+    new = {change.new for change in found}
+    return sum(prior.key.split('.')[0] in new
+               for prior, dead in zip(physics.priors, is_dead(physics)) if dead)
 
 
 def _near(search: Search, posterior: float, choices: Choices) -> list[Fit]:
@@ -168,21 +204,20 @@ def that_predict(search: Search, chosen: Fit, found: list[Change], physics: Fit,
     held = held_out(fitter, physics, chosen)
     left = what_is_left(fitter.covariance, chosen, physics)
     structured = is_structured(fitter.cells, need_of_structure(fitter, chosen), left, inclusion)
-    squares = squares_of_folds(fitter, physics)
     while found:
         for change in reversed(found):
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
-            error, each = held_out(fitter, without, fewer), squares_of_folds(fitter, without)
+            error = held_out(fitter, without, fewer)
             if structured:
-                goes = as_good(each, squares) or (
+                goes = as_good(error.squares, held.squares) or (
                     len(found) > 1 and _is_bent(physics, change) and not far(physics))
             else:
                 goes = error.is_no_worse(held) and (
                     len(found) > 1 or fewer.white_posterior >= chosen.white_posterior)
             if goes:
                 found = [other for other in found if other is not change]
-                chosen, physics, held, squares = fewer, without, error, each
+                chosen, physics, held = fewer, without, error
                 break
         else:
             break

@@ -106,7 +106,7 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
     posterior : Posterior, optional
         Widens the intervals by what other likely sets say.
     """
-    own = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    own, dead = _spread(fit), is_dead(fit)
     bound = fit.at_bound
     found = []
     for j, (prior, u) in enumerate(zip(fit.priors, fit.u)):
@@ -119,7 +119,7 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
         before = (prior.theta(0.0) / size, prior.theta(reach[0]) / size,
                   prior.theta(reach[1]) / size)
         flag = ''
-        if own[j] > DEAD:
+        if dead[j]:
             flag = 'dead: the data do not move it'
         elif bound[j]:
             flag = 'at bound'
@@ -135,6 +135,16 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
                               moved, reach,
                               tuple(v / size for v in _data_alone(prior, u, own[j]))))
     return found
+
+
+def _spread(fit: Fit) -> np.ndarray:
+    """Return the standard deviation of each parameter in widths of its prior, (p,)."""
+    return np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+
+
+def is_dead(fit: Fit) -> np.ndarray:
+    """Return which parameters the data do not move, (p,) bool."""
+    return _spread(fit) > DEAD
 
 
 def _data_alone(prior: Prior, u: float, spread: float) -> tuple[float, ...]:

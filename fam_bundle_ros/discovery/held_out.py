@@ -63,6 +63,8 @@ class HeldOut:
         Cell by cell, on each kind of folds.
     blind : float
         A curve of the strain that knows of no pressure.
+    squares : ndarray, shape (k,), N^2
+        What each fold adds to the mean square of ``physics``.
     """
 
     physics: float
@@ -71,6 +73,7 @@ class HeldOut:
     kinds: dict[str, tuple[float, float]]
     unseen: dict[str, Unseen] = field(default_factory=dict, repr=False)
     blind: float = np.inf
+    squares: np.ndarray = field(default_factory=lambda: np.zeros(1), repr=False)
 
     @property
     def best(self) -> float:
@@ -167,6 +170,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     names = ('physics', 'discrepancy', *RIVALS, BLIND)
     squares: dict[str, np.ndarray] = {}
     counts: dict[str, float] = {}
+    of_folds: list[float] = []
     seen: dict[str, list[np.ndarray]] = {}
     shown = [names.index(name) for name in ('physics', 'discrepancy', 'empirical')]
     needed = joint.hyper.fits_a_table
@@ -183,7 +187,9 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         force = cells.force[test]
         seen.setdefault(kind, []).append(
             np.stack([force, *(force - errors[place] for place in shown)]))
-        squares[kind] = squares.get(kind, 0.0) + np.square(errors) @ weight
+        square = np.square(errors) @ weight
+        of_folds.append(square[0])
+        squares[kind] = squares.get(kind, 0.0) + square
         counts[kind] = counts.get(kind, 0.0) + float(weight.sum())
     means = dict(zip(names, np.sqrt(sum(squares.values()) / sum(counts.values())).tolist()))
     blind = means.pop(BLIND)
@@ -192,7 +198,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         for kind, each in ((kind, np.sqrt(square / counts[kind]))
                            for kind, square in squares.items()) if kind},
         {kind: Unseen(*np.concatenate(parts, axis=1)) for kind, parts in seen.items() if kind},
-        blind)
+        blind, np.array(of_folds) / sum(counts.values()))
 
 
 def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -43,15 +43,21 @@ class ForceTable:
         self._warned = False
 
     def warn_outside(self, strain, pressure) -> None:
-        """Warn, once, where strain or pressure (Pa) leave the grid."""
+        """Warn, once, where strain or pressure (Pa) leave the grid by half a step or more."""
         e, p = self._strain, self._pressure
-        if not self._warned and (np.any(strain < e[0]) or np.any(strain > e[-1])
-                                 or np.any(pressure < p[0]) or np.any(pressure > p[-1])):
+        if not self._warned and (_leave(strain, e) or _leave(pressure, p)):
             self._warned = True
             warnings.warn(
                 f'{self.path.name}: asked outside strain {e[0]:g} to {e[-1]:g} and pressure '
                 f'{p[0] / 1e3:g} to {p[-1] / 1e3:g} kPa, where nothing was measured; the nearest '
                 'edge is used', stacklevel=4)
+
+
+def _leave(values, grid: np.ndarray) -> bool:
+    """Return whether values are nearer to a next point of the grid than to its edge."""
+    steps = np.diff(grid)
+    first, last = (steps[0], steps[-1]) if len(steps) else (0.0, 0.0)
+    return bool(np.any(values < grid[0] - 0.5 * first) or np.any(values > grid[-1] + 0.5 * last))
 
 
 def interpolated(tables, table, surface, strain, pressure):

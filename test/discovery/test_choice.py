@@ -16,6 +16,7 @@ from fam_bundle_ros.discovery.choice import (
     away_from_all,
     believed,
     best_of_ties,
+    plainest,
     predictive,
 )
 from fam_bundle_ros.discovery.covariance import Covariance
@@ -164,3 +165,30 @@ def test_of_what_is_as_probable_as_nothing_the_effect_that_explains_all_alone_is
     assert [change.label for change in found] == ['coulomb_friction']
     del search.fits[fit.names]
     assert believed(search, choices) == (search.null, [])
+
+
+@pytest.mark.parametrize(('rise', 'told'), [(0.0, 'coulomb_friction'), (2.0, 'stribeck_friction')])
+def test_a_shape_is_told_for_what_the_data_say_of_its_parameters(paper_muscle, sweeps, rise, told):
+    """
+    Friction at one speed has no rise to tell, at two it has.
+
+    The shape that has one is as probable there: a parameter that nothing moves costs nothing.
+    """
+    truth = paper_muscle.with_effect('stribeck_friction', force=3.0, rise=rise, speed=0.02)
+    data = sweeps(truth, cycles=1, speed=0.1)
+    if rise:
+        slow = sweeps(truth, cycles=1, speed=0.01)
+        data = build('both', *(np.concatenate([getattr(each, name) for each in (data, slow)])
+                               for name in ('strain', 'pressure', 'force')),
+                     np.concatenate([data.trial, 10 + slow.trial]),
+                     np.concatenate([data.time, 1e3 + slow.time]))
+    cells, choices = reduce(paper_muscle, data), Choices()
+    search = Search(Options.of(paper_muscle, cells, choices),
+                    Fitter(cells, Covariance(cells, choices.unexplained)))
+    plain, more = (search.fit(tuple(sorted((*search.options.own, name))))
+                   for name in ('coulomb_friction', 'stribeck_friction'))
+    assert rise or abs(plain.posterior - more.posterior) < np.log(choices.odds)
+    chosen, found = plainest(search, more, changes(search.options, more.names), choices)
+    assert [change.new for change in found] == [told]
+    assert told in chosen.names
+    assert plainest(search, plain, changes(search.options, plain.names), choices)[0] is plain

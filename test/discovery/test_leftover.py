@@ -2,15 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """What physics leaves: rivals, folds, the discrepancy as a table that a model file names."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import rivals, templates
+from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.evidence import Fitter
-from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, splits
+from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, splits, squares_of_folds
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.settings import Choices
@@ -229,6 +233,22 @@ def test_the_right_model_predicts_unseen_folds_down_to_the_noise(sweeps, paper_m
     assert held.of_rows(beyond_cells(fitter.cells, physics, 0.6)).physics == pytest.approx(
         0.6, rel=0.1)
     assert held.physics < held.rivals['empirical'] < held.rivals['plane'] < held.rivals['mean']
+    np.testing.assert_allclose(held.squares, squares_of_folds(fitter, physics))
+
+
+@pytest.mark.parametrize(('noise', 'written'), [(0.3, True), (20.0, False)])
+def test_a_table_is_recommended_where_rows_show_what_it_holds(sweeps, paper_muscle, noise,
+                                                              written):
+    """A wave of 3 N: a table of it predicts better in any noise, and is seen in little."""
+    data = sweeps(noise=0.3, cycles=1, extra=lambda e, p, way, t: 3.0 * np.sin(40.0 * e))
+    fitter, joint, physics = fitted(paper_muscle, data)
+    held = held_out(fitter, physics, joint)
+    assert held.discrepancy < held.physics
+    heard = SimpleNamespace(cells=replace(fitter.cells, noise=noise),
+                            covariance=fitter.covariance)
+    found = recommend(paper_muscle, physics, joint, held, heard)
+    assert (found.leftover is not None) == written
+    assert found.held_out_N == (held.discrepancy if written else held.physics)
 
 
 def test_folds_are_whole_and_inner(sweeps, paper_muscle):

@@ -198,10 +198,8 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
     off = {made.null.names: [9.0, 4.0], better.names: [8.0, 4.1]}
     monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
-    monkeypatch.setattr(choice, 'squares_of_folds',
-                        lambda fitter, fit: np.array(off[fit.names]))
     monkeypatch.setattr(choice, 'held_out', lambda fitter, physics, joint: replace(
-        GOOD, physics=sum(off[physics.names])))
+        GOOD, physics=sum(off[physics.names]), squares=np.array(off[physics.names])))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
     found = [Change('', 'coulomb_friction')]
     assert [str(change) for change in choice.that_predict(
@@ -227,10 +225,9 @@ def test_beside_a_bent_law_others_are_named(search, monkeypatch, structured, ang
         Prior('geometry.braid_angle', 0.1, 1.0, 0.5, 0.02, 'normal')))
     monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
-    monkeypatch.setattr(choice, 'held_out', lambda *given: GOOD if given[-1] is fit else replace(
-        GOOD, physics=9.0))
-    monkeypatch.setattr(choice, 'squares_of_folds', lambda fitter, other: np.full(
-        2, 1.0 if other is fit else 9.0 if other is not made.null else 30.0))
+    monkeypatch.setattr(choice, 'held_out', lambda fitter, _, other: replace(
+        GOOD, physics=1.0 if other is fit else 9.0, squares=np.full(
+            2, 1.0 if other is fit else 9.0 if other is not made.null else 30.0)))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda other: other)
     found = changes(made.options, made.best.names)[::-1]  # the bent one is worth more
     named_ = choice.that_predict(made, fit, found, fit, 0.1)[1]

@@ -53,13 +53,23 @@ def test_between_points_it_adds_no_overshoot(table):
     assert inside.max() <= corners.max() + 1e-9
 
 
-@pytest.mark.parametrize(('strain', 'pressure'), [(-0.02, 2e5), (0.32, 2e5), (0.1, -1e3),
+@pytest.mark.parametrize(('strain', 'pressure'), [(-0.02, 2e5), (0.32, 2e5), (0.1, -4e4),
                                                   (0.1, 9e5)])
 def test_each_side_of_the_table_is_an_outside(table, strain, pressure):
     """Shorter or longer, less or more pressure than was measured: a warning for each."""
     _, surface = table
     with pytest.warns(UserWarning, match='asked outside'):
         surface.force(strain, [pressure])
+
+
+@pytest.mark.parametrize(('strain', 'pressure'), [(-4e-4, 2e5), (0.3004, 2e5), (0.1, -1e3),
+                                                  (0.1, 414.7e3)])
+@pytest.mark.filterwarnings('error')
+def test_noise_at_its_edge_is_none(table, strain, pressure):
+    """Nearer to the edge than to a next point: the log that a table was made of has such rows."""
+    _, surface = table
+    inside = np.clip(strain, 0.0, 0.3), [np.clip(pressure, 0.0, 413685.4)]
+    assert surface.force(strain, [pressure]) == pytest.approx(surface.force(*inside))
 
 
 def test_extrapolation_warns_once_and_holds_the_edge(table):
