@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Add, replace or remove effects of a model, with everything refitted; and the ladder of errors.
+Add, replace or remove effects of a model and refit it; compare errors of several models.
 
     better = add_effect(model, 'coulomb_friction', data)
     save_model(better.model, 'better.yaml')
@@ -51,21 +51,21 @@ class Added(Told):
     model : Bundle
         The new model, with the intervals of its parameters and its error.
     effects : tuple of str
-        In the shape in which each was added.
+        Names of the shapes that were added.
     error_before_N, error_N, held_out_N : float
-        Rms of the model as it was, of the new one, and of refits on folds left out.
+        Rms error of the model as given, of the new one, and of its refits on held-out folds.
     parameters : tuple of Estimate
     asked : tuple of str
-        What the effects were asked for by.
+        Names by which the effects were requested.
     replaced : dict of str to str
     removed : tuple of str
     recommended : Recommended
         The same effects with or without the discrepancy, whichever predicts better.
     log_odds : float or None
-        Natural log of the odds of these effects over those of the model as it was, each with a
-        smooth discrepancy beside it. None where the effects are the same.
+        Natural log of the posterior odds of these effects against those of the model as given,
+        both with a smooth discrepancy. None if the effects are the same.
     least_odds : float
-        Odds below this cannot tell them apart (`Choices.odds`).
+        Lower odds do not separate the two models (`Choices.odds`).
     """
 
     model: Bundle
@@ -84,15 +84,15 @@ class Added(Told):
 
     @property
     def doubt(self) -> str:
-        """That the data do not ask for the change, in words; empty where they do."""
+        """A warning if the data do not support the change, else empty."""
         if self.log_odds is None or self.log_odds >= math.log(self.least_odds):
             return ''
-        return (f'these data do not ask for it: odds of {math.exp(self.log_odds):.2g} to 1 over '
-                'the model as it was')
+        return (f'these data do not support the change: odds of {math.exp(self.log_odds):.2g} to '
+                '1 against the model as it was')
 
     @property
     def what(self) -> str:
-        """What was done, in words."""
+        """The changes in words."""
         words = [name if name == asked else f'{name} (the shape of {asked} that fits best)'
                  for name, asked in zip(self.effects, self.asked)]
         words += [f'{new} in place of {old}' for old, new in self.replaced.items()]
@@ -130,28 +130,29 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
                name: str | None = None, *, replacing: Mapping[str, str] | None = None,
                removing: Sequence[str] = (), choices: Choices | None = None) -> Added:
     """
-    Return a model with other effects, refitted together with its own parameters.
+    Return a model with effects added, replaced or removed, and all parameters refitted.
 
     Parameters
     ----------
     model : Bundle
     effect : str, Effect, or several of them
-        Names of the catalogue, or effects (a user's own). None of them: recalibrate only. A name
-        that stands for several shapes takes the most probable one, as `diagnose` does; an effect
+        Names in the catalogue, or effects (a user's own). An empty list only recalibrates. For a
+        name with several shapes the most probable shape is added, as in `diagnose`; an `Effect`
         is added as it is.
     measurement : Measurement, path, or DataFrame
     name : str, optional
-        Name of the new model; by default the old one's with the effects'.
+        Name of the new model; by default that of the old model and of the effects.
     replacing : mapping of str to str, optional
-        Effect of the model -> the one that takes its place.
+        Effect of the model -> its replacement.
     removing : sequence of str
-        Effects of the model to do without.
+        Effects of the model to remove.
     choices : Choices, optional
 
     Raises
     ------
     InputError
-        For an unknown effect, one that the model has already or does not have, or bad data.
+        For an unknown effect, an effect to add that the model has, one to remove or replace that
+        it does not have, or bad data.
     """
     choices = choices or Choices()
     data = matched(model, as_measurement(measurement))
@@ -195,18 +196,16 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
 def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
               ) -> Recommended:
     """
-    Return physics, or physics with what it leaves, whichever predicts unseen rows better.
+    Return physics with or without the discrepancy, whichever predicts held-out folds better.
 
-    What is left and cannot be seen in the noise of rows is no finding, and no part of a model.
+    A discrepancy that is small compared with the noise of a row is not included.
 
     Parameters
     ----------
     best : Bundle
-        Physics as it is written.
+        The model as it is to be saved.
     physics, joint : Fit
-        Fitted without a discrepancy and with one.
-    held : HeldOut
-    fitter : Fitter
+        Fitted without and with a discrepancy.
     """
     left = what_is_left(fitter.covariance, joint, physics).smooth
     surface = (joint.hyper.fits_a_table and held.discrepancy < held.physics
@@ -220,7 +219,7 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
 
 def _best_shapes(fitter: Fitter, options: Options, kept: set[str], asked: Sequence[str],
                  open_: Sequence[str]) -> tuple[Fit, tuple[str, ...]]:
-    """Return the most probable fit with a shape of each effect, and those shapes."""
+    """Return the fit with the most probable shape of each effect, and the names of the shapes."""
     added = list(asked)
     best = _fitted(fitter, options, kept | set(added))
     for slot, name in enumerate(asked):
@@ -247,23 +246,23 @@ def _effect(item: str | Effect, model: Bundle) -> Effect:
         return item
     law = catalogue.get(item)
     if law.load is not None:
-        raise InputError(f"effect '{item}' needs more than numbers; expected it in the model "
-                         'file')
+        raise InputError(f"effect '{item}' needs more than numeric parameters; write it into the "
+                         'model file')
     return usual(law, model)
 
 
 @dataclass(frozen=True, repr=False)
 class Ladder(Told):
     """
-    The error of one model after the other on the same data.
+    Errors of several models on the same data.
 
     Attributes
     ----------
     steps : list of dict
-        ``step`` (name), ``error_N`` (as the model is), ``refitted_N``, ``held_out_N`` (refits on
-        folds left out), ``rows``.
+        ``step`` (name), ``error_N`` (model as given), ``refitted_N``, ``held_out_N`` (refits on
+        held-out folds), ``rows``.
     noise : NoiseFloor
-        Of the best model.
+        Estimated with the best model.
     data : str
     rivals_N : dict of str to float
         Held-out errors of the mean force, a plane and an empirical form.
@@ -316,7 +315,7 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     Raises
     ------
     InputError
-        Without a model, or where data and a model have other motor units.
+        Without a model, or if data and a model have different motor units.
     """
     data = as_measurement(measurement)
     if not models:
@@ -344,7 +343,7 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
 
 
 def _refitted(model: Bundle, data: Any) -> tuple[Fitter, Fit, Fit]:
-    """Return a model's own parameters refitted, with a discrepancy and without."""
+    """Return the fitter, and the model's own parameters refitted with and without discrepancy."""
     choices = Choices()
     cells = reduce(model, data)
     fitter = Fitter(cells, Covariance(cells, choices.unexplained))
@@ -358,7 +357,7 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
     """
     Return the error after each step for every order of adding effects, N rms.
 
-    What an effect seems to be worth depends on what was added before it; the last step does not.
+    The improvement by an effect depends on the effects added before it; the final error does not.
 
     Returns
     -------

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Pictures of how far a diagnosis is to be believed (plotly, extra `tools`).
+Figures on the reliability of a diagnosis (plotly, extra `tools`).
 
-Forces on rows that no fit saw, the discrepancy before and after, the likeliest sets of effects,
-and every parameter before and after the data.
+Predicted forces of held-out folds, the discrepancy before and after, the most probable sets of
+effects, and prior and posterior of every parameter.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ __all__ = ['discrepancy', 'priors', 'sets', 'unseen']
 
 _MODEL = palette.effect('mesh')
 _FAINT = palette.NEUTRAL['faint'].light
-#: Beyond so many widths of its prior a parameter is drawn at the edge.
+#: Limit of the parameter axis, in widths of the prior; values beyond it are drawn at the limit.
 _FARTHEST = 6.0
 
 
 def unseen(result: Diagnosis) -> go.Figure | None:
     """
-    Draw predicted against measured forces of cells left out, and their difference below.
+    Draw predicted against measured forces of held-out cells, and the residual below.
 
-    The recommended model beside the empirical form, on all kinds of folds; None where the data
-    offer no folds.
+    For the recommended model and the empirical form, on all kinds of folds; None if the data have
+    no folds.
     """
     kinds = result.held_out.unseen
     if not kinds:
@@ -74,9 +74,10 @@ def unseen(result: Diagnosis) -> go.Figure | None:
 
 def discrepancy(result: Diagnosis) -> go.Figure | None:
     """
-    Draw what the model as it came, recalibrated, and the best one leave; a scale for each.
+    Draw the discrepancy of the recalibrated model as given and of the best model.
 
-    A row for each motor unit and part that is somewhere not zero; None where there is none.
+    Each has its own colour scale. One row for each motor unit and nonzero part; None if all are
+    zero.
     """
     before, after = result.leftover_before, result.leftover
     rows = [(part, unit) for unit in range(len(after.pressure)) for part in PARTS
@@ -89,7 +90,7 @@ def discrepancy(result: Diagnosis) -> go.Figure | None:
     names = result.best.motor_units
     reach = [max(float(np.abs(getattr(each, part)[unit]).max()) for part, unit in rows)
              for each in columns]
-    # beside one another on a narrow page: short
+    # short, as both titles must fit side by side on a narrow page
     heads = [when if most else f'{when}: none' for when, most in zip(('before', 'after'), reach)]
     only_even = all(part == 'even' for part, _ in rows)
     titles = [', '.join(filter(None, (names[unit].name if len(names) > 1 else '',
@@ -131,7 +132,7 @@ def _map(leftover: Leftover, part: str, unit: int, axis: str) -> go.Heatmap:
 
 
 def sets(result: Diagnosis, most: int = 8) -> go.Figure | None:
-    """Draw the probability of the likeliest sets of effects; None for a single one."""
+    """Draw the probabilities of the most probable sets of effects; None for a single set."""
     shown = [each for k, each in enumerate(result.likely) if k < most or each.chosen]
     shown = [each for each in shown if each.probability >= 5e-4 or each.chosen][::-1]
     if len(shown) < 2:
@@ -149,16 +150,16 @@ def sets(result: Diagnosis, most: int = 8) -> go.Figure | None:
               f'{each.probability:.1g}' for each in shown], textfont={'size': 12},
         hovertext=[str(each) for each in shown], hoverinfo='text'))
     drawing.update_xaxes(range=[0.0, 1.2], tickvals=[0.0, 0.5, 1.0])
-    # by number, not by name: labels may be alike
+    # by number, as several labels may be equal
     drawing.update_yaxes(showgrid=False, ticks='', showline=False, automargin=True,
                          ticklabelstandoff=6, tickvals=list(range(len(shown))), ticktext=labels)
     return drawing
 
 
 def _beside(other: LikelySet, chosen: LikelySet) -> str:
-    """Return what a set has more, less and in another shape than the chosen one."""
+    """Return the difference of a set to the chosen one, in words."""
     if other.chosen:
-        return 'the set that is told' if chosen.changes else 'nothing missing'
+        return 'the chosen set' if chosen.changes else 'nothing missing'
     if not chosen.changes or not other.changes:
         return str(other)
     mine, theirs = ({change.label: change for change in each.changes}
@@ -175,9 +176,9 @@ def _beside(other: LikelySet, chosen: LikelySet) -> str:
 
 def priors(result: Diagnosis) -> go.Figure | None:
     """
-    Draw every parameter before and after the data, in widths of its prior; None without any.
+    Draw prior and posterior of every parameter, in widths of the prior; None without parameters.
 
-    Bars are 95 %; what is beyond the axis is drawn at its edge.
+    Bars are 95 % intervals, cut at the limit of the axis.
     """
     told = result.parameters[::-1]
     if not told:

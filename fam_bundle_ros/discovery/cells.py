@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A measurement reduced once: averages over cells of strain, pressure, direction and visit.
+Reduce a measurement to averages over cells of strain, pressure, direction and visit.
 
-Physics with memory runs on the rows and is averaged by the same operator, so that averaging
-loses resolution and adds no error.
+A visit is an uninterrupted stay of the muscle in one cell. Models with memory are computed on the
+rows and then averaged by the same operator, so averaging adds no error.
 """
 
 from __future__ import annotations
@@ -25,37 +25,36 @@ from fam_bundle_ros.discovery.outliers import spikes
 from fam_bundle_ros.discovery.predict import matched, motion, stiffness
 from fam_bundle_ros.model import Bundle, Motion
 
-#: Bins across strain and pressure that are tried, finest first.
+#: Numbers of bins over the range of strain and pressure to try, finest first.
 _BINS = (60, 40, 30, 24, 20, 16, 12, 10)
-#: Two readings of what stands still are further apart than so many standard deviations of one
-#: about once in fifty thousand.
+#: Two readings at rest differ by more than this many standard deviations about once in 50 000.
 _STILL = 6.0
 
 
 @dataclass(frozen=True)
 class Cells:
     """
-    Averages of a measurement, and the operator that made them.
+    Averages of a measurement over cells, and the averaging operator.
 
     Attributes
     ----------
     data : Measurement
-        The rows that physics runs on: the measurement, or averages of its neighbours.
+        The rows for which models are computed: those measured, or averages of neighbours.
     motion : Motion
-        What the muscles did in these rows, as a model takes it.
+        The motion in these rows, input of a model.
     label : ndarray of int, shape (T,)
-        Cell of each row, -1 for rows that are in none.
+        Cell of each row, -1 for rows that are not used.
     count : ndarray, shape (n,)
         Rows of each cell.
     force, strain, direction, trial : ndarray, shape (n,)
     speed : ndarray, shape (n,)
-        Natural logarithm of the strain rate's size, 1/s, no less than what counts as rest.
+        Natural logarithm of the absolute strain rate, 1/s, limited below to the rate of rest.
     pressure : ndarray, shape (n, m), Pa
     time : ndarray, shape (n,), s, or None
     noise : float, N
-        White noise of a row.
+        Standard deviation of the white noise of a row.
     stiffness : ndarray, shape (n,), N, or None
-        -dF/de of the model at a constant force, where the strain is what was measured.
+        -dF/de of the model if the force was constant and the strain was measured.
     """
 
     data: Measurement
@@ -79,7 +78,7 @@ class Cells:
 
     @property
     def force_sd(self) -> float:
-        """Standard deviation of the cells' force, N; at a constant one what strains are worth."""
+        """Standard deviation of the force, N; at constant force, of strain times stiffness."""
         if self.stiffness is not None:
             return rms(self.stiffness * (self.strain - self.strain.mean()))
         return max(float(np.std(self.force)), 1e-9)
@@ -91,7 +90,7 @@ class Cells:
 
     @property
     def both_ways(self) -> bool:
-        """Whether there are cells of both directions."""
+        """Whether there are cells of both directions of motion."""
         return bool((self.direction > 0).any() and (self.direction < 0).any())
 
     @cached_property
@@ -119,22 +118,21 @@ def averages(label: np.ndarray, count: int) -> Callable[[np.ndarray], np.ndarray
 
 def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> Cells:
     """
-    Return a measurement as cells.
+    Return a measurement reduced to cells.
 
     Parameters
     ----------
     model : Bundle
-        Its residual shows the noise and rows that stand alone; those are in no cell, nor are
-        rows of a log where the direction of motion is not known (see `unknown_direction`).
+        Its residual gives the noise and the spikes. Spikes are in no cell, nor are rows of a log
+        where the direction of motion is not known (see `unknown_direction`).
     measurement : Measurement
     most : int, optional
-        Most cells, by default `settings.CELLS`; where visits are more, an even choice of them is
-        kept.
+        Most cells, by default `settings.CELLS`; of more visits, evenly spaced ones are kept.
 
     Raises
     ------
     InputError
-        Where data and model have other motor units.
+        If data and model have different motor units.
     """
     most = most or settings.CELLS
     data = thinned(matched(model, measurement), settings.ROWS)
@@ -167,12 +165,12 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
 
 def unknown_direction(data: Measurement) -> np.ndarray:
     """
-    Return which rows of a log tell a force but not which way the muscle moved, (T,) bool.
+    Return the rows of a log whose direction of motion is not known, (T,) bool.
 
-    The first of each trial: how the muscle came there is in no row, nor is the memory of a loss.
-    Where trials are cut at turning points friction is off there by its size, in every trial at
-    the same strain, and that looks like an effect of the strain. And rows at a turning point
-    where the rate is not beyond its noise: friction is off by up to twice its size.
+    First, the first row of each trial: the motion before it, on which hysteresis depends, was not
+    recorded. If trials start at turning points, the friction is wrong there in every trial at the
+    same strain, which looks like an effect of the strain. Second, rows at turning points where
+    the strain rate is within its noise: the error is up to twice the friction.
     """
     if data.time is None:
         return np.zeros(len(data), bool)
@@ -183,15 +181,14 @@ def unknown_direction(data: Measurement) -> np.ndarray:
 
 def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
     """
-    Return a cell of strain, pressure and way for each row, (T,) int, whatever visit; -1 for none.
+    Return the cell of strain, pressure and way of each row, (T,) int, over all visits; -1: none.
 
     Parameters
     ----------
-    cells : Cells
     kept : ndarray of bool, shape (T,)
-        Rows that are in one.
+        Rows to use; the others get -1.
     way : ndarray of int, shape (T,)
-        Rows of another way are apart.
+        Class of each row, such as its direction of motion; a cell has rows of one class only.
     """
     most = settings.PLACES
     label = _places(cells.data, way, cells.strain_range, cells.pressure_range, most)
@@ -199,7 +196,7 @@ def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
 
 
 def _at_most(most: int, label: np.ndarray) -> np.ndarray:
-    """Return labels without gaps (-1 stays), an even choice of them where there are more."""
+    """Return labels without gaps (-1 stays); of more than ``most``, evenly spaced ones."""
     label = _renumbered(label)
     if label.max() + 1 > most:
         kept = np.unique(np.linspace(0, label.max(), most).astype(int))
@@ -215,14 +212,14 @@ def _renumbered(label: np.ndarray) -> np.ndarray:
 
 def _places(data: Measurement, direction: np.ndarray, strain_range: float,
             pressure_range: np.ndarray, most: int) -> np.ndarray:
-    """Return a cell of strain, pressure and direction for each row, whatever visit, (T,) int."""
+    """Return the cell of strain, pressure and direction of each row, over all visits, (T,) int."""
     label = np.zeros(len(data), int)
     for bins in _BINS:
         parts = [np.round(data.strain / strain_range * bins).astype(int), direction]
         parts += [np.round(column / size * bins).astype(int)
                   for column, size in zip(data.pressure.T, pressure_range)]
         label = np.zeros(len(data), int)
-        for part in parts:  # one number after the other: rows sorted whole take four times as long
+        for part in parts:  # np.unique of whole rows takes four times as long
             label = _renumbered(label * (np.ptp(part) + 1) + part - part.min())
         if label.max() < most:
             break
@@ -232,10 +229,10 @@ def _places(data: Measurement, direction: np.ndarray, strain_range: float,
 def _stays(data: Measurement, direction: np.ndarray, strain_range: float,
            pressure_range: np.ndarray, most: int) -> np.ndarray:
     """
-    Return a number for each row of a log, (T,) int, that rises where the muscle moved on.
+    Return the number of the visit that each row of a log belongs to, (T,) int.
 
-    It has when strain or a pressure is further than a bin from where the stay began, and further
-    than noise goes: a muscle that is held is one stay, however noisy its gauge.
+    A new visit begins when strain or a pressure differs from the first row of the visit by more
+    than a bin and by more than the noise: a muscle that is held makes one visit.
     """
     columns = np.column_stack([data.strain, data.pressure])
     size = np.append(strain_range, pressure_range)
@@ -257,7 +254,11 @@ def _stays(data: Measurement, direction: np.ndarray, strain_range: float,
 # --- fewer rows --------------------------------------------------------------------------------
 
 def thinned(data: Measurement, most: int) -> Measurement:
-    """Return a log with neighbours averaged to about ``most`` rows, as far as its motion bears."""
+    """
+    Return a log with neighbours averaged to about ``most`` rows.
+
+    If that would blur the motion, blocks are smaller and only stretches of the log are kept.
+    """
     if data.is_static or len(data) <= most:
         return data
     block = min(int(np.ceil(len(data) / most)), _widest_block(data))
@@ -265,7 +266,7 @@ def thinned(data: Measurement, most: int) -> Measurement:
 
 
 def averaged(data: Measurement, block: int) -> Measurement:
-    """Return the log with so many neighbours averaged into one row, trial by trial."""
+    """Return the log with each ``block`` of neighbours in a trial averaged into one row."""
     position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
     first = position % block == 0
     label = np.cumsum(first) - 1
@@ -277,7 +278,7 @@ def averaged(data: Measurement, block: int) -> Measurement:
 
 
 def _widest_block(data: Measurement, least: int = 8) -> int:
-    """Return how many neighbours may be averaged before the motion within them is lost."""
+    """Return the largest block, rows, in which the strain changes by at most 5 % of its range."""
     width, reach = least, 0.05 * float(np.ptp(data.strain))
     while width < 4096:
         steps = np.abs(data.strain[2 * width:] - data.strain[:-2 * width])
@@ -289,7 +290,7 @@ def _widest_block(data: Measurement, least: int = 8) -> int:
 
 
 def _stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
-    """Return unbroken stretches from all over a log, each a trial, so many rows in all."""
+    """Return ``count`` evenly spaced stretches of a log, each a trial, ``most`` rows in all."""
     if len(data) <= 1.25 * most:
         return data
     length = most // count

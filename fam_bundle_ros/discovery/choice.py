@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which of the fitted sets of effects is the answer, and which one predicts best.
+Choose the answer among the fitted sets of effects, and the set that predicts best.
 
-Evidence is in units of the noise; rows that a fit has not seen (`held_out`) are in newtons.
+The evidence compares the misfit with the noise; the cross-validation error (`held_out`) is in N.
 """
 
 from __future__ import annotations
@@ -28,41 +28,48 @@ from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
-    bent,
-    far,
+    implausible_constants,
+    implausible_geometry,
     is_structured,
     need_of_structure,
-    small,
+    negligible,
     what_is_left,
 )
 from fam_bundle_ros.model import Bundle
 
-#: Ties that are put to the test on held-out folds.
+#: Most sets of nearly equal probability that are compared by cross-validation.
 _TRIED = 24
-#: Strains, and pressures, at which they are compared.
+#: Number of strains, and of pressures, at which the predictions of these sets are compared.
 _POINTS = 24
 
 
-def best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[str, float],
+def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[str, float],
                  choices: Choices) -> tuple[Fit, list[Change]]:
     """
-    Return the chosen set, or one as probable that predicts unseen rows better.
+    Return the chosen set, or a set of similar probability that predicts held-out folds better.
 
-    Those within a standard error of the best on the folds (Breiman et al. 1984) are alike there;
-    between strains that were measured they may be far apart. Of them the most probable one that is
-    as near to what all of them predict as any, within the noise of a row: a single set predicts
-    best where it is nearest to the average over sets (Barbieri and Berger 2004).
-    Only where structure is left: down to the noise folds can tell nothing that evidence does not,
-    and of shapes alike the `plainest` will do.
+    Sets whose cross-validation error is within one standard error of the lowest count as equal
+    (Breiman et al. 1984), but their predictions between the measured strains may differ. Of these
+    sets, take the most probable one whose distance to their weighted average is the smallest, up
+    to the noise of a row: the single set closest to the average predicts best (Barbieri and
+    Berger 2004). Where no structure is left in the residual, folds add nothing to the evidence:
+    return the `plainest` set.
+
+    Parameters
+    ----------
+    found : list of Change
+        Changes of ``chosen`` against the model as given.
+    loss : dict of str to float
+        Drop of the log posterior without each change, by label; sorts the changes returned.
     """
     fitter = search.fitter
     if not found:
         return chosen, found
     physics = fitter.without_discrepancy(chosen)
-    if what_is_left(fitter.covariance, chosen, physics).total <= small(fitter.cells):
+    if what_is_left(fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
         return plainest(search, chosen, found, choices)
     near = _near(search, chosen.posterior, choices)
-    # what is no part of an answer by itself is none beside a tie either
+    # remove the weak effects of each set, as was done for the chosen set
     earned = {fit.names: fit for fit in (named(search, fit)[0] for fit in near)}
     earned.pop(chosen.names, None)
     tried = [chosen, *sorted(earned.values(), key=lambda fit: -fit.posterior)]
@@ -75,16 +82,17 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], worth: dict[s
     best = next(tried[k] for k, square in zip(alike, away)
                 if square <= away.min() + fitter.cells.noise ** 2)
     order = changes(search.options, best.names)
-    return best, sorted(order, key=lambda change: -worth.get(change.label, 0.0))
+    return best, sorted(order, key=lambda change: -loss.get(change.label, 0.0))
 
 
 def plainest(search: Search, chosen: Fit, found: list[Change], choices: Choices,
              ) -> tuple[Fit, list[Change]]:
     """
-    Return the chosen set with shapes of its effects of fewer parameters and fewer dead ones.
+    Return the chosen set with simpler shapes of its effects: fewer parameters, fewer dead ones.
 
-    A parameter that the data do not move costs no evidence: a shape with it is as probable as one
-    without. Only shapes whose error on unseen rows is no larger, but for what noise hides.
+    A dead parameter (its posterior is its prior) does not lower the evidence, so the evidence
+    cannot reject a shape that has one. A simpler shape is taken only if its cross-validation
+    error is not larger by more than the noise can hide.
     """
     fitter, labels = search.fitter, [change.label for change in found]
     hidden = (settings.VISIBLE * fitter.cells.noise) ** 2
@@ -105,23 +113,28 @@ def plainest(search: Search, chosen: Fit, found: list[Change], choices: Choices,
 
 
 def _dead(physics: Fit, found: list[Change]) -> int:
-    """Return how many parameters of what was found the data do not move."""
+    """Return the number of dead parameters of the effects that were found."""
     new = {change.new for change in found}
     return sum(prior.key.split('.')[0] in new
                for prior, dead in zip(physics.priors, is_dead(physics)) if dead)
 
 
 def _near(search: Search, posterior: float, choices: Choices) -> list[Fit]:
-    """Return sets that are at most so many times less probable than one, most probable first."""
+    """Return the sets within ``choices.odds`` of a log posterior, most probable first."""
     return [fit for fit in Posterior.of(search).fits
             if fit.posterior > posterior - np.log(choices.odds)][:_TRIED]
 
 
 def away_from_all(cells: Cells, models: list[Bundle], weights: np.ndarray) -> np.ndarray:
     """
-    Return how far each model is from all of them, (k,), N^2: mean squares, weighted.
+    Return the weighted mean square distance of each model's force to the others', (k,), N^2.
 
-    At rest, at pressures of the cells and strains evenly over their range, measured or not.
+    Compared at rest, at pressures of the cells and at strains evenly spaced over their range.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (k,)
+        Probabilities of the models.
     """
     pressure = cells.pressure[np.linspace(0, len(cells) - 1, _POINTS).astype(int)]
     strain = np.linspace(cells.strain.min(), cells.strain.max(), _POINTS)
@@ -131,14 +144,19 @@ def away_from_all(cells: Cells, models: list[Bundle], weights: np.ndarray) -> np
 
 def predictive(search: Search, chosen: Fit, physics: Fit, choices: Choices) -> Fit:
     """
-    Return the set to predict with: of those as probable as the best, of least error on folds.
+    Return the set for predictions: the lowest cross-validation error among the probable sets.
 
-    It may hold effects that earn no name, and other shapes of those that do. Only where structure
-    is left, as in `best_of_ties`, and where there are folds.
+    It may have effects that are not part of the answer, and other shapes of those that are. Where
+    no structure is left in the residual, or the data offer no folds, it is ``physics``.
+
+    Parameters
+    ----------
+    chosen, physics : Fit
+        The answer, fitted with and without a discrepancy.
     """
     fitter = search.fitter
     if not splits(fitter.cells) or what_is_left(
-            fitter.covariance, chosen, physics).total <= small(fitter.cells):
+            fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
         return physics
     near = _near(search, search.best.posterior, choices)
     tried = [physics, *(fitter.without_discrepancy(fit) for fit in near
@@ -146,15 +164,16 @@ def predictive(search: Search, chosen: Fit, physics: Fit, choices: Choices) -> F
     return min(tried, key=lambda fit: held_out_physics(fitter, fit))
 
 
-def believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
+def likelier_than_not(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
     """
-    Return the most probable set of effects that are likelier than not, where structure is needed.
+    Return the most probable set whose effects each have a probability above one half.
 
-    Beside a small error a smooth discrepancy is hardly less probable than an effect. But the one
-    says that something is missing as the other does: it is no reason to name nothing. An effect
-    in more than half of the posterior is (Barbieri and Berger 2004). Look-alikes share it, so
-    that none may have half: then the most probable set, within the odds of nothing, whose effects
-    explain all of the structure alone, without a discrepancy beside them.
+    It is used where the residual has structure but no set beats the model as given: if the error
+    is small, a smooth discrepancy is nearly as probable as an effect, though both say that
+    something is missing. One half is the limit of the median model (Barbieri and Berger 2004).
+    Similar effects share the probability, so none may reach one half: then return the most
+    probable set, within the odds of the model as given, whose effects explain the structure
+    without a discrepancy.
     """
     fitter, null = search.fitter, search.null
     left = what_is_left(fitter.covariance, null, fitter.without_discrepancy(null))
@@ -175,7 +194,7 @@ def believed(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
 
 
 def _explains_alone(search: Search, fit: Fit, inclusion: float) -> bool:
-    """Return whether physics without a discrepancy leaves no structure that needs one."""
+    """Return whether a set fitted without a discrepancy leaves no structure in the residual."""
     fitter = search.fitter
     alone = fitter.without_discrepancy(fit)
     hyper, evidence = fitter.best_hyper(fit.hyper, alone.linear)
@@ -184,21 +203,29 @@ def _explains_alone(search: Search, fit: Fit, inclusion: float) -> bool:
     return not is_structured(fitter.cells, need_of_structure(fitter, beside), left, inclusion)
 
 
-def that_predict(search: Search, chosen: Fit, found: list[Change], physics: Fit,
+def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics: Fit,
                  inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
     """
-    Return the chosen set without effects that predict nothing on rows not seen, or are bent.
+    Return the chosen set without effects that do not improve the prediction of held-out folds.
 
-    Those are effects without which physics does as well there. Where structure is left, evidence
-    measures it in units of the noise, so that an effect which imitates a hundredth of the misfit
-    gains tens of log units: there an effect stays only if it predicts better by more than a
-    standard error over the folds. Where none is left, an effect goes only if nothing is worse
-    without it, with a discrepancy too; the last one only if the evidence for it needs a
-    discrepancy besides.
+    Where the residual still has structure, the evidence compares it with the small noise, so an
+    effect that imitates one percent of the misfit gains tens of log units. There an effect stays
+    only if it lowers the cross-validation error by more than one standard error over the folds.
+    Without structure, an effect is removed only if no kind of fold gets worse, with and without
+    the discrepancy; the last effect only if the evidence for it depends on a discrepancy.
 
-    Beside structure a law that is `bent` goes too, not the last one: others may be named without
-    it. Where dimensions are off as well, it is no muscle as it was described, and all stay for
-    `verdict.judge` to refuse.
+    Where structure is left, an effect with implausible constants is removed as well, unless it is
+    the last. If the geometry is implausible too, the model describes another muscle: all effects
+    stay, for `verdict.judge` to refuse.
+
+    Parameters
+    ----------
+    chosen, physics : Fit
+        The set, fitted with and without a discrepancy.
+    found : list of Change
+        Changes of the set, most important first.
+    inclusion : float
+        Prior probability that something is missing.
     """
     fitter = search.fitter
     held = held_out(fitter, physics, chosen)
@@ -211,7 +238,8 @@ def that_predict(search: Search, chosen: Fit, found: list[Change], physics: Fit,
             error = held_out(fitter, without, fewer)
             if structured:
                 goes = as_good(error.squares, held.squares) or (
-                    len(found) > 1 and _is_bent(physics, change) and not far(physics))
+                    len(found) > 1 and _is_implausible(physics, change)
+                    and not implausible_geometry(physics))
             else:
                 goes = error.is_no_worse(held) and (
                     len(found) > 1 or fewer.white_posterior >= chosen.white_posterior)
@@ -224,11 +252,11 @@ def that_predict(search: Search, chosen: Fit, found: list[Change], physics: Fit,
     return chosen, found, physics, held
 
 
-def _is_bent(physics: Fit, change: Change) -> bool:
-    return any(key.startswith(f'{change.new}.') for key in bent(physics))
+def _is_implausible(physics: Fit, change: Change) -> bool:
+    return any(key.startswith(f'{change.new}.') for key in implausible_constants(physics))
 
 
 def as_good(squares: np.ndarray, best: np.ndarray) -> bool:
-    """Return whether mean squares of folds are within a standard error of others (Breiman)."""
+    """Return whether mean squares of folds, (k,), are within a standard error of the best."""
     more = squares - best
     return bool(more.sum() <= np.sqrt(len(more)) * np.std(more, ddof=len(more) > 1))

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Compare a model with a measurement: how large the error is, where, and against which noise floor.
+Compare a model with a measurement: size of the error, its regions, and the noise floor.
 
     result = compare(load_model('model.yaml'), read_measurement('data.csv'))
     print(result)
@@ -37,7 +37,7 @@ from fam_bundle_ros.told import Told
 @dataclass(frozen=True, repr=False)
 class Comparison(Told):
     """
-    A model against a measurement.
+    Error of a model on a measurement.
 
     Attributes
     ----------
@@ -49,19 +49,19 @@ class Comparison(Told):
         ``error_N`` over the rms of the measured force.
     noise : NoiseFloor
     lack_of_fit : float
-        Mean square of the cell means over what noise alone would give them; about 1 for a model
-        that is right, cells of strain, pressure and direction.
+        Mean square of the error averaged over cells of strain, pressure and direction, relative
+        to its expected value for noise alone; about 1 for a correct model.
     even_N, odd_N : float, N
-        Rms of the even and the odd part of the error in the direction of motion, noise taken off.
+        Rms of the parts of the error that are even and odd in the direction of motion.
     tables : dict of str to list of dict
         ``pressure``, ``strain``, ``direction``, ``rate``, ``region``, ``motor_unit``, ``trial``:
         rows with ``label``, ``samples``, ``error_N``, ``bias_N``, ``beyond_noise``.
     located : tuple of Region
     prediction, residual : ndarray, shape (T,), N
     strain_error : float or None
-        Root mean square error in strain, of data at a constant force.
+        Root mean square error in strain, for data at a constant force.
     slips : tuple of str
-        Slips of unit or sign that would explain the error: to be ruled out before any physics.
+        Mistakes of unit or sign that would explain the error; check these first.
     """
 
     model: str
@@ -110,8 +110,8 @@ class Comparison(Told):
         Returns
         -------
         dict
-            ``strain`` (s,), ``pressure`` (p,) Pa, ``even`` and ``odd`` (p, s) N (nan where
-            nothing was measured both ways), ``mean`` (p, s) over every direction.
+            ``strain`` (s,), ``pressure`` (p,) Pa, ``even`` and ``odd`` (p, s) N (nan where not
+            measured in both directions), ``mean`` (p, s) over all directions.
         """
         return residual_maps(self.measurement, self.residual, strains)
 
@@ -159,7 +159,7 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     Raises
     ------
     InputError
-        Where data and model have other motor units.
+        If data and model have different motor units.
     """
     data = as_measurement(measurement)
     data = matched(model, data)
@@ -201,7 +201,7 @@ def residual_maps(data: Measurement, residual: np.ndarray, strains: int = 24,
 
 
 def lack_of_fit(data: Measurement, residual: np.ndarray, floor: NoiseFloor) -> float:
-    """Return the mean square of cell means over what noise alone would leave in them."""
+    """Return the mean square of cell means relative to its expected value for noise alone."""
     cell, _ = visit_cells(data, 24)
     count = np.bincount(cell)
     mean = np.bincount(cell, residual) / np.maximum(count, 1)

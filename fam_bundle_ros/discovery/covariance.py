@@ -1,15 +1,15 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 r"""
-The covariance of what a model cannot predict: noise and a smooth discrepancy.
+Covariance of the residual: noise and a smooth discrepancy (Gaussian process).
 
     K = s^2 / count + s_w^2 I + a_e^2 M + (a_o^2 + a_v^2 V) d d' M + a_t^2 exp(-|dt| / tau)
 
-M is a Matern 5/2 over (strain, pressure), summed over motor units as their forces are, d the
-direction of motion: the discrepancy has a part that is even in the direction and one that is odd
-(Kennedy and O'Hagan 2001). V is a Matern 5/2 over the logarithm of the speed, where the data have
-several: losses are functions of the speed too. The last part holds within a trial. K does not
-depend on the physics, so its factors are kept.
+M is a Matern 5/2 kernel of (strain, pressure), summed over motor units like their forces; d is
+the direction of motion. The discrepancy has an even and an odd part in d (Kennedy and O'Hagan
+2001). V is a Matern 5/2 kernel of the logarithm of the speed, used if the data have several
+speeds, as losses depend on it. The last part correlates rows of the same trial. K does not depend
+on the physics, so its Cholesky factors are cached.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 
-#: Bytes of Cholesky factors that are kept.
+#: Largest cache of Cholesky factors, bytes.
 _KEEP = 2e8
-#: Noise of a cell that tells nothing, shares of the force's standard deviation.
+#: Noise of a cell that is left out, in standard deviations of the force.
 _UNKNOWN = 1e6
 
 
 class Hyper(NamedTuple):
-    """Places on the grids of `settings`; 0 of an amplitude switches its part off."""
+    """Places on the grids of `settings`; place 0 of an amplitude switches its part off."""
 
     even: int = 0
     strain: int = 0
@@ -71,18 +71,18 @@ class Covariance:
     unexplained : float
         Mean of the prior on the amplitudes, as a share of the force's standard deviation.
     force_sd : float, N, optional
-        That standard deviation; by default the cells'.
+        Standard deviation of the force; by default that of the cells.
     """
 
     def __init__(self, cells: Cells, unexplained: float, force_sd: float | None = None):
         self.cells = cells
         self.unexplained = unexplained
-        #: Plain numbers: they are asked for one at a time, some ten thousand times.
+        #: Python floats: single ones are read some ten thousand times, slower from an array.
         self._share = settings.AMPLITUDES.tolist()
         self._variance = [(share * (force_sd or cells.force_sd)) ** 2 for share in self._share]
         self._noise = cells.noise ** 2 / cells.count
         both = np.outer(cells.direction, cells.direction)
-        #: By axis: what the Matern part is multiplied by, or the gap in time within a trial, s.
+        #: By axis: the factor of the Matern part, or the time difference within a trial, s.
         self._base: dict[str, np.ndarray] = {'odd': both}
         if cells.time is not None:
             gap = np.abs(cells.time[:, None] - cells.time)
@@ -98,7 +98,7 @@ class Covariance:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the hyperparameters that the data can tell."""
+        """Names of the hyperparameters that the data can determine."""
         return ('even', 'white', 'strain', 'pressure',
                 *(('odd',) if self.cells.both_ways else ()),
                 *(('speed',) if 'speed' in self._base else ()),
@@ -115,7 +115,7 @@ class Covariance:
         return self._variance[place]
 
     def white_sd(self, h: Hyper) -> float:
-        """Return the size of the white misfit, N."""
+        """Return the standard deviation of the white misfit, N."""
         return float(np.sqrt(self._variance[h.white]))
 
     def whiten(self, h: Hyper, values: np.ndarray) -> np.ndarray:
@@ -123,7 +123,7 @@ class Covariance:
         if h.is_white:
             sd = np.sqrt(self._noise + self._variance[h.white])
             return values / (sd if values.ndim == 1 else sd[:, None])
-        # LAPACK itself: this is called some ten thousand times, and the wrappers take half of it
+        # LAPACK directly: called some ten thousand times, and wrappers take half of the time
         return dtrtrs(self._factor(h)[0], values, lower=1)[0]
 
     def log_determinant(self, h: Hyper) -> float:
@@ -139,7 +139,7 @@ class Covariance:
         return k
 
     def structured(self, h: Hyper) -> np.ndarray:
-        """Return the part of K that is no noise, (n, n), N^2."""
+        """Return K without noise and white misfit, (n, n), N^2."""
         parts = [(self._variance[getattr(h, axis)], self._part(axis, h))
                  for axis in ('even', 'odd', 'speed', 'slow') if getattr(h, axis)]
         if not parts:
@@ -147,21 +147,21 @@ class Covariance:
         (first, part), *others = parts
         k = first * part
         for variance, part in others:
-            # in place: arrays of this size cost more to make than to fill
+            # in place: allocating arrays of this size takes longer than filling them
             daxpy(part.ravel(), k.ravel(), a=variance)
         return k
 
     def across(self, h: Hyper, strain: np.ndarray, pressure: np.ndarray,
                unit: int | None = None) -> np.ndarray:
         """
-        Return the Matern part between points and cells, (k, n), without its amplitude.
+        Return the Matern kernel between points and cells, (k, n), for amplitude 1.
 
         Parameters
         ----------
         strain : ndarray, shape (k,)
         pressure : ndarray, shape (k, m), Pa
         unit : int, optional
-            The share of this motor unit alone.
+            Only the part of this motor unit.
         """
         c = self.cells
         units = range(c.pressure.shape[1]) if unit is None else (unit,)
@@ -174,7 +174,7 @@ class Covariance:
         return total / c.pressure.shape[1]
 
     def _part(self, axis: str, h: Hyper) -> np.ndarray:
-        """Return one part of the discrepancy, (n, n), of amplitude one."""
+        """Return the kernel of one part of the discrepancy, (n, n), for amplitude 1."""
         key = (axis, h.tau) if axis == 'slow' else (axis, h.strain, h.pressure)
         if key not in self._parts:
             if axis == 'slow':
@@ -187,7 +187,7 @@ class Covariance:
         return self._parts[key]
 
     def without(self, gone: np.ndarray) -> Covariance:
-        """Return the same where some cells, (n,) bool, tell nothing: their noise has no bounds."""
+        """Return the covariance with some cells, (n,) bool, left out: given very large noise."""
         other = copy(self)
         other._noise = np.where(gone, (_UNKNOWN * self.cells.force_sd) ** 2, self._noise)
         other._factors = OrderedDict()
@@ -207,6 +207,6 @@ class Covariance:
 
 
 def matern_5_2(squared: np.ndarray) -> np.ndarray:
-    """Return the Matern covariance of smoothness 5/2 at squared scaled distances."""
+    """Return the Matern 5/2 kernel of squared scaled distances."""
     x = np.sqrt(5.0 * squared)
     return (1.0 + x + x * x / 3.0) * np.exp(-x)

@@ -6,9 +6,9 @@ Which effect is the model missing? Verdict, effects, ties, and what to measure n
     result = diagnose(load_model('model.yaml'), read_measurement('data.csv'))
     print(result)
 
-The measurement is reduced once (`cells`); sets of effects are searched (`search`) under one
-likelihood with a discrepancy in every model (`covariance`, `evidence`); `posterior` says what all
-sets say together, `verdict` what that amounts to. This module passes it on and adds the numbers.
+The measurement is reduced to cells (`cells`). Sets of effects are searched (`search`) with one
+likelihood, which has a discrepancy in every model (`covariance`, `evidence`). `posterior` averages
+over the sets, `verdict` gives the verdict. This module runs these steps and collects the results.
 """
 
 from __future__ import annotations
@@ -27,7 +27,12 @@ from fam_bundle_ros.data.trials import Offsets, trial_offsets
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import Cells, reduce
-from fam_bundle_ros.discovery.choice import believed, best_of_ties, predictive, that_predict
+from fam_bundle_ros.discovery.choice import (
+    best_of_ties,
+    drop_unpredictive,
+    likelier_than_not,
+    predictive,
+)
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
@@ -46,7 +51,7 @@ from fam_bundle_ros.discovery.words import next_experiment, not_named, notes_on,
 from fam_bundle_ros.model import Bundle, catalogue
 from fam_bundle_ros.processes import on_one_core
 
-#: Candidates of a ranking whose error is worked out without a discrepancy.
+#: Candidates at the top of a ranking whose error is computed by a refit without discrepancy.
 _TOLD = 6
 
 
@@ -61,14 +66,14 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     model : Bundle
     measurement : Measurement, path, or DataFrame
     progress : callable, optional
-        Called with a share from 0 to 1 and a word about what is being done.
+        Called with a share from 0 to 1 and the name of the current step.
     choices : Choices, optional
-        How much unexplained structure is normal, the odds of a tie, and the like.
+        Settings: how much unexplained structure is normal, the odds of a tie, and others.
 
     Raises
     ------
     InputError
-        For bad data, or where data and model have other motor units.
+        For bad data, or if data and model have different motor units.
 
     Returns
     -------
@@ -85,12 +90,12 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         progress(0.9, 'weighing what is left')
     chosen, found = best_of_ties(search, *named(search, search.best), choices)
     if not found:
-        chosen, found = believed(search, choices)
+        chosen, found = likelier_than_not(search, choices)
     physics = fitter.without_discrepancy(chosen)
     base = fitter.without_discrepancy(search.null) if found else physics
     likely = bool(found)
-    chosen, found, physics, held = that_predict(search, chosen, found, physics,
-                                                choices.inclusion)
+    chosen, found, physics, held = drop_unpredictive(search, chosen, found, physics,
+                                                     choices.inclusion)
     if offsets is None and not data.is_static:
         offsets = _offsets_left(cells, physics)
     finding = judge(fitter, search.null, base, chosen, physics, found, held,
@@ -153,7 +158,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
 
 
 def _tared(data: Measurement, residual: np.ndarray) -> tuple[Measurement, Offsets | None]:
-    """Return a map without what its trials differ by: no memory could make that."""
+    """Return a map without the offsets between its trials, which a static model cannot explain."""
     offsets = trial_offsets(data, residual) if data.is_static else None
     if offsets is None:
         return data, None
@@ -161,7 +166,7 @@ def _tared(data: Measurement, residual: np.ndarray) -> tuple[Measurement, Offset
 
 
 def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
-    """Return what the trials of a log differ by where it is more than a part of the noise."""
+    """Return the offsets between the trials of a log, if they are visible in the noise."""
     residual = cells.data.force - physics.model.predict(cells.motion)
     kept = cells.label >= 0
     found = trial_offsets(cells.data.select(kept), residual[kept])
@@ -179,7 +184,7 @@ def _artefacts(offsets: Offsets | None, floor: NoiseFloor) -> list[Artefact]:
 
 
 def _written(model: Bundle, fit: Fit, told: list) -> Bundle:
-    """Return a fitted model that says in its name what it is."""
+    """Return a fitted model with intervals and error, and its changes in its name."""
     had = {effect.name for effect in model.effects}
     new = [effect.name for effect in fit.model.effects if effect.name not in had]
     gone = [name for name in had if name not in {e.name for e in fit.model.effects}]
@@ -190,7 +195,7 @@ def _written(model: Bundle, fit: Fit, told: list) -> Bundle:
 
 def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,
              finding: Finding, beyond: float) -> tuple[Candidate, ...]:
-    """Return every effect that was tried with the best set that holds it; named ones first."""
+    """Return every effect that was tried, with its most probable set; named effects first."""
     fitter = search.fitter
     most = DOUBTED if finding.warnings or finding.refusals else 1.0
     most = 0.5 if finding.refusals or (finding.verdict == 'unexplained') else most
@@ -223,7 +228,7 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
 
 def _ladder(search: Search, answer: list[Change], error: dict[str, float], base: Fit,
             held: HeldOut, beyond: float) -> list[dict[str, Any]]:
-    """Return the error after each step, on all rows and on folds left out."""
+    """Return the error after each change, on all rows and on held-out folds."""
     fitter = search.fitter
 
     def square(fit: Fit) -> float:
@@ -237,7 +242,7 @@ def _ladder(search: Search, answer: list[Change], error: dict[str, float], base:
              {**step('recalibrated', base), 'error_N': error['recalibrated']}]
     names, left = search.options.own, list(answer)
     while len(left) > 1:
-        # The change that takes most of the error first: each step shows what it brings.
+        # the change that reduces the error most comes first
         tried = [(change, fitter.without_discrepancy(search.fit(_after(names, change))))
                  for change in left]
         change, fit = min(tried, key=lambda pair: square(pair[1]))

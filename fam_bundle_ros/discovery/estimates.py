@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the data say of each parameter: value, interval over all likely sets, what is wrong."""
+"""Estimates of the parameters: value, interval over all likely sets, and a flag if unreliable."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from fam_bundle_ros.units import si_factor
 _GEOMETRY_UNITS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
 #: Standard deviations of a 95 % interval.
 _95 = 1.96
-#: A parameter whose prior the data narrow by less than this share is not moved by them.
+#: A parameter is dead if its posterior standard deviation exceeds this share of the prior's.
 DEAD = 0.97
-#: Correlation from which two parameters are said to trade off.
+#: Two parameters trade off if the absolute correlation of their estimates is larger.
 _TRADED = 0.98
 
 
 @dataclass(frozen=True)
 class Estimate:
     """
-    A fitted parameter in the unit that people use for it.
+    A fitted parameter in its usual unit.
 
     Attributes
     ----------
@@ -36,24 +36,23 @@ class Estimate:
     value : float
     unit : str
     interval : tuple of float
-        95 %, within the bounds; over all likely sets, so that a tie widens it.
+        95 % interval within the bounds, over all likely sets, so that a tie widens it.
     flag : str
-        Empty, or why the interval is not to be trusted: ``dead`` (the data do not move it),
+        Empty, or why the interval is unreliable: ``dead`` (the data do not move the parameter),
         ``at bound``, ``traded off with ...``.
     tolerances : float or None
-        How many tolerances (widths of its prior) a parameter of the model has moved.
+        Shift of a parameter of the model, in tolerances (widths of its prior).
     si : float
         The value in SI units.
     prior : tuple of float
-        Centre and 95 % ends of what was taken for likely before the data, in the unit.
+        Centre and 95 % interval of the prior, in the unit.
     moved : tuple of float
-        Value and 95 % ends in widths of the prior, from its centre, within the bounds.
+        Value and 95 % interval relative to the centre of the prior, in widths of the prior.
     reach : tuple of float
-        95 % ends of the prior itself in such widths.
+        95 % interval of the prior, in the same measure.
     data_alone : tuple of float
-        What the data say without the parameter's prior: value and both ends of the 95 % interval.
-        It is what to compare specimens by: a prior draws all of them towards one value. Empty
-        where the data do not move it.
+        Value and 95 % interval without the parameter's prior. Use it to compare specimens: a
+        prior shifts all of them towards one value. Empty if the parameter is dead.
     """
 
     key: str
@@ -86,7 +85,7 @@ class Estimate:
 
 
 def unit_of(model: Bundle, key: str) -> tuple[str, float]:
-    """Return the unit that a parameter is shown in and its SI size."""
+    """Return the unit in which a parameter is shown, and the SI value of that unit."""
     owner, _, name = key.partition('.')
     if owner == 'geometry':
         unit = _GEOMETRY_UNITS[name]
@@ -97,14 +96,14 @@ def unit_of(model: Bundle, key: str) -> tuple[str, float]:
 
 def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
     """
-    Return every fitted parameter with its interval and what is wrong with it, if anything.
+    Return every fitted parameter with its interval and flag.
 
     Parameters
     ----------
     fit : Fit
-        Without a discrepancy: the values that a model is written with.
+        Fitted without a discrepancy.
     posterior : Posterior, optional
-        Widens the intervals by what other likely sets say.
+        Widens the intervals by the spread over other likely sets.
     """
     own, dead = _spread(fit), is_dead(fit)
     bound = fit.at_bound
@@ -138,12 +137,12 @@ def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
 
 
 def _spread(fit: Fit) -> np.ndarray:
-    """Return the standard deviation of each parameter in widths of its prior, (p,)."""
+    """Return the posterior standard deviation of each parameter in widths of its prior, (p,)."""
     return np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
 
 
 def is_dead(fit: Fit) -> np.ndarray:
-    """Return which parameters the data do not move, (p,) bool."""
+    """Return which parameters have a posterior almost as wide as the prior, (p,) bool."""
     return _spread(fit) > DEAD
 
 
@@ -168,7 +167,7 @@ def confounding(fit: Fit) -> tuple[list[str], np.ndarray]:
 
 
 def with_intervals(model: Bundle, found: list[Estimate], error: float) -> Bundle:
-    """Return a model that carries the intervals of its effects' parameters and its error."""
+    """Return a model with the intervals of its effects' parameters and its error, N, attached."""
     known: dict[str, dict[str, tuple[float, float]]] = {}
     for estimate in found:
         owner, _, name = estimate.key.partition('.')

@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One set of effects fitted to cells: most probable parameters, then how probable the set is.
+Fit one set of effects to cells: its most probable parameters and its evidence.
 
-The fit is least squares with whitened residuals and the priors as further rows; the evidence is
-Laplace's, of the misfit and the slopes there, with parameters at a bound counted as fixed. The
-hyperparameters of the discrepancy follow by coordinate ascent on their grid, a little at a time,
-from a white misfit down: otherwise the discrepancy takes what physics could explain.
+The fit is least squares of whitened residuals with the priors as additional rows. The evidence is
+Laplace's approximation at the optimum; parameters at a bound count as fixed. The hyperparameters
+of the discrepancy are found by coordinate ascent on a grid, in small steps, starting from a large
+white misfit (annealing): otherwise the discrepancy would absorb what physics can explain.
 """
 
 from __future__ import annotations
@@ -26,45 +26,45 @@ from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle
 
-#: White misfits of the annealing, down to none; then where the discrepancy starts, as places on
-#: the grid.
+#: White misfits of the annealing, as places on the grid; 0 is none.
 COOLING = range(12, -1, -2)
+#: Start of the discrepancy after the annealing, as places on the grid.
 _FIRST = Hyper(even=7, odd=6, white=6, slow=6, speed=6)
 #: Longest step of a fit, in widths of the priors.
 _LONGEST = 2.0
-#: A fit of the search stops when a step gains less (in chi2); evidence is told to about this.
+#: A fit stops when a step reduces chi2 by less; about the accuracy of the log evidence.
 _ROUGH = 0.2
-#: ... and where other hyperparameters gain less (in log units).
+#: Hyperparameters are final when another place on the grid gains less, in log units.
 _SETTLED = 0.3
-#: Log units by which places of the grid are alike.
+#: Log units below which two places on the grid count as equal.
 _ALIKE = 1e-3
-#: Most places that an amplitude follows one of a length: 2^(5/2) in quarter decades.
+#: Most grid places of an amplitude per place of a length: 2^(5/2) in quarter decades.
 _RIDGE = 3
-#: From an amplitude of zero, which the next place on the grid hardly differs from.
+#: Step from an amplitude of zero: the first places on the grid hardly change the evidence.
 _LEAP = 4
 
-#: Coordinates u (p,), residual (n,) and slopes (n, p) there.
+#: Coordinates u (p,), and residual (n,) and slopes (n, p) at u.
 Point = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Linear(NamedTuple):
     """
-    A model linearised at u: what its evidence needs under any hyperparameters.
+    A model linearised at u: the data from which its evidence follows for any hyperparameters.
 
     Attributes
     ----------
     columns : ndarray, shape (n, k + 1), N
-        Slopes in the k coordinates that are at no limit, sizes that may be absent last and before
-        them those of `others`, then the residual at zero of them.
+        Slopes in the k coordinates that are not at a limit, then the residual where these are
+        zero. Order of the coordinates: ordinary ones, those of `others`, sizes that may be zero.
     own : ndarray, shape (k,)
-        Those coordinates.
+        Values of these coordinates.
     sizes : int
-        How many of them are sizes that may be absent.
+        Number of sizes that may be zero.
     others : tuple of (int, int, float)
-        Sizes that may be absent instead: place of such a one among the coordinates, of the other,
-        and the coordinate at which the linear model has none of it.
+        Pairs of which either may be zero: place of the logarithmic coordinate, place of the size,
+        and the value of the former at which the linear model has none of it.
     constant : float
-        Part of the log evidence that goes with the priors and the number of cells.
+        Part of the log evidence that depends only on the priors and the number of cells.
     """
 
     columns: np.ndarray
@@ -76,7 +76,7 @@ class Linear(NamedTuple):
     @classmethod
     def of(cls, priors: Sequence[Prior], u: np.ndarray, residual: np.ndarray,
            slopes: np.ndarray) -> Linear:
-        """Return it for residual (n,) and slopes (n, p) at u (p,)."""
+        """Return the linear model for residual (n,) and slopes (n, p) at u (p,)."""
         held = pinned(priors, u)
         half = np.array([p.kind == 'half' for p in priors], bool)
         there = {p.key: k for k, p in enumerate(priors) if half[k] and not held[k]}
@@ -84,7 +84,7 @@ class Linear(NamedTuple):
         free = np.concatenate([np.flatnonzero(~held & ~half & ~beside),
                                np.flatnonzero(~held & beside), np.flatnonzero(~held & half)])
         own, place = u[free], {k: j for j, k in enumerate(free.tolist())}
-        # slopes are in the logarithm: one over its width takes all of a size away
+        # u is the logarithm over its width: in the linear model a step of -1 / width gives zero
         others = tuple((place[k], place[there[p.beside]], float(u[k] - 1.0 / p.width))
                        for k, p in enumerate(priors) if beside[k] and not held[k])
         columns = np.empty((len(residual), len(own) + 1), order='F')
@@ -106,20 +106,20 @@ class Fit:
     names : tuple of str
         Effects of the model, sorted.
     model : Bundle
-        With the values that were fitted.
+        With the fitted values.
     priors : tuple of Prior
     u : ndarray, shape (p,)
         Coordinates of the priors.
     hyper : Hyper
     residual : ndarray, shape (n,), N
     slopes : ndarray, shape (n, p), N
-        Of the prediction in u.
+        Derivatives of the predicted force with respect to u.
     evidence, white_evidence : float
         Log evidence with the discrepancy, and the best one with a white misfit instead.
     log_prior : float
-        Of the set.
+        Log prior probability of the set.
     promise : float
-        Log evidence that the linear model promises beyond: much at a kink.
+        Excess of the linear model's log evidence over `evidence`: large at a kink of the model.
     covariance : ndarray, shape (p, p)
         Of u, by Laplace's approximation.
     """
@@ -144,17 +144,17 @@ class Fit:
 
     @property
     def white_posterior(self) -> float:
-        """The same without a discrepancy."""
+        """Log posterior of the set fitted without a discrepancy, up to a constant."""
         return self.white_evidence + self.log_prior
 
     @cached_property
     def start(self) -> dict[str, float]:
-        """Return u by key."""
+        """The fitted u by key of the parameter: start values for a neighbouring set."""
         return {prior.key: float(u) for prior, u in zip(self.priors, self.u)}
 
     @cached_property
     def linear(self) -> Linear:
-        """The model linearised there."""
+        """The model linearised at the fitted u."""
         return Linear.of(self.priors, self.u, self.residual, self.slopes)
 
     @property
@@ -169,27 +169,29 @@ def pinned(priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
                      for prior, value in zip(priors, u)], bool)
 
 
-def _of_sizes(factor: np.ndarray, at: Linear, reached: bool) -> float:
+def _log_evidence_of_sizes(factor: np.ndarray, at: Linear, reached: bool) -> float:
     """
-    Return what it adds to the log evidence that sizes are not negative, and may be absent.
+    Return the correction of the log evidence for sizes that are not negative and may be zero.
 
-    A size is zero with probability one half, else half-normal. With mean m and deviation s of its
-    posterior under a normal prior of 1, the evidence is Phi(m / s) of that with the normal prior
-    for what is above zero, and half the ratio of the densities at zero of posterior and prior for
-    zero itself (Dickey 1971, Ann. Math. Stat. 42, 204). Where it is not zero the other size of its
-    law is, with probability one half: friction in proportion to the pressure has no constant part.
+    The prior of a size is zero with probability one half, else half-normal. Let m and s be mean
+    and standard deviation of its posterior under a normal prior of width 1. Relative to that
+    prior, a positive size contributes Phi(m / s), and a size of zero contributes half the ratio
+    of posterior to prior density at zero (Dickey 1971, Ann. Math. Stat. 42, 204). If the size is
+    positive, the other size of its law is zero with probability one half (friction proportional
+    to the pressure without a constant part).
 
     Parameters
     ----------
     factor : ndarray, shape (n + k, k + 1)
         R of the stacked slopes, prior and residual.
+    at : Linear
     reached : bool
-        With the sizes at u for the means, as `Fitter.log_evidence`.
+        Use the sizes at u as means, as in `Fitter.log_evidence`.
     """
     k = len(at.own)
     others = len(at.others)
     first = k - at.sizes - others
-    # plain numbers: it is called some ten thousand times, for one to four of them
+    # Python floats: called some ten thousand times for 1 to 4 sizes, where numpy is slower
     rows = factor[first:k, first:k + 1].tolist()
     root = _inverse_of_upper(rows)
     sd = [math.hypot(*row) for row in root]
@@ -208,7 +210,7 @@ def _of_sizes(factor: np.ndarray, at: Linear, reached: bool) -> float:
 
 
 def _inverse_of_upper(rows: list[list[float]]) -> list[list[float]]:
-    """Return the inverse of an upper triangular matrix whose rows may be longer than it is."""
+    """Return the inverse of an upper triangular matrix; columns beyond the square are ignored."""
     size = len(rows)
     root = [[0.0] * size for _ in rows]
     for j in range(size):
@@ -240,12 +242,12 @@ class Fitter:
                    kept: Mapping[str, np.ndarray] | None = None,
                    ) -> tuple[np.ndarray, np.ndarray]:
         """
-        Return residual (n,) and slopes of the prediction in u (n, p), N.
+        Return residual (n,) and derivatives of the predicted force in u (n, p), N.
 
         Parameters
         ----------
         kept : mapping of str to ndarray (n,), optional
-            Slopes that are known well enough, by key.
+            Slopes that need not be computed again, by key.
         """
         known = kept or {}
         moved = with_coordinates(model, priors, u)
@@ -261,7 +263,7 @@ class Fitter:
         return self._off(force), slopes
 
     def _off(self, force: np.ndarray) -> np.ndarray:
-        """Return measured minus predicted force of the cells, for the predicted of the rows."""
+        """Return measured minus predicted force of the cells, from predictions of the rows."""
         mean = self.cells.mean(force)
         return self.cells.force - np.where(np.isfinite(mean), mean, 1e6)
 
@@ -272,8 +274,8 @@ class Fitter:
         Parameters
         ----------
         reached : bool
-            With the misfit at u, not the least one that the linear model promises: at a kink (of
-            a slack tendon, a threshold) a step towards that leads nowhere.
+            Use the misfit at u instead of the minimum of the linear model. At a kink (slack
+            tendon, threshold) the nonlinear model does not reach that minimum.
         """
         n, k = len(at.columns), len(at.own)
         # by QR: with slopes that are large and nearly parallel I + B'B is not positive definite
@@ -286,28 +288,34 @@ class Fitter:
                        ) if reached else diagonal[k] ** 2
         return float(at.constant - 0.5 * misfit - np.log(np.abs(diagonal[:k])).sum()
                      - self.covariance.log_determinant(h) + self.covariance.log_prior(h)
-                     + (_of_sizes(factor, at, reached) if at.sizes else 0.0))
+                     + (_log_evidence_of_sizes(factor, at, reached) if at.sizes else 0.0))
 
     def evidence_of(self, fit: Fit) -> float:
-        """Return the log evidence of a fit to other cells, linearised there, with its prior."""
+        """
+        Return the log posterior of a set under this covariance, from the fit's linear model.
+
+        For a covariance in which some cells carry no information (`Covariance.without`).
+        """
         return fit.log_prior - fit.promise + self.log_evidence(fit.hyper, fit.linear)
 
     def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                       whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
                       tolerance: float = 0.05, at: Point | None = None) -> Point:
         """
-        Return the most probable u under a covariance, with residual and slopes there.
+        Return the most probable u under a covariance, with residual and slopes at it.
 
-        Least squares after Levenberg and Marquardt with bounds and exact slopes; it stops where
-        the quadratic it goes by promises less than ``tolerance``. The library's solver takes
-        several times as long for so few parameters, and this one is called some thousand times.
+        Levenberg-Marquardt with bounds and exact derivatives; it stops when the quadratic model
+        predicts a decrease of chi2 below ``tolerance``. scipy's solver takes several times as
+        long for so few parameters, and this method is called some thousand times.
 
         Parameters
         ----------
+        u : ndarray, shape (p,)
+            Start values.
         whiten : callable
-            Makes what the residuals (n,) or slopes (n, p) are under white noise of 1.
+            Whitens residuals (n,) or slopes (n, p).
         at : Point, optional
-            Residual and slopes at u where they are known.
+            Residual and slopes at u, if known.
         """
         low, high = np.array([prior.limits for prior in priors]).T
         residual, slopes = at[1:] if at is not None else self.linearised(model, priors, u)
@@ -336,21 +344,27 @@ class Fitter:
                 damping *= 8.0
             if not moved:
                 break
-            # slopes take many times as long as the force: only where the step is kept
+            # slopes take many times as long as the force: compute them only for accepted steps
             residual, slopes = self.linearised(model, priors, u)
         return u, residual, slopes
 
     def whitener(self, h: Hyper) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the function that whitens under these hyperparameters."""
+        """Return the whitening function for hyperparameters."""
         return lambda values: self.covariance.whiten(h, values)
 
     def best_hyper(self, h: Hyper, at: Linear, reach: int = 99, fixed: Sequence[str] = (),
                    reached: bool = False) -> tuple[Hyper, float]:
         """
-        Return the hyperparameters of the highest evidence near h, and it (see `log_evidence`).
+        Return the hyperparameters of the highest log evidence near h, and that log evidence.
 
-        Coordinate ascent on the grid; ``reach`` is how many places each may move, except those
-        that are ``fixed``.
+        Coordinate ascent on the grid.
+
+        Parameters
+        ----------
+        reach : int
+            Most places on the grid by which each hyperparameter may move.
+        fixed : sequence of str
+            Hyperparameters that do not move.
         """
         known: dict[Hyper, float] = {}
 
@@ -387,12 +401,12 @@ class Fitter:
     def along_ridge(self, h: Hyper, at: Linear, reach: int = 99, reached: bool = False,
                     ) -> tuple[Hyper, float]:
         """
-        Return the place of the highest evidence with another length, and it (see `log_evidence`).
+        Return the hyperparameters of the highest log evidence with another length, and its value.
 
-        Of a Matern covariance of smoothness 5/2 the data tell amplitude over length to the power
-        of 5/2 (Zhang 2004, J. Am. Stat. Assoc. 99, 250): moved one at a time, both stand still on
-        that ridge. Twice the length is 5.7 times the amplitude, three places of a quarter decade;
-        less where the other length stays. At most ``reach`` places from h.
+        For a Matern 5/2 covariance the data determine only amplitude / length^(5/2) (Zhang 2004,
+        J. Am. Stat. Assoc. 99, 250), so coordinate ascent stops on this ridge: move both at once.
+        Twice the length means 5.7 times the amplitude, three places of a quarter decade, or
+        fewer where the other length stays. Parameters as in `best_hyper`.
         """
         parts = [part for part in ('even', 'odd', 'speed') if getattr(h, part)]
         moved = [parts] if len(parts) < 2 else [parts, *([part] for part in parts)]
@@ -402,12 +416,12 @@ class Fitter:
                   for more in range(1, min(_RIDGE, reach) + 1) for some in moved if some]
         places = [q for q in places if all(0 <= place < size for place, size in zip(q, GRID))]
         values = [self.log_evidence(q, at, reached) for q in (h, *places)]
-        # of places that are alike the first: rounding must not choose
+        # the first of equal places, so that the choice does not depend on rounding
         best = next(k for k, value in enumerate(values) if value >= max(values) - _ALIKE)
         return (h, *places)[best], values[best]
 
     def first_hyper(self) -> Hyper:
-        """Return where the discrepancy starts after the annealing: small."""
+        """Return the small discrepancy from which the climb starts after the annealing."""
         axes = self.covariance.axes
         return _FIRST._replace(**{axis: 0 for axis in ('odd', 'slow', 'speed')
                                   if axis not in axes})
@@ -416,12 +430,14 @@ class Fitter:
             start: Mapping[str, float] | None = None, hyper: Hyper | None = None,
             log_prior: float = 0.0) -> Fit:
         """
-        Return a set of effects fitted from its priors, or from ``start`` (u by key).
+        Return the fit of a set of effects.
 
         Parameters
         ----------
+        start : mapping of str to float, optional
+            Start values of u by key; by default those of the priors.
         hyper : Hyper, optional
-            Of a set that is near: tried besides the small discrepancy after the annealing.
+            Of a similar set: a second start beside the small discrepancy after the annealing.
         """
         given = start or {}
         u = np.array([np.clip(given.get(p.key, p.start), *p.limits) for p in priors])
@@ -431,23 +447,23 @@ class Fitter:
         if hyper is not None:
             tries.append(self._climb(model, priors, first, hyper, 99))
         evidence, point, h = max(tries, key=lambda found: found[0])
-        return self._made(names, model, priors, point[0], h, point[1], point[2], evidence, white,
-                          log_prior)
+        return self._finished(names, model, priors, point[0], h, point[1], point[2], evidence,
+                              white, log_prior)
 
     def without_discrepancy(self, fit: Fit) -> Fit:
         """
-        Return a set fitted with a white misfit of the best size.
+        Return the set refitted with a white misfit, of the size of highest evidence.
 
-        A discrepancy beside the physics biases its parameters (Brynjarsdottir and O'Hagan 2014).
+        A discrepancy biases the physical parameters (Brynjarsdottir and O'Hagan 2014).
         """
         value, (u, residual, slopes), h = self._cooled(
             fit.model, fit.priors, (fit.u, fit.residual, fit.slopes), 25)
-        return self._made(fit.names, fit.model, fit.priors, u, h, residual, slopes, value, value,
-                          fit.log_prior)
+        return self._finished(fit.names, fit.model, fit.priors, u, h, residual, slopes, value,
+                              value, fit.log_prior)
 
     def _cooled(self, model: Bundle, priors: Sequence[Prior], point: Point, iterations: int,
                 tolerance: float = 0.05) -> tuple[float, Point, Hyper]:
-        """Return physics alone, from a large white misfit down as far as the evidence grows."""
+        """Fit without discrepancy: reduce the white misfit as long as the evidence grows."""
         best: tuple[float, Point, Hyper] | None = None
         for place in COOLING:
             h = Hyper(white=place)
@@ -460,11 +476,11 @@ class Fitter:
         assert best is not None
         return best
 
-    def _made(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
-              u: np.ndarray, h: Hyper, residual: np.ndarray, slopes: np.ndarray, evidence: float,
-              white: float, log_prior: float) -> Fit:
-        bent = self.covariance.whiten(h, slopes)
-        spread = np.linalg.inv(np.eye(len(u)) + bent.T @ bent)
+    def _finished(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
+                  u: np.ndarray, h: Hyper, residual: np.ndarray, slopes: np.ndarray,
+                  evidence: float, white: float, log_prior: float) -> Fit:
+        whitened = self.covariance.whiten(h, slopes)
+        spread = np.linalg.inv(np.eye(len(u)) + whitened.T @ whitened)
         at = Linear.of(priors, u, residual, slopes)
         promise = self.log_evidence(h, at) - evidence
         return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
@@ -472,7 +488,7 @@ class Fitter:
 
     def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
                ) -> tuple[float, Point, Hyper]:
-        """Return the best of rounds of parameters, then hyperparameters."""
+        """Fit parameters and hyperparameters alternately; return the best evidence."""
         best: tuple[float, Point, Hyper] | None = None
         for k in range(8):
             point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
@@ -493,6 +509,6 @@ class Fitter:
 
 
 def with_coordinates(model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> Bundle:
-    """Return a model with the values that its priors have at u."""
+    """Return a model with its parameters set to coordinates u of their priors."""
     return model.with_parameters({prior.key: prior.theta(value)
                                   for prior, value in zip(priors, u)})

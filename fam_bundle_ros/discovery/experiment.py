@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which experiment tells two models apart: a T-criterion over a short menu of protocols.
+Choose the experiment that best separates two models: T-criterion over a menu of protocols.
 
-For each experiment the difference of the two predictions is taken, less what the weaker model
-makes up by moving its parameters within their bounds and what the present data leave open.
+For each experiment the first model predicts the force, and the second is refitted to it within
+its bounds and the uncertainty of its present fit. The separation is the chi2 that remains.
 """
 
 from __future__ import annotations
@@ -31,49 +31,50 @@ from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.model import Bundle, catalogue, Motion
 
-#: Below this many noise standard deviations (summed squares) an experiment tells nothing.
+#: An experiment of a smaller chi2 (three noise standard deviations) does not separate the models.
 _USELESS = 9.0
 _PLAIN = 'sweep each isobar up and down, with the time logged'
-#: What is harder to do than the plain sweep must separate by so much more: another speed tells
-#: nothing about effects that do not depend on it.
+#: A more difficult experiment is preferred to the plain sweep if its chi2 is larger by this
+#: factor: otherwise another speed could win for effects that do not depend on the speed.
 _WORTH = 1.1
-#: Samples of a sweep one way, of a hold, and of a step: a leg that takes a small share of its
-#: course. Experiments of any length count alike.
+#: Samples of a sweep in one direction, of a hold, and of a step: equal for all durations, so that
+#: experiments of different length are comparable.
 _SWEEP, _HOLD, _STEP = 25, 60, 3
+#: A leg of the protocol that takes a smaller share of its course is a step.
 _SHORT = 0.05
-#: What the load cell has borne, times this, it bears in the next experiment too.
+#: Force limit of an experiment, as a multiple of the largest force in the data.
 _BEARS = 1.5
-#: Share of the chi2 that a step of its fit gains at least.
+#: Relative tolerance of chi2 in the refit.
 _ALIKE = 1e-2
-#: Least range of strain (1) and highest pressure (Pa) of an experiment, where the data have less.
+#: Least range of strain (1) and least top pressure (Pa) of an experiment.
 _RANGE, _PRESSURE = 0.05, 20e3
-#: Steps of the strains, and of the pressures (Pa), that are proposed.
+#: Proposed strains, and pressures (Pa), are multiples of this.
 _STRAINS, _PRESSURES = 1e-3, 100.0
-#: Share of the range of the pressures that it may move in the time of a stroke on an isobar.
+#: Largest change of pressure during a stroke on an isobar, as a share of the pressure range.
 _ISOBAR = 0.2
-#: Readings above the limit of a motor unit by so much are its noise.
+#: Readings up to this multiple of a motor unit's pressure limit are noise about the limit.
 _OVER = 1.05
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """A proposal: what to do, and how far apart it would drive the two models (chi2)."""
+    """A proposed protocol, and the separation of the two models in it (chi2)."""
 
     protocol: Protocol
     separation: float
 
     @property
     def words(self) -> str:
-        """What to do, in a line."""
+        """Description in one line."""
         return self.protocol.name
 
 
 class _Range:
-    """What the data have covered, and experiments within it."""
+    """The range of the data, and protocols within it."""
 
     def __init__(self, cells: Cells, model: Bundle):
         data = cells.data
-        # Numbers as a person would write them, within those of the data.
+        # rounded to the inside, so that the protocol stays within the range of the data
         low, high = _inwards(float(data.strain.min()), float(data.strain.max()), _STRAINS)
         self.low = min(max(low, LEAST_STRAIN), MOST_STRAIN - _RANGE)
         self.high = min(max(high, self.low + _RANGE), MOST_STRAIN)
@@ -86,7 +87,7 @@ class _Range:
         self._force = float(f'{_BEARS * max(float(np.abs(data.force).max()), 1.0):.3g}')
 
     def protocol(self, words: str, *steps: Step) -> Protocol:
-        """Return a protocol, limited to the strain and the pressures that the data have."""
+        """Return a protocol with its limits of strain, pressure and force."""
         strains = [leg.strain for step in steps for course in step.courses()
                    for leg in (course.start, *course.legs) if leg.strain is not None]
         limits = Limits(float(self.top.max()),
@@ -95,17 +96,17 @@ class _Range:
 
     def sweep(self, levels: np.ndarray, speed: float = 1.0, *, low: float | None = None,
               high: float | None = None, top: np.ndarray | None = None) -> Sweep:
-        """Return isobars at shares of the highest pressures, at so many times the usual rate."""
+        """Return isobars at ``levels`` times the top pressures, ``speed`` times the usual rate."""
         return Sweep((self.low if low is None else low, self.high if high is None else high),
                      speed * self.rate, self._pressures(levels, self.top if top is None else top))
 
     def hold(self, shares: tuple[float, ...], seconds: float) -> Hold:
-        """Return strain steps to shares of the range, held so long."""
+        """Return steps to ``shares`` of the strain range, each held for ``seconds``."""
         return Hold(tuple(map(self._strain, shares)), seconds,
                     self._pressures(np.array([0.7]), self.top))
 
     def pressure_steps(self) -> PressureSteps:
-        """Return steps of the pressures up and down."""
+        """Return pressure steps up and down at constant strain."""
         return PressureSteps(self._pressures(np.array([0.4, 0.9]), self.top), 0.3,
                              self._strain(0.4), cycles=2)
 
@@ -119,7 +120,7 @@ class _Range:
 
 
 def menu(cells: Cells, model: Bundle) -> list[Protocol]:
-    """Return experiments within the range of the data; the first is the plain one."""
+    """Return the protocols to choose from, within the range of the data; the plain sweep first."""
     data = _Range(cells, model)
     levels = np.linspace(0.15, 1.0, 4)
     width = data.high - data.low
@@ -167,10 +168,10 @@ def finer(cells: Cells, model: Bundle) -> Protocol:
 
 def motion(protocol: Protocol) -> Motion:
     """
-    Return the motion of a protocol that imposes the strain, as some hundred samples.
+    Return the motion of a protocol that imposes the strain, with some hundred samples.
 
-    Every segment is a trial; sweeps, holds and steps have the same number of samples however long
-    they take.
+    Every segment is a trial. The number of samples of a sweep, hold or step does not depend on
+    its duration.
     """
     strain, pressure, rate, time, start = [], [], [], [], []
     clock = 0.0
@@ -202,10 +203,10 @@ def motion(protocol: Protocol) -> Motion:
 def best_experiment(fitter: Fitter, first: Fit, second: Fit,
                     ) -> tuple[Experiment | None, list[Experiment]]:
     """
-    Return the experiment that separates two fitted models most, and all of them, best first.
+    Return the experiment that best separates two fitted models, and all of them, best first.
 
-    None when no force test of the menu tells them apart. The plain sweep is left out where the
-    log is one.
+    The first is None if no experiment of the menu separates them. The plain sweep is omitted if
+    the data are such a sweep.
     """
     ranked, swept = [], _is_swept(fitter.cells.data)
     for protocol in menu(fitter.cells, first.model):
@@ -222,7 +223,7 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
 
 
 def _separation(test: Motion, truth: Bundle, rival: Fit, noise: float) -> float:
-    """Return the least chi2 of a fitted model, with what is known of it, on what is true."""
+    """Return the chi2 of ``rival`` refitted to the force of ``truth``, its posterior as prior."""
     force = truth.predict(test)
     keys = [prior.key for prior in rival.priors]
     root = np.linalg.cholesky(np.linalg.inv(rival.covariance)).T
@@ -244,7 +245,7 @@ def _separation(test: Motion, truth: Bundle, rival: Fit, noise: float) -> float:
 
 
 def _is_swept(data: Measurement) -> bool:
-    """Return whether a log has isobars that were swept both ways, with the time."""
+    """Return whether a log has isobars swept in both directions."""
     moving = data.direction_basis == BY_STRAIN
     if data.is_static or not {-1, 1} <= set(data.direction[moving]):
         return False
@@ -254,18 +255,17 @@ def _is_swept(data: Measurement) -> bool:
 
 
 def without_force(first: str, second: str) -> str:
-    """Return what to do where no force test tells two effects apart: the remedy of one of them."""
+    """Return the remedy of one of two effects, for when no force test separates them."""
     laws = catalogue.available()
     for name in (first, second):
         if name in laws and laws[name].remedy:
             return laws[name].remedy
-    return ('with the values that fit, both give the same force: either will do where it was '
-            'measured')
+    return 'with the fitted values both give the same force: within the measured range use either'
 
 
 def _inwards(low: float, high: float, step: float) -> tuple[float, float]:
     """
-    Return the ends of a range as multiples of a step that are within it.
+    Return the smallest and the largest multiple of a step within a range.
 
     Examples
     --------

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Pictures of discovery's results (plotly, extra `tools`): what users of comparison tools expect.
+Figures of comparisons and diagnoses (plotly, extra `tools`).
 
-Measured data are points, the model is lines; every residual is measured minus model. Long logs
+Points are measured data, lines are the model; every residual is measured minus model. Long logs
 are thinned for drawing only.
 """
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ['candidates', 'comparison', 'confounding', 'diagnosis', 'has_isobars', 'ladder',
            'loops', 'residual_maps']
 
-#: More points than this in one figure only slow the page down.
+#: Most points in one figure; more would slow the page down.
 MOST_POINTS = 6000
 _MODEL = palette.effect('mesh')
 _NOISE = palette.NEUTRAL['faint'].light
@@ -37,7 +37,7 @@ DIVERGING = [[0.0, palette.DIRECTIONS[1].light], [0.5, palette.NEUTRAL['paper'].
 
 
 def comparison(result: Comparison) -> go.Figure:
-    """Draw measured against model, with the residual below and the noise floor in it."""
+    """Draw measured and modelled force, and below the residual with the noise floor."""
     drawing = make_subplots(2, 1, shared_xaxes=True, row_heights=[0.68, 0.32],
                             vertical_spacing=0.05)
     plotting.dress(drawing, 560)
@@ -71,7 +71,7 @@ def residual_maps(result: Comparison, model: Bundle | None = None) -> go.Figure:
                             subplot_titles=titles[:len(parts)] if odd else None)
     plotting.dress(drawing, 420, showlegend=False)
     plotting.style_axes(drawing, x='strain')
-    # a few odd cells must not wash out the rest
+    # not the maximum: a few outlying cells would make all others pale
     largest = max(float(np.nanpercentile(np.abs(maps[part]), 98)) for part in parts)
     for column, part in enumerate(parts, start=1):
         drawing.add_trace(go.Heatmap(
@@ -127,7 +127,7 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None,
     Parameters
     ----------
     steps : sequence of mapping
-        ``step`` (name), ``error_N`` and, where it was worked out, ``held_out_N``.
+        ``step`` (name), ``error_N`` and, if computed, ``held_out_N``.
     noise : float, N, optional
     empirical : float, N, optional
         Held-out error of the six-parameter empirical form.
@@ -157,12 +157,12 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None,
             plotting.label(drawing, 0.0, np.log10(value), f'{words} {value:.3g} N',
                            plotting.MUTED, xref='paper', xanchor='left', yanchor='top', yref='y',
                            xshift=6)
-    # a log scale tells a fall from 150 to 8 N and one from 0.9 to 0.6 N alike
+    # on a log scale a reduction from 150 to 8 N and one from 0.9 to 0.6 N are both visible
     decades = [m * 10.0 ** e for e in range(-4, 6) for m in (1, 2, 5)]
     ticks = [tick for tick in decades if low <= tick <= high]
     drawing.update_yaxes(type='log', range=[np.log10(low), np.log10(high)], tickvals=ticks,
                          ticktext=[f'{tick:g}' for tick in ticks])
-    # by number, not by name: two steps may be called the same
+    # by number, as two steps may have the same name
     drawing.update_xaxes(range=[-0.45, len(names) - 0.55], showgrid=False, automargin=True,
                          tickvals=list(range(len(names))),
                          ticktext=[plotting.stacked(name, 16) for name in names])
@@ -170,7 +170,7 @@ def ladder(steps: Sequence[Mapping[str, Any]], noise: float | None = None,
 
 
 def candidates(result: Diagnosis, most: int = 8) -> go.Figure | None:
-    """Draw the probability of every candidate, with the error it leaves; None without any."""
+    """Draw the probability of every candidate and its error; None without candidates."""
     shown = list(result.ranking[:most])[::-1]
     if not shown or not result.shortlist:
         return None
@@ -190,7 +190,7 @@ def candidates(result: Diagnosis, most: int = 8) -> go.Figure | None:
 
 
 def confounding(result: Diagnosis) -> go.Figure | None:
-    """Draw which parameters trade off: their correlations; None for fewer than two."""
+    """Draw the correlations of the parameter estimates; None for fewer than two parameters."""
     names, matrix = result.confounding
     if len(names) < 2:
         return None
@@ -212,18 +212,18 @@ def confounding(result: Diagnosis) -> go.Figure | None:
 
 
 def diagnosis(result: Diagnosis) -> go.Figure:
-    """Draw the candidates, or the comparison where there is none to rank."""
+    """Draw the candidates, or the comparison if there are none."""
     return candidates(result) or comparison(result.comparison)
 
 
 def _short(keys: Sequence[str]) -> list[str]:
-    """Return parameter names without their effect where that leaves them distinct."""
+    """Return parameter names without their effect, if they are unique without it."""
     last = [key.partition('.')[2] for key in keys]
     return [name if last.count(name) == 1 else key for name, key in zip(last, keys, strict=True)]
 
 
 def has_isobars(data: Measurement) -> bool:
-    """Return whether the pressure stays at levels, so that a figure by isobar is honest."""
+    """Return whether the pressure stays at levels, so that the data can be drawn by isobar."""
     column = data.pressure[:, varying_unit(data)]
     span = float(np.ptp(column))
     level, _ = pressure_levels(column)
@@ -271,7 +271,7 @@ def _record(drawing: go.Figure, result: Comparison) -> None:
 
 
 def running_clock(data: Measurement) -> np.ndarray:
-    """Return time (T,), s, with trials that each begin at zero laid end to end."""
+    """Return the time, (T,), s, with trials joined end to end if their clocks restart."""
     clock = np.array(data.clock, float)
     for first in np.flatnonzero(data.start)[1:]:
         if clock[first] < clock[first - 1]:
@@ -280,7 +280,7 @@ def running_clock(data: Measurement) -> np.ndarray:
 
 
 def _line(data: Measurement, values: np.ndarray, rows: np.ndarray) -> tuple[Any, Any]:
-    """Return x and y of the model's line, cut where a new pass begins."""
+    """Return x and y of the model's line, interrupted where a new pass begins."""
     if data.is_static:
         rows = rows[np.argsort(data.strain[rows], kind='stable')]
         return data.strain[rows], values[rows]
@@ -306,14 +306,14 @@ def _free_strain_curve(drawing: go.Figure, model: Bundle, maps: Mapping[str, np.
 
 
 def _ladder_labels(values: Sequence[float | None], beside: Sequence[float] | None) -> list[str]:
-    """Return a label for each value, empty where the line beside it shows the same."""
+    """Return a label for each value, empty where the other line has nearly the same value."""
     return ['' if value is None or (beside is not None and abs(value / beside[k] - 1.0) < 0.03)
             else f'{value:.3g}' for k, value in enumerate(values)]
 
 
 def _ladder_places(values: Sequence[float | None], other: Sequence[float | None],
                    tie: bool) -> list[str]:
-    """Return where each label stands: on the side away from the other line."""
+    """Return the position of each label: on the side away from the other line."""
     return ['top center' if value is None or (value > (other[k] or 0.0))
             or (tie and value == other[k]) else 'bottom center'
             for k, value in enumerate(values)]
@@ -326,12 +326,12 @@ def _pressure_title(data: Measurement) -> str:
 
 
 def small_titles(drawing: go.Figure) -> None:
-    """Set the titles of panels small, as words beside them."""
+    """Set the titles of panels in the small font."""
     for annotation in drawing.layout.annotations:
         if annotation.yref == 'paper':
             annotation.font = {'size': 13, 'color': plotting.MUTED}
 
 
 def thin(rows: np.ndarray, most: int) -> np.ndarray:
-    """Return every so-manieth row, at most ``most``."""
+    """Return evenly spaced rows, at most ``most``."""
     return rows[::max(1, -(-len(rows) // max(most, 1)))]

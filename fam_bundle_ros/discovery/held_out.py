@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Errors on folds that a fit has not seen: physics alone, with the discrepancy, and rivals.
+Cross-validation errors: physics alone, with the discrepancy, and of rival models.
 
-Folds are whole trials, isobars and inner strain levels, whichever the data offer.
+Folds are whole trials, isobars and inner strain levels, as far as the data have several.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from fam_bundle_ros.discovery.rivals import BLIND, missed, RIVALS
 from fam_bundle_ros.discovery.surface import Surface
 from fam_bundle_ros.model import Bundle
 
-#: Steps of a fit that begins at that on all cells.
+#: Iterations of the refit without a fold, which starts at the fit to all cells.
 _STEPS = 3
 
 
 @dataclass(frozen=True)
 class Unseen:
     """
-    Forces of cells that were left out, each predicted by fits that did not see its fold.
+    Forces of held-out cells, each predicted by fits without its fold.
 
     Attributes
     ----------
     measured, physics, discrepancy, empirical : ndarray, shape (k,), N
-        Mean measured force of the cell; effects alone, effects with a `Surface` through what
-        they leave, and the six-parameter empirical form.
+        Mean measured force of the cell; prediction of the effects alone, of the effects with a
+        `Surface` of the residual, and of the six-parameter empirical form.
     """
 
     measured: np.ndarray
@@ -46,25 +46,25 @@ class Unseen:
 @dataclass(frozen=True)
 class HeldOut:
     """
-    Errors on cells that the fits have not seen, N rms, all folds together.
+    Cross-validation errors, N rms over all folds.
 
     Attributes
     ----------
     physics : float
         Effects alone.
     discrepancy : float
-        Effects with a surface through what they leave.
+        Effects with a surface of the residual.
     rivals : dict of str to float
         ``mean``, ``plane``, ``empirical``.
     kinds : dict of str to (float, float)
-        ``physics`` and ``discrepancy`` on each kind of folds; empty where the data offer none
-        (then the errors are those of the fit).
+        ``physics`` and ``discrepancy`` for each kind of folds; empty if the data have no folds
+        (the errors are then those of the fit).
     unseen : dict of str to Unseen
-        Cell by cell, on each kind of folds.
+        Predictions of the cells, for each kind of folds.
     blind : float
-        A curve of the strain that knows of no pressure.
+        A curve of the strain alone, without pressure.
     squares : ndarray, shape (k,), N^2
-        What each fold adds to the mean square of ``physics``.
+        Contribution of each fold to the mean square of ``physics``.
     """
 
     physics: float
@@ -82,16 +82,16 @@ class HeldOut:
 
     def is_no_worse(self, other: HeldOut) -> bool:
         """
-        Return whether it predicts every kind of folds as well, alone and with the discrepancy.
+        Return whether no kind of folds has a larger error, with and without the discrepancy.
 
-        Strain levels are off by tens of times what isobars are: one rms would ask them alone.
+        Errors on strain levels are tens of times those on isobars and would dominate a common rms.
         """
         return (self.physics <= other.physics and self.best <= other.best
                 and all(here[0] <= there[0] and min(here) <= min(there)
                         for here, there in zip(self.kinds.values(), other.kinds.values())))
 
     def of_rows(self, beyond: float) -> HeldOut:
-        """Return the errors of rows, which are off from their cells by so much (N rms)."""
+        """Return errors of rows: with the scatter of rows about their cells added, N rms."""
         return replace(self, physics=float(np.hypot(self.physics, beyond)),
                        discrepancy=float(np.hypot(self.discrepancy, beyond)),
                        blind=float(np.hypot(self.blind, beyond)),
@@ -100,17 +100,17 @@ class HeldOut:
 
 
 def splits(cells: Cells) -> list[tuple[str, np.ndarray]]:
-    """Return each kind of folds and the fold of each cell, (n,) int, -1 for never."""
+    """Return each kind of folds and the fold of each cell, (n,) int, -1 for never left out."""
     rows = np.full(len(cells), -1)
     used = np.flatnonzero(cells.label >= 0)
     rows[cells.label[used[::-1]]] = used[::-1]
     found = [(kind, fold_labels(cells.data, kind)[rows]) for kind in KINDS]
-    # one inner strain level is a fold; one trial or isobar would leave nothing to train on
+    # a single inner strain level is a fold; a single trial or isobar leaves no training data
     return [(kind, label) for kind, label in found if label.max() >= (kind != 'strain')]
 
 
 def folds(cells: Cells) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Yield each fold: its kind, and which cells are there and which left out, (n,) bool."""
+    """Yield each fold: its kind, and masks of training and test cells, (n,) bool."""
     for kind, label in splits(cells):
         for fold in range(label.max() + 1):
             test = label == fold
@@ -120,28 +120,27 @@ def folds(cells: Cells) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
 
 def beyond_cells(cells: Cells, fit: Fit, error: float) -> float:
     """
-    Return what rows are off beyond what their cells are, N rms: mostly their noise.
+    Return the rms error of rows beyond that of their cells, N: mostly noise.
 
     Parameters
     ----------
-    fit : Fit
     error : float, N
-        Of the fitted model on all rows of the measurement.
+        Rms error of the fitted model on all rows of the measurement.
     """
     square = float(np.average(fit.residual ** 2, weights=cells.count))
     return float(np.sqrt(max(error ** 2 - square, 0.0)))
 
 
 def held_out_physics(fitter: Fitter, fit: Fit) -> float:
-    """Return the held-out error of a fit without discrepancy, N rms."""
+    """Return the cross-validation error of a fit without discrepancy, N rms."""
     return float(np.sqrt(squares_of_folds(fitter, fit).sum()))
 
 
 def squares_of_folds(fitter: Fitter, fit: Fit) -> np.ndarray:
     """
-    Return what each fold adds to the held-out mean square of a fit without discrepancy, N^2.
+    Return the contribution of each fold to the mean square error without discrepancy, N^2.
 
-    One number, of the fit itself, where the data offer no folds.
+    If the data have no folds, the mean square of the fit itself, shape (1,).
     """
     cells = fitter.cells
     found, rows = [], 0.0
@@ -164,7 +163,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     physics : Fit
         Fitted without a discrepancy.
     joint : Fit
-        The same effects fitted with one.
+        The same effects fitted with a discrepancy.
     """
     cells = fitter.cells
     names = ('physics', 'discrepancy', *RIVALS, BLIND)
@@ -202,7 +201,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
 
 
 def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and the residual of all cells after a refit on some, without discrepancy."""
+    """Return u and the residual of all cells after a refit to the training cells."""
     whiten = fitter.covariance.whiten
     sd = 1.0 / whiten(fit.hyper, np.ones(len(train)))[train]
 
@@ -214,7 +213,7 @@ def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, n
 
 def _on_a_table(fitter: Fitter, model: Bundle, hyper: Hyper, train: np.ndarray, test: np.ndarray,
                 ) -> np.ndarray:
-    """Return what a table adds to some cells that is made of what a model leaves in others."""
+    """Return the force on test cells of a table made from the residual of training cells, N."""
     cells = fitter.cells
     rows = np.flatnonzero((cells.label >= 0) & test[cells.label])
     added = np.zeros(len(cells.label))

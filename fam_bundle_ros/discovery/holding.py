@@ -1,25 +1,25 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Does a model still hold? A sequential test on residuals as they come, with a rate of false alarms.
+Sequential test whether a model still holds, on a stream of residuals, with a false alarm rate.
 
-The hypothesis is that the mean error is at most a tolerance d at every state: never mind how the
-rig moves. Residuals of one kind of state (direction, part of the range of strain and of pressure)
-are averaged until a mean m of standard deviation s is as good as independent of the one before.
-Such a look has the e-value
+The hypothesis is that the mean error is at most a tolerance d at every state, however the rig
+moves. Residuals of one kind of state (direction, part of the range of strain and of pressure) are
+averaged until their mean m, of standard deviation s, is nearly independent of the one before.
+Such a mean, called a look, has the e-value
 
     L = mean over a of cosh(a m / s) / (exp(a^2 / 2) cosh(a d / s)),    E[L] <= 1 while |mean| <= d
 
-since E[cosh(a z)] = exp(a^2 / 2) cosh(a mean(z)) for a normal z of unit variance. The looks go
-into the sum of Shiryaev and Roberts, R <- (R + 1) L, and an alarm is raised at R >= A: the mean
-number of looks to a false alarm is at least A, whatever the order of states (Roberts 1966,
-Technometrics 8, 411-430; Shin, Ramdas and Rinaldo 2023, arXiv:2203.03532). A look is at most worth
-A^(1/3): one blow against the load cell is no alarm. Since when is Page's estimate: the last time
-at which the sum of log L was zero (Page 1954, Biometrika 41, 100-115), and the end of the look
-that raised it, which may have begun while the model held.
+since E[cosh(a z)] = exp(a^2 / 2) cosh(a mean(z)) for a normal z of unit variance. The e-values
+enter the Shiryaev-Roberts statistic, R <- (R + 1) L, and an alarm is raised at R >= A: the mean
+number of looks to a false alarm is at least A, for any order of states (Roberts 1966,
+Technometrics 8, 411-430; Shin, Ramdas and Rinaldo 2023, arXiv:2203.03532). L is limited to
+A^(1/3), so that a single blow against the load cell gives no alarm. The time of the change is
+Page's estimate: the end of the first look after the last time at which the sum of log L was zero
+(Page 1954, Biometrika 41, 100-115).
 
-The standard deviation is that of the residual's second differences over short means within one
-direction, times the correlation that their lag shows: coloured noise makes looks longer and rarer.
+The standard deviation is estimated from second differences of short means within one direction.
+Their autocorrelation sets the length of a look: coloured noise makes looks longer and fewer.
 """
 
 from collections import deque
@@ -34,28 +34,28 @@ from fam_bundle_ros.model import Bundle
 
 __all__ = ['Holding', 'Noise', 'tolerance_of']
 
-#: s over which samples are averaged first, and the shortest look in such means.
+#: Duration of a short mean, s, and the shortest look in short means.
 _SHORT, _LEAST = 0.05, 5
-#: Sizes of an error beyond the tolerance, in standard deviations of a look, that are tried.
+#: Values of a in the e-value: errors in standard deviations of a look.
 _SIZES = np.array([0.5, 1.0, 2.0])
-#: Looks that it takes to raise an alarm.
+#: Least number of looks to an alarm.
 _FEWEST = 3
-#: Second differences that the noise is taken from, and the fewest that tell it.
+#: Most and fewest second differences from which the noise is estimated.
 _DIFFERENCES, _FEW = 1200, 20
-#: 1/s, below which a muscle counts as at rest: a tenth of the strain's range in a minute.
+#: Strain rate, 1/s, below which a muscle counts as at rest.
 _CRAWL = 2e-3
-#: Largest correlation of neighbouring short means that looks can be stretched for.
+#: Largest correlation of neighbouring short means for which looks are lengthened.
 _CORRELATED = 0.9
-#: Times the autocorrelation time that a look is long: neighbours then share a tenth.
+#: Length of a look in autocorrelation times: neighbouring looks then have a correlation of 0.1.
 _APART = 5.0
 
 
 def tolerance_of(bundle: Bundle) -> float:
     """
-    Return the mean error that a model may have at a state while it holds, N.
+    Return the largest mean error at a state with which a model still holds, N.
 
-    Twice the error of its fit, as its file tells it, and what counts as small in a diagnosis: a
-    share of the largest force.
+    Twice the error of its fit, from the model file, but at least the error that is negligible in
+    a diagnosis: a share of the largest force.
     """
     largest = float(bundle.blocked_force(bundle.max_pressure))
     return max(2.0 * float(bundle.error), settings.SMALL * largest)
@@ -63,16 +63,17 @@ def tolerance_of(bundle: Bundle) -> float:
 
 class Noise:
     """
-    The standard deviation of short means of a residual, and their correlation.
+    Standard deviation and autocorrelation of the short means of a residual.
 
-    From second differences, which cancel slow errors of the model; see `data.noise` for records.
+    Estimated from second differences, which cancel slow errors of the model; `data.noise` does
+    this for records.
 
     Attributes
     ----------
     value : float, N
-        Of a short mean; nan before enough is known.
+        Standard deviation of a short mean; nan until enough samples are known.
     time : float
-        Short means per independent one, at least 1.
+        Autocorrelation time in short means, at least 1.
     """
 
     def __init__(self) -> None:
@@ -83,11 +84,11 @@ class Noise:
         self.value, self.time = math.nan, 1.0
 
     def interrupt(self) -> None:
-        """Say that the next mean does not follow the one before."""
+        """Start a new run: the next mean does not follow the last one."""
         self._run.clear()
 
     def add(self, mean: float) -> None:
-        """Take a short mean, N."""
+        """Add a short mean, N."""
         run = self._run
         run.append(mean)
         if len(run) >= 3:
@@ -95,12 +96,12 @@ class Noise:
             self._new += 1
         if len(run) == 5:
             self._wide.append(run[4] - 2.0 * run[2] + run[0])
-        # a median of a thousand numbers is not worth taking for each
+        # not after each mean: a median of a thousand numbers takes too long
         if self._new >= _FEW and 2 * len(self._wide) >= _FEW:
             self._new = 0
-            self._work_out()
+            self._estimate()
 
-    def _work_out(self) -> None:
+    def _estimate(self) -> None:
         near = _variance(self._near)
         # AR(1): var = s^2 (6 - 8 rho^k + 2 rho^2k) at lag k
         tried = np.linspace(0.0, _CORRELATED, 19)
@@ -114,18 +115,18 @@ class Noise:
 
 
 def _lagged(rho: np.ndarray, lag: int) -> np.ndarray:
-    """Return the variance of second differences at a lag over that of the noise."""
+    """Return the variance of second differences at a lag divided by that of the noise."""
     return 6.0 - 8.0 * rho ** lag + 2.0 * rho ** (2 * lag)
 
 
 def _variance(values: deque[float]) -> float:
-    """Return the variance of normal numbers among outliers."""
+    """Return a robust estimate of the variance, from the median absolute value."""
     return (1.4826 * float(np.median(np.abs(np.array(values))))) ** 2
 
 
 @dataclass
 class _Look:
-    """Sum of the short means of one kind of state."""
+    """Sum and number of short means of one kind of state."""
 
     total: float = 0.0
     count: int = 0
@@ -133,24 +134,24 @@ class _Look:
 
 class Holding:
     """
-    Watches residuals for a mean error beyond a tolerance.
+    Monitor of residuals for a mean error beyond a tolerance.
 
     Parameters
     ----------
     tolerance : float, N
-        Mean error that is no failure; see `tolerance_of`.
+        Largest acceptable mean error; see `tolerance_of`.
     max_pressure : float, Pa
-        Sum over the motor units: the scale of kinds of states.
+        Sum over the motor units, a third of which is the size of the pressure classes.
     false_alarms : float, 1/h
-        Most that a model which holds may cause, on average.
+        Upper limit of the mean rate of false alarms.
     recovery : float, s
-        Without a further alarm for so long the model holds again.
+        The model holds again after this time without another alarm.
 
     Attributes
     ----------
     holds : bool
     since : float, s
-        When it ceased to hold, as far as can be told; nan while it holds.
+        Estimated time at which the model ceased to hold; nan while it holds.
     looks : int
     noise : Noise
 
@@ -184,17 +185,17 @@ class Holding:
 
     def add(self, time: float, strain: float, pressure: float, residual: float) -> None:
         """
-        Take a sample.
+        Add a sample; samples that are not finite are ignored.
 
         Parameters
         ----------
         time : float, s
-            Not before that of the sample before; else, and after a gap, means begin anew.
+            If it decreases, or after a gap, short means start again.
         strain : float
         pressure : float, Pa (gauge)
             Sum over the motor units.
         residual : float, N
-            Measured minus modelled force; what is not finite is left out.
+            Measured minus modelled force.
         """
         if not math.isfinite(residual + strain + pressure):
             return
@@ -217,7 +218,7 @@ class Holding:
         direction = 0 if abs(rate) < _CRAWL else (1 if rate > 0.0 else -1)
         kind = (direction, math.floor(strain / 0.1), math.floor(3.0 * pressure / self._scale))
         if self._kind is None or kind[0] != self._kind[0]:
-            # the mean in which it turned is of neither direction
+            # discard the short mean in which the direction changed
             self._kind = kind
             self.noise.interrupt()
             return
@@ -234,7 +235,7 @@ class Holding:
             self._take(time, look.total / look.count, max(spread, 1e-9))
 
     def _take(self, time: float, mean: float, spread: float) -> None:
-        """Add a look that ended at a time to the evidence."""
+        """Update the statistics with a look that ended at a time."""
         self.looks += 1
         gain = min(self.log_e_value(mean, spread), self._most)
         self._page += gain

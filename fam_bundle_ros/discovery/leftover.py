@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What physics leaves, as a map with uncertainty and as a table that a model file can name.
+The discrepancy left by the physics, as a map with uncertainty and as a table for a model file.
 
-The mean of the Gaussian process over strain and pressure, even and odd in the direction of
-motion, for each motor unit; valid where something was measured.
+It is the mean of the Gaussian process over strain and pressure, with even and odd parts in the
+direction of motion, for each motor unit; valid within the measured range.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.surface import PRESSURES, STRAINS, Surface
 from fam_bundle_ros.model import Bundle
 
-#: What a map has a panel for: the same both ways, while shortening, at rest after filling.
+#: Parts of the map: equal in both directions; while shortening; at rest after filling.
 PARTS = ('even', 'odd', 'filling')
 
 
 @dataclass(frozen=True)
 class Leftover:
     """
-    What physics leaves over a grid.
+    The discrepancy on a grid of strain and pressure.
 
     Attributes
     ----------
@@ -36,10 +36,11 @@ class Leftover:
     pressure : ndarray, shape (n, p), Pa
         For each motor unit.
     even, odd, filling, sd : ndarray, shape (n, s, p), N
-        Per motor unit; ``odd`` holds while shortening, ``filling`` at rest after the pressure has
-        risen, ``sd`` is that of the even part.
+        For each motor unit; ``odd`` applies while shortening, ``filling`` at rest after the
+        pressure has risen, both with opposite sign in the other direction; ``sd`` is the standard
+        deviation of the even part.
     model : Bundle
-        The physics that leaves it.
+        The physics to which it belongs.
     """
 
     strain: np.ndarray
@@ -53,7 +54,7 @@ class Leftover:
     @classmethod
     def of(cls, fitter: Fitter, physics: Fit, needed: Hyper) -> Leftover:
         """
-        Return what physics leaves.
+        Return the discrepancy of a fit.
 
         Parameters
         ----------
@@ -61,7 +62,7 @@ class Leftover:
         physics : Fit
             Fitted without a discrepancy.
         needed : Hyper
-            Of the same effects fitted with one: the map is zero where that has none.
+            Of the same effects fitted with a discrepancy; its parts of amplitude zero stay zero.
         """
         rows = fitter.cells.data
         strain = np.linspace(rows.strain.min(), rows.strain.max(), STRAINS)
@@ -83,10 +84,10 @@ class Leftover:
 
     def write(self, path: Path) -> None:
         """
-        Write the table that the law `discrepancy_surface` reads: per muscle, as the muscle feels.
+        Write the table that the law `discrepancy_surface` reads, with forces of one muscle.
 
-        Gauges are taken off: strain and pressure as the model's sensors correct them, forces over
-        the load cell's gain.
+        The model's sensor errors are removed: bias and gain of strain and pressure, gain of the
+        load cell.
         """
         model = self.model
         s = model.sensor_error

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a model fails, in words: the regions whose error is beyond noise, largest first."""
+"""Find the regions where a model's error exceeds the noise, largest first, and describe them."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _DIRECTIONS = {-1: 'while lengthening', 0: 'at rest', 1: 'while shortening'}
 @dataclass(frozen=True)
 class Region:
     """
-    A region where the model's error is beyond noise.
+    A region where the model's error exceeds the noise.
 
     Attributes
     ----------
     where : str
         The region in words.
     error_N : float
-        Error there, rms.
+        Rms error in the region.
     bias_N : float
-        Mean of measured minus modelled force there.
+        Mean of measured minus modelled force in the region.
     share : float
-        Part of the error beyond noise (sum of squares) that lies there.
+        Share of the error beyond noise (sum of squares) in the region.
     samples : int
     rows : ndarray of bool, shape (T,)
         The samples of the region.
@@ -56,7 +56,7 @@ def locate(measurement: Measurement, residual: np.ndarray, noise: float,
            past_free: np.ndarray | None = None, most: int = 4,
            bins: int = 12) -> tuple[Region, ...]:
     """
-    Return the regions of strain, pressure, direction and time where the error is beyond noise.
+    Return the regions of strain, pressure, direction and time where the error exceeds the noise.
 
     Parameters
     ----------
@@ -67,9 +67,9 @@ def locate(measurement: Measurement, residual: np.ndarray, noise: float,
     past_free : ndarray of bool, shape (T,), optional
         Samples past the free strain.
     most : int
-        Report no more regions than this.
+        Largest number of regions.
     bins : int
-        Of strain and of pressure at most; the work grows with its fourth power.
+        Largest number of bins of strain and of pressure; the work grows with its fourth power.
     """
     grid = _Grid(measurement, residual, noise, past_free, bins)
     total = max(float(np.sum(residual ** 2) - len(residual) * noise ** 2), 0.0)
@@ -105,7 +105,7 @@ def _region(words: str, rows: np.ndarray, residual: np.ndarray, noise: float,
 
 def _lone_trial(measurement: Measurement, residual: np.ndarray, noise: float,
                 ) -> tuple[str, np.ndarray] | None:
-    """Return the one trial that holds most of the error, when there is such a one."""
+    """Return the trial with most of the error if the other trials are within noise, else None."""
     count = len(measurement.trial_names)
     if count < 4:
         return None
@@ -121,7 +121,7 @@ def _lone_trial(measurement: Measurement, residual: np.ndarray, noise: float,
 
 
 def _splits(direction: np.ndarray, residual: np.ndarray, rows: np.ndarray, noise: float) -> bool:
-    """Return whether the mean error has one sign one way and the other back."""
+    """Return whether the mean error has opposite signs in the two directions of motion."""
     up, down = residual[rows & (direction > 0)], residual[rows & (direction < 0)]
     if len(up) < 5 or len(down) < 5:
         return False
@@ -163,7 +163,12 @@ class _Grid:
                 count.reshape(self.shape))
 
     def best(self, left: np.ndarray) -> tuple[str, np.ndarray] | None:
-        """Return the box that holds most of the error with least else, in words."""
+        """
+        Return the box of cells with the best score, in words and as rows, (T,) bool.
+
+        The score is the F1 score of recall (share of the error inside) and purity (share of its
+        rows with error), times a factor for each limit that the box needs.
+        """
         squares, sure, count = self._excess(left)
         total = squares.sum()
         if total <= 0:
@@ -211,7 +216,7 @@ class _Grid:
             strain = f'strain above {self.edges[a]:.3g}'
         else:
             strain = f'strain {self.edges[a]:.3g} to {self.edges[b + 1]:.3g}'
-        # adding zero turns -0 into 0
+        # + 0.0 turns -0 into 0
         low, high = np.round(self.means[[c, d]] / 1e3) + 0.0
         if c == 0 and d == levels - 1:
             pressure = f'at every {self.unit}pressure'

@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Constants of the material: which parameters are one number in all specimens, and which are not.
+Constants of the material: which parameters have the same value in all specimens.
 
-The posterior of each specimen is taken as normal. For a set S of an effect's parameters B_S is
-the Bayes factor of one value of S for all against one for each; all S are as probable before the
-data, so that what is gained is the mean of B_S. Parameters that one specimen cannot tell apart
-are weighed together: several can.
+The posterior of each specimen is approximated as normal. For a set S of an effect's parameters,
+B_S is the Bayes factor of common values for all specimens against separate ones. All S have the
+same prior probability, so the evidence is multiplied by the mean of B_S. The parameters of an
+effect are treated jointly, as one specimen may determine only a combination of them.
 """
 
 from __future__ import annotations
@@ -22,28 +22,29 @@ from scipy.special import logsumexp
 from fam_bundle_ros.discovery.estimates import DEAD, unit_of
 from fam_bundle_ros.discovery.evidence import Fit
 
-#: Chance that a constant of the material is said to differ between specimens.
+#: Significance level of the chi-square test for a power law.
 _ALARM = 0.01
-#: Parameters of one effect that are weighed together: two to this power are the sets.
+#: Most parameters of one effect treated jointly; the number of sets is two to this power.
 _TOGETHER = 8
 
 
 class Constant(NamedTuple):
     """
-    A parameter of the effects over the specimens.
+    One parameter of the effects in all specimens.
 
     Attributes
     ----------
     key, unit : str
     values, sd : list of float
-        Of each specimen, in the unit.
+        Estimate and standard deviation in each specimen, in the unit.
     shared : float
-        Probability that it is one number, before a fact of the table is asked.
+        Probability that all specimens have the same value.
     value : float
-        The one number that fits all best, in the unit.
+        The common value, in the unit.
     goes_with : str
-        Fact of the table in whose power it goes; empty for none.
+        Column of the table on which it depends by a power law; empty for none.
     power : float
+        Exponent of the power law.
     """
 
     key: str
@@ -63,28 +64,28 @@ class Constant(NamedTuple):
         text = ', '.join(f'{value:.4g}' for value in self.values)
         if self.goes_with:
             return (f'{self.key} goes with {self.goes_with} (power {self.power:.2g}: {text}{unit})'
-                    ': no constant of the material')
-        return f'{self.key} differs ({text}{unit}) and goes with nothing in the table'
+                    ': not a constant of the material')
+        return f'{self.key} differs ({text}{unit}) and depends on no column of the table'
 
 
 @dataclass(frozen=True)
 class Sharing:
     """
-    How parameters of one effect are shared by the specimens.
+    Which parameters of one effect the specimens have in common.
 
     Attributes
     ----------
     keys : tuple of str
     x, sd : ndarray, shape (k, n)
-        Value in each specimen and its standard deviation; logarithms of log-normal ones.
+        Value in each specimen and its standard deviation; logarithms for log-normal priors.
     width : ndarray, shape (k,)
-        Of the priors.
+        Widths of the priors.
     log_factor : float
         Log of the mean Bayes factor.
     shared : ndarray, shape (k,)
-        Probability that each is one number.
+        Probability of a common value.
     one : ndarray, shape (k,)
-        That number, in the likeliest set that shares it.
+        The common value, from the most probable set with it.
     """
 
     keys: tuple[str, ...]
@@ -97,7 +98,7 @@ class Sharing:
 
 
 def sharings(fits: Sequence[Fit]) -> list[Sharing]:
-    """Return how the specimens share the parameters of each effect, sensors aside."""
+    """Return the parameters that specimens have in common, by effect; without sensor errors."""
     groups: dict[str, list[str]] = {}
     for prior in fits[0].priors:
         effect = prior.key.partition('.')[0]
@@ -114,7 +115,7 @@ def _sharing(fits: Sequence[Fit], keys: tuple[str, ...]) -> Sharing:
     widths = np.array([[p.width for p in each] for each in priors])
     x = np.array([[np.log(p.value) if p.kind == 'log' else p.value for p in each]
                   for each in priors]) + widths * [fit.u[j] for fit, j in zip(fits, at)]
-    # in widths of the widest prior: the prior is a standard normal
+    # in widths of the widest prior, so that the prior is a standard normal
     width = widths.max(axis=0)
     z = (x - centre) / width
     spread = np.array([fit.covariance[np.ix_(j, j)] * np.outer(w, w) / np.outer(width, width)
@@ -136,10 +137,10 @@ def _sharing(fits: Sequence[Fit], keys: tuple[str, ...]) -> Sharing:
 
 def _bayes_factor(z: np.ndarray, spread: np.ndarray) -> tuple[float, np.ndarray]:
     """
-    Return the log Bayes factor of one value for all specimens, and that value, (k,).
+    Return the log Bayes factor of common values for all specimens, and these values, (k,).
 
-    With posteriors N(z_i, S_i) under a standard normal prior the likelihoods are normal again,
-    of precision S_i^-1 - 1.
+    Posteriors N(z_i, S_i) under a standard normal prior imply normal likelihoods of precision
+    S_i^-1 - 1.
 
     Parameters
     ----------
@@ -171,12 +172,12 @@ def _log_evidence(precision: np.ndarray, pull: np.ndarray) -> tuple[float, np.nd
 
 def constants(fits: Sequence[Fit], facts: Sequence[Mapping[str, float]]) -> list[Constant]:
     """
-    Return how each parameter of the effects goes over the specimens.
+    Return for each parameter whether it is common to all specimens or follows a power law.
 
     Parameters
     ----------
     facts : sequence of mapping
-        Numbers that are known of each specimen: length, age, ...
+        Known numbers of each specimen: length, age, ...
     """
     found = []
     for sharing in sharings(fits):
@@ -200,10 +201,10 @@ def constants(fits: Sequence[Fit], facts: Sequence[Mapping[str, float]]) -> list
 def _goes_with(x: np.ndarray, s: np.ndarray, facts: Sequence[Mapping[str, float]], is_log: bool
                ) -> tuple[str, float]:
     """
-    Return the fact in whose power a parameter goes, and the power; empty for none.
+    Return the fact on which a parameter depends by a power law, and the exponent; empty for none.
 
-    A straight line of logarithms, weighted; it has to take the scatter down to what the errors
-    of the fits make (chi-square), and three specimens are the least that can show that.
+    A weighted line is fitted to the logarithms, for three or more specimens. Its residual scatter
+    must be consistent with the errors of the fits (chi-square test).
     """
     from scipy import stats
     best: tuple[float, str, float] | None = None

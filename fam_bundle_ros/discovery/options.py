@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which sets of effects a model may be given: effects added, replaced by another shape, removed.
+Sets of effects that may be tried: effects added, replaced by another shape, or removed.
 
-What an effect is stands in the catalogue: its family, and whose other shape it is. A head is the
-name that all shapes of one physical effect share; a set holds at most one shape of each head.
+The catalogue defines the family of an effect and its head: the common name of all shapes of one
+physical effect. A set has at most one shape of each head.
 """
 
 from __future__ import annotations
@@ -26,33 +26,33 @@ Names = tuple[str, ...]
 
 @lru_cache(maxsize=1)
 def _identities() -> dict[str, tuple[str, str]]:
-    """Return head and family by name; the catalogue looks through entry points each time."""
+    """Return head and family by name; cached, as the catalogue reads entry points each time."""
     return {name: (kind.variant_of or name, kind.family)
             for name, kind in catalogue.available().items()}
 
 
 def head(name: str) -> str:
-    """Return the name that a physical effect goes by: that of its first shape."""
+    """Return the common name of all shapes of an effect: that of its first shape."""
     return _identities().get(name, (name, 'user'))[0]
 
 
 def family(name: str) -> str:
-    """Return the family of an effect: look-alikes by the same physics."""
+    """Return the family of an effect: effects of the same physics."""
     return _identities().get(name, (name, 'user'))[1]
 
 
 def makers(kind: str) -> tuple[str, ...]:
-    """Return the families whose laws leave such a shape in an error when a model lacks them."""
+    """Return the families of laws which, when missing in a model, leave this shape of error."""
     return tuple(sorted({law.family for law in catalogue.available().values()
                          if kind in law.leaves}))
 
 
 def usual(law: Law, model: Bundle) -> Effect:
     """
-    Return an effect with the values that are usual for the size of a model's muscles.
+    Return an effect with its default values scaled to the size of a model's muscles.
 
-    The catalogue's defaults are those of one muscle: in newtons they go with the section, pi r0^2,
-    within the bounds of the law.
+    The defaults of the catalogue are for one muscle: forces are scaled with the cross section,
+    pi r0^2, and limited to the bounds of the law.
     """
     made = law()
     radius = model.motor_units[0].geometry.radius
@@ -64,9 +64,9 @@ def usual(law: Law, model: Bundle) -> Effect:
 
 def shapes_of(name: str, model: Bundle) -> list[Effect]:
     """
-    Return the other shapes that a head stands for; none for the name of a single shape.
+    Return the other shapes of a head; none for the name of a single shape.
 
-    Only those that a muscle of one length can tell.
+    Shapes that need muscles of several lengths are excluded.
     """
     return [usual(kind, model) for other, kind in catalogue.available().items()
             if other != name and head(other) == name and not kind.needs_lengths]
@@ -75,7 +75,7 @@ def shapes_of(name: str, model: Bundle) -> list[Effect]:
 @dataclass(frozen=True)
 class Options:
     """
-    The sets that may be tried.
+    The sets of effects that may be tried.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Options:
     cells : Cells
     choices : Choices
     effects : dict of str to Effect
-        The model's own and those that may come in, by name.
+        Effects of the model and those that may be added, by name.
     """
 
     model: Bundle
@@ -94,9 +94,12 @@ class Options:
     @classmethod
     def of(cls, model: Bundle, cells: Cells, choices: Choices, lengths: int = 1) -> Options:
         """
-        Return the options that a catalogue offers: effects that these data could show.
+        Return the options with all effects of the catalogue that these data could show.
 
-        ``lengths`` is how many lengths the muscles of the whole analysis have.
+        Parameters
+        ----------
+        lengths : int
+            Number of different muscle lengths in the analysis.
         """
         effects = {effect.name: effect for effect in model.effects}
         for name, kind in catalogue.available().items():
@@ -113,18 +116,18 @@ class Options:
 
     @cached_property
     def own(self) -> Names:
-        """Effects of the model as it was given."""
+        """Effects of the model as given."""
         return tuple(sorted(effect.name for effect in self.model.effects))
 
     @cached_property
     def fixed(self) -> frozenset[str]:
-        """Return own effects that stay: the air supply, and forces without a parameter."""
+        """Effects of the model that are never removed: pneumatics, forces without parameters."""
         return frozenset(e.name for e in self.model.effects
                          if e.place is Place.PNEUMATICS or _without_numbers(e))
 
     @cached_property
     def _shapes(self) -> dict[str, list[str]]:
-        """Names of each head."""
+        """Names of the shapes of each head."""
         found: dict[str, list[str]] = {}
         for name in self.effects:
             found.setdefault(head(name), []).append(name)
@@ -153,7 +156,7 @@ class Options:
                              size=settings.SIGNED_SIZE * self.cells.force_sd)
 
     def bundle(self, names: Iterable[str]) -> Bundle:
-        """Return the model with a set of effects, own ones in their order."""
+        """Return the model with a set of effects; its own effects keep their order."""
         wanted = set(names)
         bundle = self.model
         for effect in self.model.effects:
@@ -171,7 +174,7 @@ class Options:
         return found
 
     def log_prior(self, names: Iterable[str]) -> float:
-        """Return the log prior of a set: odds for each change, shared among the shapes."""
+        """Return the log prior of a set: prior odds of each change, divided among its shapes."""
         share = self.choices.inclusion
         odds = np.log(share / (1.0 - share))
         wanted = set(names)
@@ -184,7 +187,7 @@ class Options:
         return float(total)
 
     def changes(self, names: Iterable[str]) -> int:
-        """Return how many effects of a set are added, replaced or removed."""
+        """Return the number of effects that a set adds, replaces or removes."""
         wanted = set(names)
         return len({head(name) for name in wanted ^ set(self.own)})
 
@@ -194,13 +197,13 @@ class Options:
         return [name for name in names if head(name) not in had]
 
     def replaced(self, names: Iterable[str]) -> dict[str, str]:
-        """Return own effects that a set has in another shape: old to new."""
+        """Return effects of the model that have another shape in a set: old to new."""
         wanted = set(names)
         return {old: new for old in self.own if old not in wanted
                 for new in wanted if head(new) == head(old)}
 
     def removed(self, names: Iterable[str]) -> list[str]:
-        """Return own effects that a set does without."""
+        """Return effects of the model that a set does not have."""
         heads = {head(name) for name in names}
         return [name for name in self.own if head(name) not in heads]
 
@@ -232,7 +235,7 @@ class Options:
 
 
 def with_name(names: Names, name: str) -> Names:
-    """Return a set with one name more."""
+    """Return a set with a name added."""
     return tuple(sorted({*names, name}))
 
 
@@ -242,12 +245,12 @@ def without(names: Names, name: str) -> Names:
 
 
 def _without_numbers(effect: Effect) -> bool:
-    """Return whether an effect is a force without parameters, which nothing can fit."""
+    """Return whether an effect is a force without parameters to fit."""
     return effect.place in (Place.FORCE, Place.RESIDUAL) and not effect.parameters
 
 
 def _is_silent(model: Bundle, effect: Effect, cells: Cells) -> bool:
-    """Return whether an effect with sizes away from zero changes nothing in these data."""
+    """Return whether an effect with nonzero sizes does not change the force in these data."""
     if effect.parameters and not effect.active(model.n):
         return True
     away = {}

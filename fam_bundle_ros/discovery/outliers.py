@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Rows that stand alone: far from their neighbours in time, as no missing effect is."""
+"""Detect spikes: single rows far from their neighbours in time, which no effect explains."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from fam_bundle_ros.data.rates import sample_noise, signal_step
 def spikes(data: Measurement, residual: np.ndarray, noise: float, half: int = 3,
            threshold: float = 5.0) -> np.ndarray:
     """
-    Return which rows stand alone: far from the median of their neighbours in time, (T,) bool.
+    Return the rows that are far from the median of their neighbours in time, (T,) bool.
 
-    None does within so many rows of where strain or a pressure steps: what is far there may be
-    what a missing effect makes of the step.
+    Rows within ``half`` rows of a step of strain or pressure are never spikes: their residual may
+    be the response of a missing effect to the step.
 
     Parameters
     ----------
     residual : ndarray, shape (T,), N
         Measured minus modelled force.
     noise : float, N
-        White noise of a row.
+        Standard deviation of the white noise of a row.
     half : int
-        Neighbours on each side.
+        Number of neighbours on each side.
     threshold : float
-        How many noise standard deviations are far.
+        Distance of a spike from the median, in noise standard deviations.
     """
     rows = len(residual)
     if data.is_static or rows < 2 * half + 1:
@@ -37,7 +37,7 @@ def spikes(data: Measurement, residual: np.ndarray, noise: float, half: int = 3,
     window = np.clip(np.arange(rows)[:, None] + offsets, 0, rows - 1)
     own = data.trial[window] == data.trial[:, None]
     own &= (np.arange(rows)[:, None] + offsets == window)
-    own &= own[:, ::-1]  # a slope must not make the ends of a trial stand out
+    own &= own[:, ::-1]  # symmetric, so that a slope does not make spikes at the ends of a trial
 
     def around(values: np.ndarray) -> np.ndarray:
         return np.where(own, values[window], values[:, None])

@@ -1,13 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What all visited sets say together: probability of each effect, ties, what is named.
+Posterior over all fitted sets: probability of each effect, ties between effects, which to name.
 
-Probabilities are Bayesian averages over the sets that were fitted (Hoeting et al. 1999), and over
-posteriors in which one isobar, strain level or trial is left out. No set is the truth of a real
-muscle; the posterior of all data is then too sure of one, and would be as sure of another with a
-level less (Huggins and Miller 2023, who average over bootstraps). An effect is named when the best
-set loses by doing without it.
+Probabilities are Bayesian averages over the fitted sets (Hoeting et al. 1999), averaged also over
+posteriors in which one isobar, strain level or trial is left out. For a real muscle every set is
+an approximation; the posterior of all data is then overconfident, and can prefer another set when
+one level is removed (Huggins and Miller 2023, who average over bootstraps). An effect is named
+when the log posterior of the best set drops enough without it.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ class Change:
 
     @property
     def name(self) -> str:
-        """Name of what comes in, or of what goes."""
+        """Name of the effect that is added, else of the one that is removed."""
         return self.new or self.old
 
     @property
     def label(self) -> str:
-        """The change as a ranking shows it: the head of what is added, the shape that replaces."""
+        """Name in a ranking: the family of an added effect, or the shape that replaces another."""
         return self.new if self.old and self.new else head(self.name)
 
     def __str__(self) -> str:
@@ -54,7 +54,7 @@ class Change:
         return self.new or f'no {self.old}'
 
     def undone(self, names: Names) -> Names:
-        """Return a set without this change."""
+        """Return the names of a set with this change reversed."""
         names = without(names, self.new) if self.new else names
         return with_name(names, self.old) if self.old else names
 
@@ -77,7 +77,7 @@ class LikelySet:
         Against the model as given; empty for that model itself, recalibrated.
     probability : float
     chosen : bool
-        Whether it is the one that is told.
+        Whether it is the answer.
     """
 
     changes: tuple[Change, ...]
@@ -93,19 +93,19 @@ class LikelySet:
 
 
 class Trade(NamedTuple):
-    """Changes of the chosen set, and those that all together do as well in their place."""
+    """Changes of the chosen set, and other changes that together can replace them."""
 
     gone: frozenset[Change]
     came: frozenset[Change]
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of all effects that it is about, as a ranking shows them."""
+        """Labels of all its changes."""
         return tuple(dict.fromkeys(change.label for changes_ in self
                                    for change in sorted(changes_, key=str)))
 
     def without(self, other: Trade) -> Trade:
-        """Return what is left when another trade, where this one holds it, is taken out."""
+        """Return this trade without the changes of a smaller trade that it contains."""
         if self.gone >= other.gone and self.came >= other.came:
             return Trade(self.gone - other.gone, self.came - other.came)
         return self
@@ -129,7 +129,7 @@ class Posterior:
     fits : tuple of Fit
         Most probable first.
     log_weights : ndarray, shape (n,)
-        Natural logarithm of the probability of each.
+        Natural logarithm of the probability of each set.
     """
 
     options: Options
@@ -146,10 +146,11 @@ class Posterior:
     @classmethod
     def over_folds(cls, search: Search, chosen: Fit) -> Posterior:
         """
-        Return the average of posteriors without a fold each; the kinds of folds weigh alike.
+        Return the average of the leave-one-fold-out posteriors, with equal weight per kind.
 
-        Of the `settings.WEIGHED` most probable sets and the chosen one, linearised at the fit to
-        all data; others keep their probability. All data where they offer no folds.
+        Computed for the `settings.WEIGHED` most probable sets and the chosen one, linearised at
+        the fit to all data; other sets keep their probability. Without folds, the posterior of
+        all data.
         """
         whole, fitter = cls.of(search), search.fitter
         top = [k for k, fit in enumerate(whole.fits)
@@ -173,7 +174,7 @@ class Posterior:
         return np.exp(self.log_weights)
 
     def near(self, chosen: Fit, odds: float) -> list[int]:
-        """Return which sets are at most so many times less probable than the chosen one."""
+        """Return the indices of the sets within ``odds`` of the chosen one."""
         place = [fit.names for fit in self.fits].index(chosen.names)
         return np.flatnonzero(self.log_weights >= self.log_weights[place] - np.log(odds)).tolist()
 
@@ -182,26 +183,26 @@ class Posterior:
         return [changes(self.options, fit.names) for fit in self.fits]
 
     def likely(self, chosen: Names, most: int = 8) -> list[LikelySet]:
-        """Return the most probable sets, and the chosen one wherever it stands."""
+        """Return the ``most`` most probable sets, and the chosen one if it is not among them."""
         found = [LikelySet(tuple(set_), float(weight), fit.names == chosen)
                  for fit, set_, weight in zip(self.fits, self._changes, self.weights)]
         return found[:most] + [each for each in found[most:] if each.chosen]
 
     def labels(self) -> list[str]:
-        """Return the names of all changes that were tried."""
+        """Return the labels of all changes that were tried."""
         return list(dict.fromkeys(change.label for set_ in self._changes for change in set_))
 
     def probability(self, is_one: Callable[[Change], bool]) -> float:
-        """Return the probability that a change of some kind is among those needed."""
+        """Return the total probability of the sets with a change for which ``is_one`` is true."""
         return float(sum(weight for weight, set_ in zip(self.weights, self._changes)
                          if any(is_one(change) for change in set_)))
 
     def of_label(self, label: str) -> float:
-        """Return the probability of a change by its name."""
+        """Return the probability of a change by its label."""
         return self.probability(lambda change: change.label == label)
 
     def best_with(self, label: str) -> tuple[Fit, Change] | None:
-        """Return the most probable set with a change of this name."""
+        """Return the most probable set with a change of this label, and that change."""
         for fit, set_ in zip(self.fits, self._changes):
             for change in set_:
                 if change.label == label:
@@ -210,9 +211,10 @@ class Posterior:
 
     def ties(self, named: Iterable[Change], chosen: Fit, odds: float) -> list[tuple[str, ...]]:
         """
-        Return groups of effects of which one is named and the others would do as well.
+        Return groups of labels: a named effect, then the effects that can replace it.
 
-        Others do as well where a set with one of them instead is within ``odds`` of the chosen.
+        An effect can replace the named one if the set with this exchange is within ``odds`` of
+        the chosen set.
         """
         groups = []
         labels = {change.label for change in changes(self.options, chosen.names)}
@@ -229,10 +231,10 @@ class Posterior:
 
     def trades(self, chosen: Fit, odds: float, ties: Iterable[tuple[str, ...]]) -> list[Trade]:
         """
-        Return what changes of the chosen set can be traded for that `ties` do not say.
+        Return exchanges of several changes of the chosen set, beyond the one-to-one ``ties``.
 
-        Sets within ``odds`` of the chosen one have others in their place. What a smaller trade
-        says already is left out of a larger one.
+        They are the differences to the sets within ``odds`` of it; smaller trades are subtracted
+        from larger ones that contain them.
         """
         own = frozenset(changes(self.options, chosen.names))
         sets = [frozenset(self._changes[k]) for k in self.near(chosen, odds)]
@@ -249,9 +251,19 @@ class Posterior:
 
     def spread(self, key: str, value: float) -> float | None:
         """
-        Return the standard deviation of u about a value over all sets that have a parameter.
+        Return the standard deviation of u about a value, over all sets with this parameter.
 
-        None where no set has it.
+        Parameters
+        ----------
+        key : str
+            Of the parameter.
+        value : float
+            Coordinate u.
+
+        Returns
+        -------
+        float or None
+            None if no set has the parameter.
         """
         total = weight_sum = 0.0
         for fit, weight in zip(self.fits, self.weights):
@@ -267,9 +279,10 @@ class Posterior:
 
 def named(search: Search, fit: Fit) -> tuple[Fit, list[Change], dict[str, float]]:
     """
-    Return what of a set earns a name, its changes in the order of their worth, and that worth.
+    Return a set reduced to the effects to name, its changes and their losses by label.
 
-    Changes that lose too little are undone, the least first.
+    The loss of a change is the drop of the log posterior without it. Changes with too small a
+    loss are undone, the smallest first; the rest is sorted by loss, largest first.
     """
     options = search.options
     while True:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a model says the load cell would have shown in a measurement."""
+"""Predict the reading of the load cell in a measurement."""
 
 from dataclasses import replace
 
@@ -10,17 +10,17 @@ from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Motion
 
-#: Strain over which a slope is taken.
+#: Step of strain for the slope.
 _STEP = 1e-3
-#: Share of what the strain's changes are worth, below which the force counts as constant.
+#: The force counts as constant below this share of strain variation times stiffness.
 _CONSTANT = 0.1
 
 
 def motion(data: Measurement) -> Motion:
     """
-    Return the record of what the muscles did, as the model's engine takes it.
+    Return the motion in a measurement, the input of a model.
 
-    Strain and pressure of a log are smoothed as far as their own noise allows.
+    Strain and pressure of a log are smoothed according to their noise.
     """
     strain, pressure = data.smoothed
     return Motion(strain, pressure, data.strain_rate, data.time, data.start)
@@ -30,12 +30,12 @@ def matched(model: Bundle, data: Measurement) -> Measurement:
     """
     Return the data with their pressure columns in the order of the model's motor units.
 
-    Columns are matched by name; columns ``mu1`` ... ``mun``, as ROS topics count them, by number.
+    Columns are matched by name; columns ``mu1`` ... ``mun``, as in ROS topics, by number.
 
     Raises
     ------
     InputError
-        Where data and model have other motor units.
+        If data and model have different motor units.
     """
     own = [unit.name for unit in model.motor_units]
     names = list(data.motor_units)
@@ -62,7 +62,7 @@ def predict(model: Bundle, data: Measurement) -> np.ndarray:
     Raises
     ------
     InputError
-        Where data and model have other motor units.
+        If data and model have different motor units.
     """
     return model.predict(motion(matched(model, data)))
 
@@ -71,15 +71,16 @@ def stiffness(model: Bundle, data: Measurement) -> np.ndarray | None:
     """
     Return -dF/de of the model in each row, (T,), N, for data at a constant force; else None.
 
-    There the strain is what was measured: its error is the force's over the stiffness. A force is
-    constant that changes by less than a tenth of what the strain's changes are worth.
+    At constant force the strain is the measured quantity; its error is that of the force divided
+    by the stiffness. The force counts as constant if its standard deviation is below a tenth of
+    that of the strain times the stiffness.
     """
     below, above = (model.force(data.strain + step, data.pressure) for step in (-_STEP, _STEP))
     slope = np.maximum((below - above) / (2.0 * _STEP), 0.0)
-    worth = float(np.std(data.strain)) * float(np.median(slope))
-    return slope if float(np.std(data.force)) < _CONSTANT * worth else None
+    usual = float(np.std(data.strain)) * float(np.median(slope))
+    return slope if float(np.std(data.force)) < _CONSTANT * usual else None
 
 
 def free_mask(model: Bundle, data: Measurement) -> np.ndarray:
-    """Return where the model holds the bundle at or past its free strain, (T,) bool."""
+    """Return the rows at or beyond free strain according to the model, (T,) bool."""
     return model.force(data.strain, data.pressure) <= 0.0

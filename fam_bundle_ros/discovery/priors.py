@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is known of each parameter before the data, as a standard normal coordinate u.
+Priors of the parameters, in a standard normal coordinate u.
 
-theta = value exp(width u) for positive constants, value + width u for signed ones; a size that
-is zero by default is half-normal, and beside it the other size of its law may be absent. u = 0 is
-the model file's or the catalogue's value.
+theta = value exp(width u) for positive constants, value + width u for signed ones. A size that is
+zero by default is half-normal; if it is positive, the other size of its law may be zero. u = 0 is
+the value in the model file or the catalogue.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.model import Bundle, Effect
 from fam_bundle_ros.model.geometry import BRAID_ANGLE_TOLERANCE, RADIUS_TOLERANCE
 
-#: Beyond so many widths a prior is as good as a bound.
+#: Limit of u for log-normal priors, in widths.
 _FAR = 6.0
 
 
@@ -40,9 +40,9 @@ class Prior:
     kind : str
         ``log``, ``normal`` or ``half``.
     own : bool
-        Whether the model has the parameter already.
+        Whether it is a parameter of the model as given.
     beside : str
-        Key of the half-normal size of the same law beside which this one may be absent.
+        Key of the half-normal size of the same law; if that is positive, this one may be zero.
     """
 
     key: str
@@ -66,7 +66,7 @@ class Prior:
 
     @property
     def start(self) -> float:
-        """Return where fits begin: a size of zero would have no slope."""
+        """Start value of u; positive for sizes, as some laws have no slope at a size of zero."""
         return min(0.3, self.limits[1]) if self.kind == 'half' else 0.0
 
     def theta(self, u: float) -> float:
@@ -90,7 +90,7 @@ class Prior:
 
 
 def own_priors(model: Bundle) -> list[Prior]:
-    """Return the priors of what a model has: radius, braid angle, its effects' parameters."""
+    """Return the priors of a model's parameters: radius, braid angle, and those of its effects."""
     first = model.motor_units[0].geometry
     thinnest = 1.02 * max(u.geometry.wall_thickness / u.geometry.radius
                           for u in model.motor_units)
@@ -114,12 +114,13 @@ def effect_priors(effect: Effect, units: int, own: bool = False,
     Parameters
     ----------
     units : int
-        Motor units of the bundle: some effects have a parameter for each.
+        Number of motor units; some effects have a parameter for each.
     own : bool
-        True where the values are the model's own.
+        True if the effect belongs to the model as given.
     change : callable, optional
-        From a key and a step (SI) to the rms change of the force, N; with ``size`` (N) it limits
-        the width of signed parameters, whose bounds say little about their size.
+        Returns the rms change of the force, N, for a key and a step (SI). It limits the prior of
+        signed parameters, whose bounds are wide: one width changes the force by at most ``size``.
+    size : float, N
     """
     found = []
     for parameter in effect.active(units):

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a model tells about how a recording of its muscle is to be read."""
+"""Values of a model that are needed to read a recording of its muscle."""
 
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.model import Bundle
@@ -9,13 +9,13 @@ __all__ = ['length_of', 'recipe_for']
 
 
 def length_of(model: Bundle) -> float | None:
-    """Return the rest length (m) that all units of a model share; None where they differ."""
+    """Return the rest length of all units of a model, m; None if it differs between them."""
     lengths = {float(unit.geometry.length) for unit in model.motor_units}
     return lengths.pop() if len(lengths) == 1 else None
 
 
 def recipe_for(model: Bundle, recipe: Recipe | None = None) -> Recipe:
-    """Return a recipe with what the model knows where it has none: rest length, pressure."""
+    """Return a recipe whose missing rest length and highest pressure come from the model."""
     recipe = recipe or Recipe()
     if recipe.rest_length is None:
         recipe = recipe.merged(rest_length=length_of(model))

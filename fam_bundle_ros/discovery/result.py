@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis says: verdict, effects, ranking, ties, where it fails, what to measure next."""
+"""Results of a diagnosis: verdict, effects, ranking, ties, regions of error, next experiment."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ class Candidate:
     Attributes
     ----------
     effect, shape : str
-        Name of the physical effect, and of its shape that fits best (often the same).
+        Name of the physical effect, and of its best fitting shape (often the same).
     family : str
     probability : float
         Over all sets of effects that were fitted.
     error_N : float
-        Error of the best set that holds it.
+        Rms error of the most probable set with the effect.
     score : float
-        Log posterior of that set below the best one's.
+        Log posterior of the best set minus that of this set.
     parameters : tuple of Estimate
     reason : str
-        What in the error points at it, in plain words.
+        The feature of the error that is typical of the effect.
     replaces : str
-        Effect of the model in whose place it stands; empty for one that is added.
+        Effect of the model that it replaces; empty for an effect that is added.
     removes : bool
-        True where the candidate is to do without this effect of the model.
+        True if the candidate is to remove this effect from the model.
     """
 
     effect: str
@@ -65,7 +65,7 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """The effect, and the shape of it whose error this is where that is another one."""
+        """The effect, with its shape if that has another name."""
         if self.replaces or self.removes:
             return f'{self.shape} for {self.replaces}' if self.replaces else f'no {self.shape}'
         return self.effect if self.shape == self.effect else f'{self.effect} as {self.shape}'
@@ -84,23 +84,23 @@ class Candidate:
 @dataclass(frozen=True, repr=False)
 class Recommended(Told):
     """
-    The model that predicts rows it has not seen best.
+    The model with the lowest error on held-out folds.
 
-    Its effects are those of the answer, or of another set that is nearly as probable and does
-    better there: some may be in no answer, for want of evidence.
+    Its effects are those of the answer, or of a nearly as probable set that predicts better; the
+    evidence for some of them may be too weak to name them.
 
     Attributes
     ----------
     model : Bundle
-        Physics; where ``leftover`` is not None it is to be written with that.
+        The physics, without ``leftover``.
     effects : tuple of str
         All effects of the model.
     leftover : Leftover or None
-        The discrepancy that goes with it.
+        The discrepancy to add to it.
     held_out_N, held_out_physics_N, held_out_discrepancy_N : float
-        Of what is recommended, of physics alone, and with the discrepancy.
+        Held-out errors of the recommended model, of physics alone, and with the discrepancy.
     rivals_N : dict of str to float
-        ``mean``, ``plane``, ``empirical``: on the same rows.
+        Held-out errors of ``mean``, ``plane``, ``empirical``.
     """
 
     model: Bundle
@@ -115,7 +115,7 @@ class Recommended(Told):
         rivals = self.rivals_N
         return (f"recommended: physics ({', '.join(self.effects)})"
                 f"{' with the discrepancy' if self.leftover else ''}; "
-                f'on rows not seen {self.held_out_physics_N:.3g} N without and '
+                f'on held-out folds {self.held_out_physics_N:.3g} N without and '
                 f'{self.held_out_discrepancy_N:.3g} N with a discrepancy; mean force '
                 f"{rivals['mean']:.3g} N, plane {rivals['plane']:.3g} N, six-parameter empirical "
                 f"form {rivals['empirical']:.3g} N")
@@ -156,44 +156,44 @@ class Diagnosis(Told):
         The chosen effects in the order found, and the shape of each; empty unless the verdict is
         ``missing_effect`` or ``partial``.
     replaced : dict of str to str
-        Effects of the model that another shape is to replace.
+        Effects of the model to replace -> their replacement.
     removed : tuple of str
-        Effects of the model that are to be taken away.
+        Effects of the model to remove.
     error_N : dict
         ``model``, ``recalibrated``, ``best``: rms over all rows.
     noise : NoiseFloor
     ranking : tuple of Candidate
     tied : tuple of tuple of str
-        Effects that these data cannot tell apart.
+        Effects that these data cannot distinguish.
     located : tuple of Region
         Where the model fails, largest first.
     next_experiment : str
     next_protocol : Protocol or None
-        The same to be measured, where it is a force test.
+        The protocol of the next experiment, if it is a force test.
     parameters : tuple of Estimate
         Of the best model.
     moved : dict
-        Tolerances that the best model's own parameters have moved.
+        Shifts of the best model's own parameters, in tolerances.
     best, recalibrated : Bundle
     shapes_left : tuple of Template
-        Plain shapes of the error where no effect explains it (or of what is left).
+        Simple shapes that the remaining error resembles.
     notes : tuple of str
     rows_left_out : int
-        Spikes, rows where the direction of motion is not known, and visits beyond those that
-        were worked with.
+        Spikes, rows whose direction of motion is not known, and rows of visits beyond the largest
+        number of cells.
     confounding : tuple
-        Parameter keys and their matrix of correlations.
+        Parameter keys and the matrix of correlations of their estimates.
     held_out : HeldOut
-        Errors on folds left out.
+        Cross-validation errors.
     recommended : Recommended
     leftover, leftover_before : Leftover
-        What the best model leaves, and the model as it came, recalibrated, as maps.
+        Maps of the discrepancy of the best model, and of the recalibrated model as given.
     likely : tuple of LikelySet
         The most probable sets of effects, and the chosen one.
     traded : tuple of Trade
-        Changes that are named and others that, all together, do as well in their place.
+        Named changes, and other changes that together can replace them.
     ladder : list of dict
-        The steps from the model as it was to the best one: ``step``, ``error_N``, ``held_out_N``.
+        The steps from the model as given to the best one: ``step``, ``error_N``, ``held_out_N``.
     """
 
     verdict: str
@@ -258,9 +258,9 @@ class Diagnosis(Told):
     @property
     def shortlist(self) -> tuple[Candidate, ...]:
         """
-        The first six of ``ranking`` that are named or have a probability worth showing.
+        The first six of ``ranking`` that are named or have a probability of at least 0.005.
 
-        None where no effect is missing: there is nothing to be probable.
+        Empty if no effect is missing.
         """
         if self.verdict in ('adequate', 'recalibrate'):
             return ()
@@ -270,7 +270,7 @@ class Diagnosis(Told):
 
     @property
     def shortlist_title(self) -> str:
-        """What to call the shortlist, which is no answer where nothing explains the error."""
+        """Title of the shortlist."""
         return ('nearest in the catalogue, none of them the answer'
                 if self.verdict == 'unexplained' else 'candidates')
 

@@ -1,12 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a model must be better than: the mean force, a plane, a six-parameter empirical form.
+Simple rival models: the mean force, a plane, a six-parameter empirical form, a curve of strain.
 
-And a curve of the strain alone, where the pressure should matter.
-
-Each is a function of the training cells that returns a function of strain and pressure. At a
-constant force it is the strain that is predicted: its mean, a line and a cubic in the pressure.
+Each is a function of the training cells, strain (k,), pressure (k, m), Pa, force (k,), N, and
+weight (k,), that returns the prediction as a function of strain and pressure. At constant force
+the strain is predicted instead: by its mean, and by a line and a cubic in the pressure.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from scipy.optimize import least_squares
 from fam_bundle_ros.discovery.cells import Cells
 
 Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
-#: Exponents from the best of which the form is fitted, 1 per strain.
+#: Start values of the exponent c of the empirical form; the fit begins at the best one.
 _EXPONENTS = np.linspace(-60.0, 20.0, 33)
 
 
@@ -32,7 +31,7 @@ def mean(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weight: np
 
 def plane(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weight: np.ndarray,
           ) -> Prediction:
-    """Return the plane in strain and pressures that fits best."""
+    """Return the least-squares plane in strain and pressures."""
     def columns(e: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.concatenate([np.ones((len(e), 1)), e[:, None], p], axis=1)
     return _linear(columns, strain, pressure, force, weight)
@@ -41,10 +40,10 @@ def plane(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weight: n
 def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weight: np.ndarray,
               ) -> Prediction:
     """
-    Return F = (a P + b) exp(c e) + d e P + f P + g, never below the lowest force measured.
+    Return F = (a P + b) exp(c e) + d e P + f P + g, limited below to the lowest measured force.
 
     The six-parameter form of Sarosi et al. (2015, J. Theor. Appl. Mech. 53); with several motor
-    units each has its own a, d and f. Linear but for c and the floor.
+    units each has its own a, d and f. It is linear except for c and the lower limit.
     """
     floor, scale = float(force.min()), max(float(np.abs(pressure).max()), 1.0)
     root, above, units = np.sqrt(weight), force > floor, pressure.shape[1]
@@ -62,7 +61,7 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
         return np.where(a @ x[:-1] > floor, root, 0.0)[:, None] * np.column_stack([a, bent])
 
     def started(c: float) -> np.ndarray:
-        # Rows at the floor say only that the form is not above it.
+        # rows at the lower limit only say that the form is not above it
         a = columns(c, strain[above], pressure[above])
         x = np.linalg.lstsq(a * root[above, None], (force * root)[above], rcond=1e-10)[0]
         return np.append(x, c)
@@ -74,7 +73,7 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
 
 def strain_alone(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
                  weight: np.ndarray) -> Prediction:
-    """Return the polynomial in the strain that fits best, of degree 5, whatever the pressure."""
+    """Return the least-squares polynomial of degree 5 in the strain, for all pressures."""
     scale = max(float(np.abs(strain).max()), 1e-9)
 
     def columns(e: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -83,7 +82,16 @@ def strain_alone(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
 
 
 def missed(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -> np.ndarray:
-    """Return the error of a rival on some cells after a fit to others, N."""
+    """
+    Return measured minus predicted force of a rival on test cells, N.
+
+    Parameters
+    ----------
+    rival : str
+        Key of `RIVALS`, or `BLIND`.
+    train, test : ndarray of bool, shape (n,)
+        Cells for the fit, and cells to predict.
+    """
     weight, pressure = cells.count[train], cells.pressure
     if cells.stiffness is None:
         form = RIVALS.get(rival, strain_alone)
@@ -107,7 +115,7 @@ def _linear(columns: Callable[[np.ndarray, np.ndarray], np.ndarray], strain: np.
     return lambda e, p: columns(e, p) @ x
 
 
-#: The name of `strain_alone`, which is shown only where it is as good.
+#: Name of `strain_alone`, which is reported only if the effects do not predict better.
 BLIND = 'strain_alone'
 #: Name of each rival.
 RIVALS = {'mean': mean, 'plane': plane, 'empirical': empirical}

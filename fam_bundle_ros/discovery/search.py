@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Search over sets of effects by two beams.
+Search over sets of effects: two beam searches, then exchanges around the best set.
 
-One is ranked by evidence, one by evidence without the discrepancy, which else hides the way to the
-best physics. No stop before two changes beyond the best set; then swaps, other shapes and dropped
-effects around it.
+One beam ranks sets by evidence, the other by evidence without the discrepancy, which can absorb
+what a partly correct set leaves. The beams go on to at least two changes beyond the best set.
+Then effects of the best set are removed, replaced and given other shapes.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from fam_bundle_ros.discovery.evidence import COOLING, Fit, Fitter, Linear
 from fam_bundle_ros.discovery.options import family, Names, Options
 
 Progress = Callable[..., None] | None
-#: Widths of the prior from which nonlinear constants of a new effect are tried.
+#: Offset of the additional starts for log-normal constants of a new effect, in prior widths.
 _STARTS = 1.2
 
 
 class Screened(NamedTuple):
-    """A set that was not fitted but linearised: its two log posteriors and their starts."""
+    """A set that was only linearised: log posterior with and without discrepancy, and starts."""
 
     names: Names
     value: float
@@ -37,7 +37,7 @@ class Screened(NamedTuple):
 
 
 class _Ranking(NamedTuple):
-    """What sets are ranked by: log posterior of those fitted, of those screened, its start."""
+    """How sets are ranked: log posterior of a fitted and of a screened set, and its start."""
 
     of_fit: Callable[[Fit], float]
     of_screened: Callable[[Screened], float]
@@ -51,16 +51,16 @@ _WHITE = _Ranking(lambda fit: fit.white_posterior, lambda s: s.white, lambda s: 
 
 def _ranked(sets: Iterable[Any], value: Callable[[Any], float]) -> list:
     """
-    Return sets, the most probable first, and by name where they are alike to three decimals.
+    Return sets, the most probable first; sets equal to three decimals in the order of their names.
 
-    Sets with effects that are fitted to nothing are as probable as each other: rounding, which
-    differs between compiled and plain laws, must not choose between them.
+    Sets whose effects are fitted to zero are equally probable; rounding, which differs between
+    compiled and plain laws, must not decide their order.
     """
     return sorted(sets, key=lambda each: (-round(value(each), 3), each.names))
 
 
 def _unlike(ranked: list[Fit]) -> list[Fit]:
-    """Return the first sets that have other families of effects: look-alikes fill no beam."""
+    """Return the first set of each combination of families, so that a beam stays diverse."""
     kept: dict[frozenset[str], Fit] = {}
     for fit in ranked:
         kept.setdefault(frozenset(map(family, fit.names)), fit)
@@ -86,7 +86,7 @@ class Search:
     fits: dict[Names, Fit] = field(default_factory=dict)
 
     def run(self) -> Search:
-        """Fit sets until none is better."""
+        """Fit sets until no further change improves the best one."""
         null = self.fit(self.options.own)
         level = [null]
         best = null
@@ -124,7 +124,7 @@ class Search:
 
     def fit(self, names: Names, start: dict[str, float] | None = None,
             hyper: Hyper | None = None) -> Fit:
-        """Return a set fitted, from the beginning or from a start that a neighbour gives."""
+        """Return the fit of a set; if it is new, fitted from the priors or the given start."""
         if names not in self.fits:
             self.fits[names] = self.fitter.fit(
                 names, self.options.bundle(names), self.options.priors(names), start, hyper,
@@ -134,9 +134,9 @@ class Search:
     def again(self, names: Names, start: dict[str, float] | None = None,
               hyper: Hyper | None = None) -> Fit:
         """
-        Return a set fitted from its priors, or another start, too, and the better of both.
+        Fit a set once more from its priors, or the given start; return the better fit.
 
-        Where its neighbours led may be a trap.
+        The earlier fit started at that of a similar set, and may be a local optimum.
         """
         fresh = self.fitter.fit(names, self.options.bundle(names), self.options.priors(names),
                                 start, hyper, self.options.log_prior(names))
@@ -156,12 +156,12 @@ class Search:
                 *(self.fit(s.names, s.white_start, node.hyper) for s in by_white)]
 
     def _around(self, ranking: _Ranking) -> None:
-        """Drop, swap and reshape effects of the best set until none of it is better."""
+        """Remove, replace and reshape effects of the best set until it does not improve."""
         for turn in range(3):
             best = max(self.fits.values(), key=ranking.of_fit)
             self._tell(6 + turn)
             for names in self.options.back(best.names):
-                # from here again: in a trap the smaller set would make its effect seem needed
+                # from this start too: at a local optimum the smaller set looks too improbable
                 fewer = self.again(names, best.start, best.hyper)
                 swaps = [self.screen(fewer, other) for other in self.options.further(names)
                          if other not in self.fits]
@@ -174,7 +174,7 @@ class Search:
                 break
 
     def _settle(self) -> None:
-        """Fit again, from sets as good as the best, those with a change less that are worse."""
+        """Refit the sets with one change less than a tie of the best, starting at that tie."""
         odds = np.log(self.options.choices.odds)
         settled = set()
         for fit in _ranked(self.fits.values(), _WHOLE.of_fit):
@@ -187,7 +187,7 @@ class Search:
                     settled.add(names)
 
     def screen(self, node: Fit, names: Names) -> Screened:
-        """Return the highest linearised posterior of a set next to a fitted one."""
+        """Return the highest log posterior of a set, linearised near the fit of a similar one."""
         priors = self.options.priors(names)
         new = [k for k, p in enumerate(priors) if p.key not in node.start]
         first = np.array([node.start.get(p.key, p.start) for p in priors])

@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Every number that the search for missing effects goes by, each with its reason.
+Settings of the search for missing effects, each with its reason.
 
-Three kinds: what a user may choose (`Choices`), widths of priors and grids, and the few numbers
-that are neither (from `LEAST_NOISE` on). None is a threshold on a measured quantity of one muscle:
-all are log odds, shares of the force or of the range of the data, or counts. How a solver steps
-stands where it steps.
+Three kinds: choices of the user (`Choices`), widths of priors and grids, and a few other numbers
+(from `LEAST_NOISE` on). None is a threshold on a measured quantity of one muscle: all are log
+odds, shares of the force or of the range of the data, or counts. Settings of a solver are in the
+module of the solver.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ import numpy as np
 @dataclass(frozen=True)
 class Choices:
     """
-    What a user may choose.
+    Choices of the user.
 
     Attributes
     ----------
     unexplained : float
-        How much structure beyond every law is normal: the mean of the exponential prior on the
-        amplitudes of the discrepancy, as a share of the force's standard deviation. Smaller
-        values make the search add effects sooner. Ten times as much makes a verdict
-        `unexplained`.
+        Normal size of the structure that no law explains: the mean of the exponential prior on
+        the amplitudes of the discrepancy, as a share of the force's standard deviation. With
+        smaller values the search adds effects sooner. A discrepancy of ten times this size gives
+        the verdict `unexplained`.
     odds : float
-        Sets of effects that are at most so many times less probable than the best one are ties.
+        Sets of effects whose odds against the best one are at most this are ties.
     inclusion : float
-        Probability before the data that an effect is missing (or one of the model's wrong).
+        Prior probability that an effect is missing (or that one of the model is wrong).
     most : int
-        How many effects may be added, replaced or removed.
+        Largest number of effects that are added, replaced or removed.
     """
 
     unexplained: float = 0.01
@@ -44,58 +44,57 @@ class Choices:
 
 # --- widths of priors --------------------------------------------------------------------------
 
-#: Constants of the model's own effects (a data sheet's or a former fit's), log-normal.
+#: Positive constants of the model's own effects (data sheet, earlier fit), log-normal.
 OWN_WIDTH = 0.5
-#: Positive constants of an effect that is added, log-normal about what is usual: a factor of
-#: three.
+#: Positive constants of an added effect, log-normal about the default: a factor of three.
 ADDED_WIDTH = 1.2
-#: m: radius of the muscle that the catalogue's defaults are for (Kim et al. 2021). Materials of
-#: other muscles are alike, so their forces go with the section.
+#: Radius, m, of the muscle of the catalogue's defaults (Kim et al. 2021). Other muscles have
+#: similar materials, so default forces are scaled with the cross section.
 USUAL_RADIUS = 6.35e-3
 #: Signed constants, normal: this share of the range of their bounds ...
 SIGNED_WIDTH = 0.125
-#: ... but no more than what changes the force by this share of its standard deviation.
+#: ... but at most the step that changes the force by this share of its standard deviation.
 SIGNED_SIZE = 0.3
 
 # --- grids -------------------------------------------------------------------------------------
 
 #: Amplitudes of the discrepancy, shares of the force's standard deviation.
 AMPLITUDES = np.concatenate([[0.0], 10.0 ** np.arange(-3.5, 0.01, 0.25)])
-#: Its lengths over strain and pressure (shares of their range) and time (s).
+#: Length scales of the discrepancy in strain and pressure (shares of their range) and time (s).
 STRAIN_LENGTHS = np.array([1.0, 0.5, 0.25, 0.12, 0.06])
 PRESSURE_LENGTHS = np.array([1.5, 0.75, 0.35])
 TIME_LENGTHS = np.array([0.3, 3.0, 30.0])
-#: Its length over the natural logarithm of the speed: a factor of e.
+#: Length scale of the discrepancy in the natural logarithm of the speed: a factor of e.
 SPEED_LENGTH = 1.0
-#: Most cells that the data are averaged to: the work grows with the cube.
+#: Largest number of cells in the search; its time grows with the cube.
 CELLS = 200
-#: Most places of the table of what is left: it is fitted once, not for each set of effects.
+#: Largest number of places of a table; larger than `CELLS`, as it is fitted only once.
 PLACES = 600
-#: Most sets of effects that are weighed again without each fold.
+#: Number of sets of effects whose evidence is computed again without each fold.
 WEIGHED = 100
-#: Most rows that physics runs on; longer logs are averaged in blocks of neighbours.
+#: Most rows for which models are computed; longer logs are averaged in blocks of neighbours.
 ROWS = 8000
 
-# --- neither -----------------------------------------------------------------------------------
+# --- others ------------------------------------------------------------------------------------
 
-#: The least white noise, as a share of the largest force: no load cell is better.
+#: Least white noise, as a share of the largest force: no load cell is better.
 LEAST_NOISE = 1e-3
-#: Sets that each beam keeps.
+#: Number of sets in each beam.
 BEAM = 3
-#: Candidates of each expanded set that are fitted, by each of the two rankings.
+#: Number of candidates of each expanded set that are fitted, for each of the two rankings.
 FITTED = 4
-#: An effect is named when leaving it out loses so many log units (odds of 20) ...
+#: An effect is named if the log posterior without it is lower by this much (odds of 20) ...
 LEAST_LOSS = 3.0
-#: ... and this share of what all effects gain.
+#: ... and by this share of the gain of all effects.
 LEAST_SHARE = 0.02
-#: A discrepancy below this share of the largest force is as good as none: no gauge of a rig is
-#: better.
+#: A discrepancy below this share of the largest force is negligible: the gauges of a rig are not
+#: more accurate.
 SMALL = 0.01
-#: Structure, or offsets of trials, below this share of a row's noise are not told as findings.
+#: Structure, or offsets of trials, below this share of a row's noise are not reported.
 VISIBLE = 0.5
-#: So many times the structure that is normal cannot be left by an explanation: its prior
-#: probability is exp(-10).
+#: A set that leaves more than this times the normal structure is no explanation: the prior
+#: probability of such a discrepancy is exp(-10).
 ABNORMAL = 10.0
-#: Share of the error's mean square that effects must take to be an explanation. Not of its
-#: evidence: that would ask more of the same effects the better the load cell is.
+#: Share of the mean square error that effects must remove to be an explanation. A share of the
+#: log evidence would demand more of the same effects with a better load cell.
 MOST_OF_IT = 0.5

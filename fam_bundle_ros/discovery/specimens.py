@@ -6,8 +6,9 @@ One diagnosis of several specimens: the same effects in all, dimensions and offs
     table = read_specimens('specimens.csv')
     result = diagnose_specimens(load_model('model.yaml'), table)
 
-Each specimen is searched by itself; sets of effects are then weighed by what all say together.
-A constant of the material is the same in all specimens; what is not may go with a dimension.
+Each specimen is searched separately; the sets of effects are then compared by the evidence of all
+specimens together. A parameter either has the same value in all specimens (a constant of the
+material) or not; then it may depend on a dimension.
 """
 
 from __future__ import annotations
@@ -42,10 +43,10 @@ from fam_bundle_ros.processes import on_one_core
 from fam_bundle_ros.told import Told
 from fam_bundle_ros.units import si_factor
 
-#: Dimensions of the braid that a table may give, in any unit of this kind.
+#: Dimensions of the braid that a table may have, with a unit that is convertible to this one.
 DIMENSIONS = {'length': 'm', 'radius': 'm', 'diameter': 'm', 'braid_angle': 'deg',
              'wall_thickness': 'm'}
-#: Sets of each specimen that are weighed on all of them.
+#: Number of sets of each specimen that are compared on all specimens.
 _SETS = 6
 _HEADER = re.compile(r'^\s*(?P<name>[^\[\]]+?)\s*(\[(?P<unit>[^\]]*)\])?\s*$')
 
@@ -60,13 +61,13 @@ class Specimen:
     name : str
     data : path or Measurement
     dimensions : dict of str to float
-        ``length``, ``radius``, ``braid_angle``, ``wall_thickness`` where they are known, SI.
+        ``length``, ``radius``, ``braid_angle``, ``wall_thickness``, as far as known, SI.
     facts : dict of str to float
-        These and every other number of the table, by its header: age, supplier's code, ...
+        All numbers of the table, by header: dimensions, age, supplier's code, ...
     remarks : dict of str to str
-        What is no number, by its header: the supplier, a name of the muscle, ...
+        All text of the table, by header: the supplier, a name of the muscle, ...
     units : dict of str to str
-        Of the cells whose header has one.
+        Units by header.
     """
 
     name: str
@@ -82,7 +83,7 @@ class Specimen:
                                         for name, value in self.dimensions.items()})
 
     def measurement(self, nominal: Bundle) -> Measurement:
-        """Return the recording; lengths in it are over this specimen's rest length."""
+        """Return the recording; lengths in it are converted with this specimen's rest length."""
         if isinstance(self.data, Measurement):
             return self.data
         length = self.dimensions.get('length', nominal.motor_units[0].geometry.length)
@@ -103,7 +104,7 @@ def read_specimens(path: str | Path) -> list[Specimen]:
     Raises
     ------
     InputError
-        Without that column, for a dimension without unit, or a cell that is no number.
+        Without the column ``file``, for a dimension without unit, or for text as a dimension.
     """
     path = Path(path)
     try:
@@ -154,7 +155,7 @@ def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], ro
 @dataclass(frozen=True, repr=False)
 class Together(Told):
     """
-    What several specimens say together.
+    Result of the diagnosis of several specimens.
 
     Attributes
     ----------
@@ -162,14 +163,14 @@ class Together(Told):
     changes : tuple of Change
         Against the model as given; empty when no effect is missing.
     tied : tuple of tuple of str
-        A shape that was chosen, and those that do as well in its place.
+        A shape that was chosen, and those that can replace it.
     probability : dict of str to float
-        Of each effect, over all sets that were weighed.
+        Probability of each effect, over all sets that were compared.
     constants : tuple of Constant
     models : tuple of Bundle
-        Of each specimen, fitted with these effects.
+        For each specimen, fitted with these effects.
     error_N : list of dict
-        Of each specimen: ``model``, ``recalibrated``, ``best``.
+        For each specimen: ``model``, ``recalibrated``, ``best``.
     """
 
     specimens: tuple[Specimen, ...]
@@ -210,10 +211,10 @@ class Together(Told):
 def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
                        progress: Progress = None, choices: Choices | None = None) -> Together:
     """
-    Find out which effects a model is missing in all of several specimens.
+    Find the effects that a model is missing in all of several specimens.
 
-    The log posterior of a set is that of its prior, plus the log evidence of every specimen, plus
-    what is gained where constants of its effects are one number in all (see `material`).
+    The log posterior of a set is its log prior, plus the log evidence of every specimen, plus the
+    log Bayes factor of constants with a common value in all specimens (see `material`).
 
     Parameters
     ----------
@@ -221,7 +222,7 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
         With nominal dimensions.
     specimens : sequence of Specimen
     progress : callable, optional
-        Called with a share from 0 to 1 and a word.
+        Called with a share from 0 to 1 and the name of the specimen.
     choices : Choices, optional
 
     Raises
@@ -261,11 +262,11 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
 
 
 class _Weighed:
-    """Sets of effects by what all specimens say of them."""
+    """Log posteriors of sets of effects on all specimens."""
 
     def __init__(self, searches: list[Search]):
         self.searches = searches
-        # an effect that one recording cannot show is no option there
+        # a recording that cannot show an effect has no fit with it
         options = [set(search.options.effects) for search in searches]
         self._common = set.intersection(*options)
         sets = {search.options.own for search in searches}
@@ -292,7 +293,7 @@ class _Weighed:
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
     def named(self) -> tuple[Names, list[Change]]:
-        """Return the best set without changes that lose too little, and its changes."""
+        """Return the best set reduced to the effects to name, and its changes."""
         options = self.searches[0].options
         names = max(self.value, key=lambda each: self.value[each])
         null = self.value[options.own]
@@ -311,7 +312,7 @@ class _Weighed:
 
     def ties(self, names: Names, answer: Sequence[Change], odds: float
              ) -> tuple[tuple[str, ...], ...]:
-        """Return each shape of an answer with those that do as well in its place."""
+        """Return groups: a shape of the answer, then the shapes that can replace it."""
         least = self.value[names] - np.log(odds)
         groups = [(change.new, *(other for other in sorted(self._common - set(names))
                                  if self.value.get(with_name(without(names, change.new), other),

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What physics leaves as a function of strain, pressure and direction: what a table can hold.
+Gaussian process of the residual over strain, pressure and direction, for a table of the model.
 
-The search works on cells of each visit, which are wide where a log is fast. For a table all visits
-to a place count together: that leaves rows enough for places a sixtieth of the range wide.
+The search uses cells of single visits, which are wide if the motion is fast. For a table all
+visits to the same place are averaged; this gives enough rows for places of 1/60 of the range.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.laws.discrepancy import DEAD, ROUNDING
 from fam_bundle_ros.model.vocabulary import bound, dahl
 
-#: Points of the table across strain and pressure: a length of 0.06 of the range is met.
+#: Points of the table over strain and pressure, enough for a length scale of 0.06 of the range.
 STRAINS, PRESSURES = 41, 25
 
 
@@ -34,7 +34,7 @@ class Surface:
     Attributes
     ----------
     covariance : Covariance
-        Of the places.
+        Covariance of the places.
     hyper : Hyper
     lower : ndarray, shape (n, n)
         Cholesky factor of the places' covariance.
@@ -50,15 +50,12 @@ class Surface:
     def of(cls, fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | None = None,
            ) -> Surface:
         """
-        Return the surface that a model leaves, with given hyperparameters.
+        Return the surface of a model's residual, with given hyperparameters.
 
         Parameters
         ----------
-        fitter : Fitter
-        model : Bundle
-        hyper : Hyper
         used : ndarray of bool, shape (n,), optional
-            Cells whose rows count, all by default.
+            Cells whose rows are used; all by default.
         """
         covariance = _covariance(fitter, model, hyper, used)
         lower = cholesky(covariance.matrix(hyper), lower=True)
@@ -69,14 +66,13 @@ class Surface:
     @classmethod
     def best(cls, fitter: Fitter, model: Bundle, needed: Hyper) -> Surface:
         """
-        Return the most probable surface with the parts, even and odd, of a discrepancy.
+        Return the surface of a model's residual, with the most probable hyperparameters.
 
         Parameters
         ----------
-        fitter : Fitter
-        model : Bundle
         needed : Hyper
-            Of a fit of the model beside a discrepancy; the search begins there, too.
+            Of the joint fit with a discrepancy: one of the two starts of the search. Even or odd
+            parts of amplitude zero stay zero.
         """
         covariance = _covariance(fitter, model, needed, None)
         there = covariance.cells
@@ -98,7 +94,7 @@ class Surface:
         strain : ndarray, shape (k,)
         pressure : ndarray, shape (k, m), Pa
         unit : int, optional
-            The share of this motor unit alone.
+            Only the part of this motor unit.
         """
         cells, h = self.covariance.cells, self.hyper
         even, odd = (self.covariance.variance(place) for place in (h.even, h.odd))
@@ -114,14 +110,14 @@ class Surface:
         return np.sqrt(np.maximum(left, 0.0))
 
     def of_rows(self, cells: Cells, rows: np.ndarray) -> np.ndarray:
-        """Return what the surface adds to the force of some rows of the cells' record, N."""
+        """Return the force of the surface in some rows of the cells' record, N."""
         data = cells.data
         even, odd = self.parts(data.strain[rows], data.pressure[rows])
         return even + odd * way_of(cells)[rows]
 
 
 def way_of(cells: Cells) -> np.ndarray:
-    """Return the way of each row as `discrepancy_surface` feels it, (T,) from -1 to 1."""
+    """Return the direction of each row as `discrepancy_surface` computes it, (T,), -1 to 1."""
     record = cells.motion
     moving = np.tanh(record.strain_rate / ROUNDING)
     if not cells.data.is_held:
@@ -135,7 +131,7 @@ def way_of(cells: Cells) -> np.ndarray:
 
 def _covariance(fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | None,
                 ) -> Covariance:
-    """Return the covariance of what a model leaves, averaged over all visits to each place."""
+    """Return the covariance of a model's residual, averaged over all visits to each place."""
     cells = fitter.cells
     kept = cells.label >= 0
     if used is not None:
@@ -148,9 +144,9 @@ def _covariance(fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | 
 
 def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray, way: np.ndarray) -> Cells:
     """
-    Return residuals of rows (T,), N, averaged over places by their label, as cells without time.
+    Return residuals of rows, (T,), N, averaged over places, as cells without time.
 
-    What visits differ by is noise of the mean: a place counts as so many rows as that leaves.
+    The scatter between visits is noise of the mean: ``count`` is the equivalent number of rows.
     """
     data, kept = cells.data, label >= 0
     rows = np.bincount(label[kept]).astype(float)

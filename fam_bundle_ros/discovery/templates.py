@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plain shapes for an error that no effect of the catalogue explains.
+Simple shapes that describe an error which no effect of the catalogue explains.
 
-A bank of products of a function of strain, one of pressure, the direction of motion, speed, force
-or time, each with the unit of its coefficient. They are scored against what the model cannot
-absorb by moving its own parameters; the best distinct ones describe the error in words and can be
-saved as an expression effect.
+The shapes are products of functions of strain, pressure, direction of motion, speed, force or
+time, each with the unit of its coefficient. They are fitted to the part of the residual that the
+model's own parameters cannot absorb. The best one of each kind describes the error in words and
+can be saved as an expression effect.
 """
 
 from __future__ import annotations
@@ -37,23 +37,23 @@ class Template:
     ----------
     words : str
     coefficient : float
-        SI value that fits best.
+        Fitted value, SI.
     unit : str
         Unit of the coefficient.
     explained : float
-        Share of the error beyond noise that it takes away, 0 to 1.
+        Relative reduction of chi2, 0 to 1.
     gain : float
-        Fall of chi2, on the scale of independent samples.
+        Reduction of chi2.
     families : tuple of str
-        Families of the catalogue that make such a shape.
+        Families of the catalogue that leave such a shape.
     expression : str or None
-        The same as a formula of the model file (``k`` the coefficient), where there is one.
+        Formula for a model file, with ``k`` as the coefficient; None if it has none.
     kind : str
-        Shapes of one kind are told as one.
+        Only the best shape of each kind is reported.
     size_N : float
-        Rms of what it takes away, beyond what the model's own parameters could.
+        Rms of the shape's force beyond what the model's own parameters can absorb.
     constants : tuple of (str, float, str)
-        Other names in the formula: value and unit.
+        Other names in the formula: name, value and unit.
     """
 
     words: str
@@ -83,7 +83,7 @@ class Template:
         Raises
         ------
         InputError
-            Where the shape cannot be written as a formula.
+            If the shape cannot be written as a formula.
         """
         if self.expression is None:
             raise InputError(f"'{self.words}' cannot be written as a formula of a model file")
@@ -110,7 +110,7 @@ class _Shape:
 
 
 def bank(cells: Cells, model: Bundle) -> list[_Shape]:
-    """Return the shapes that the data can show, unscaled."""
+    """Return the shapes that the data can show, with coefficient 1."""
     data = cells.data
     e, total = cells.motion.strain, cells.motion.pressure.mean(-1)
     force = model.predict(cells.motion)
@@ -153,7 +153,7 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
             add(np.exp(-((e - onset) / width) ** 2) * g,
                 f'a bump about strain {onset:.3f}{g_words}', 'N' + g_unit, (),
                 text(f'exp(-((strain - {onset:.4f}) / {width:.4f})**2)'), f'bump{power}', 1)
-        # no wave shorter than three samples of strain, nor on a map of a few strains
+        # no period below three samples of strain, and none at all on a map of a few strains
         steps = np.abs(np.diff(e))[np.diff(data.trial) == 0]
         levels = len(np.unique(np.round(e / span * 400)))
         shortest = 3.0 * float(np.median(steps)) if not data.is_static else 4.0 * span / levels
@@ -176,7 +176,7 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
         if len(means) < 3:
             continue
         for k, centre in enumerate(means):
-            # half way to the next isobar: the neighbours keep 2 % of it
+            # half the distance to the next isobar: the value there is 2 %
             width = 0.5 * float(np.abs(np.delete(means, k) - centre).min())
             unit = label.partition('.')[2]
             add(np.exp(-((column - centre) / width) ** 2),
@@ -204,13 +204,13 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
 
 def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
                 total: np.ndarray, force: np.ndarray, single: bool) -> None:
-    """Add the shapes that need time: direction, speed, memory, drift, a single trial."""
+    """Add the shapes that need a log: direction, speed, memory, drift, a single trial."""
     data = cells.data
     rate, way = data.strain_rate, data.direction.astype(float)
     sign, given = 'tanh(strain_rate / rounding)', (('rounding', ROUNDING, '1/s'),)
     dry, viscous, slow = makers('friction'), makers('speed'), makers('drift')
     on = ' * pressure' if single else None
-    # a formula knows the motion, not the way of the pressure at rest
+    # a formula has the strain rate, but not the direction of the pressure at rest
     against = 'lower while filling than while venting' if data.is_held else 'against the motion'
     for size, words, unit, formula, kind in (
             (np.ones_like(e), 'constant', 'N', '', 'friction'),
@@ -227,7 +227,7 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
         '-k * strain_rate * abs(strain_rate)', 'speed')
     add(-rate * total, 'against the motion, with speed and pressure', 'N*s/Pa', viscous,
         f'-k * strain_rate{on}' if on else None, 'speed')
-    add(np.abs(rate), 'with speed, whichever way', 'N*s', (), 'k * abs(strain_rate)',
+    add(np.abs(rate), 'with speed, equal in both directions', 'N*s', (), 'k * abs(strain_rate)',
         'even_speed')
     time = data.clock
     first = np.flatnonzero(data.start)
@@ -247,7 +247,7 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     speed = np.zeros_like(total)
     moving = ~data.start
     speed[moving] = np.diff(total)[moving[1:]] / np.maximum(dt[moving], 1e-9)
-    add(speed, 'with how fast the pressure changes', 'N*s/Pa', makers('pressure_rate'), None,
+    add(speed, 'with the rate of the pressure', 'N*s/Pa', makers('pressure_rate'), None,
         'pressure_rate')
     names = ((e, 'strain', 'N'), (total, 'pressure', 'N/Pa'), (force, 'force', ''))
     for signal, words, unit in names:
@@ -264,14 +264,14 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
 
 
 def _add_hum(add: Any, cells: Cells, residual: np.ndarray, time: np.ndarray) -> None:
-    """Add the one wave in time that stands out of the residual's spectrum, if there is one."""
+    """Add a sine wave in time at the highest peak of the residual's spectrum, if significant."""
     step = float(np.median(np.diff(time)[np.diff(cells.data.trial) == 0]))
     count = int(np.ptp(time) / max(step, 1e-12)) // 2
     if count < 8 or count > 20000:
         return
     kept = cells.label >= 0
     r = np.where(kept, residual - residual[kept].mean(), 0.0)
-    # trials share a clock or restart it: either way one grid of times, then one transform
+    # one grid of times for all trials, whether they share a clock or restart it, and one FFT
     slot = np.round((time - time.min()) / step).astype(int)
     size = 1 << int(np.ceil(np.log2(4 * (slot.max() + 1))))
     power = np.abs(np.fft.rfft(np.bincount(slot, r, size), size)) ** 2
@@ -301,15 +301,15 @@ def _lagged(signal: np.ndarray, start: np.ndarray, steps: int) -> np.ndarray:
 
 def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
     """
-    Return the shapes that best describe what a fit leaves, best first, one of each kind.
+    Return the shapes that best describe the residual of a fit, best first, one of each kind.
 
     Parameters
     ----------
     cells : Cells
     fit : Fit
-        Without a discrepancy; shapes compete with the freedom that its parameters have.
+        Fitted without a discrepancy; its parameters are refitted (linearised) with each shape.
     most : int
-        How many shapes to return.
+        Number of shapes to return.
     """
     sd = np.sqrt(cells.noise ** 2 / cells.count + (settings.SMALL * cells.largest_force) ** 2)
     r, jacobian = fit.residual / sd, fit.slopes / sd[:, None]
@@ -322,7 +322,7 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
         absorbed = np.linalg.solve(gram, across)
         own = columns.T @ columns - across.T @ absorbed
         if np.any(np.diag(own) <= 1e-6 * np.sum(columns ** 2, axis=0)):
-            continue  # the model can do this by itself
+            continue  # the model's parameters can absorb this shape
         right = columns.T @ r - across.T @ np.linalg.solve(gram, slope)
         weight = np.linalg.solve(own, right)
         taken = (columns - jacobian @ absorbed) @ weight * sd

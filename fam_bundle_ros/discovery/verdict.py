@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Adequate, recalibrate, missing effect, partial or unexplained: what a search amounts to.
+Verdict of a search: adequate, recalibrate, missing effect, partial or unexplained.
 
-The verdict goes by what is left: how large the discrepancy is before and after, and whether it is
-needed. Two kinds of doubt stand beside it. Some refuse a name: no better than a plane on rows
-not seen, a value that cannot be, or one that is hard to believe where structure stays. Others
-warn: then it is `partial` at most.
+It depends on the size of the discrepancy before and after the effects are added, and on whether
+the evidence needs one. A refusal prevents that an effect is named: held-out errors no better than
+a plane, an impossible value, or an implausible value while structure is left. A warning limits
+the verdict to `partial`.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import catalogue
 
-#: Widths of the prior: geometry that is further off is said; a constant of a law that is further
-#: off where structure stays refuses a name.
+#: Limit of a plausible shift, in widths of the prior. Geometry beyond it gives a warning; a
+#: constant of a law beyond it gives a refusal if structure is left.
 _TOLERANCES = 3.0
-#: Belief is never above this while there is a doubt.
+#: Upper limit of the probability shown when there is a warning or a refusal.
 DOUBTED = 0.9
 
 
 class Artefact(NamedTuple):
-    """What is in the data by the way they were taken, so that no effect could explain it."""
+    """An error caused by how the data were taken, which no effect explains."""
 
     words: str
     remedy: str
@@ -45,17 +45,17 @@ class Artefact(NamedTuple):
 @dataclass(frozen=True)
 class Left:
     """
-    What a set leaves to the discrepancy, N rms.
+    Size of the discrepancy of a set, N rms.
 
     Attributes
     ----------
     smooth : float
-        Its mean over strain, pressure and direction.
+        Its posterior mean over strain, pressure and direction.
     rough : float
         White misfit beyond noise.
     beside : float
-        Both together where the discrepancy takes what it can, also of what the effects would
-        explain without it.
+        Both together in the joint fit, where the discrepancy also takes part of what the effects
+        alone would explain.
     """
 
     smooth: float
@@ -64,7 +64,7 @@ class Left:
 
     @property
     def total(self) -> float:
-        """Both together."""
+        """Root of the sum of squares of both."""
         return float(np.hypot(self.smooth, self.rough))
 
 
@@ -72,9 +72,9 @@ def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
     """
     Return the size of the discrepancy that a set needs.
 
-    Beside a discrepancy the parameters stay near their priors, and it makes up for them. What the
-    effects explain alone is not left to it: both parts together are no larger than the error of
-    ``physics``, the same set fitted without one, where that is a muscle as it was described.
+    In a joint fit the parameters stay near their priors and the discrepancy compensates. So its
+    size is limited to the error of ``physics``, the same set fitted without a discrepancy, unless
+    the parameters of that fit are implausible.
     """
     h = fit.hyper._replace(slow=0)
     rough = covariance.white_sd(fit.hyper)
@@ -83,43 +83,43 @@ def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
     smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
                                                         fit.residual)
     beside = square = float(np.mean(smooth ** 2))
-    if not (far(physics) or _impossible(physics)):
+    if not (implausible_geometry(physics) or _impossible(physics)):
         square = min(square, max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0))
     return Left(float(np.sqrt(square)), rough, float(np.hypot(np.sqrt(beside), rough)))
 
 
-def far(physics: Fit) -> list[str]:
-    """Return in words which dimensions are further off than can be."""
+def implausible_geometry(physics: Fit) -> list[str]:
+    """Return in words which dimensions are implausibly far from their priors."""
     return [f'{prior.key} has moved {u:+.1f} tolerances'
             for prior, u in zip(physics.priors, physics.u)
             if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES]
 
 
-def bent(physics: Fit) -> dict[str, str]:
+def implausible_constants(physics: Fit) -> dict[str, str]:
     """
-    Return constants of laws with values that their priors all but exclude, each in words.
+    Return in words, by key, which constants of laws are implausibly far from their priors.
 
-    Where structure is left all the same, a law was bent to what it is not.
+    If structure is left as well, the law has probably been fitted to another effect.
     """
-    return {prior.key: f'{prior.key} would be {u:+.1f} widths of its prior off, and structure '
-            'stays' for prior, u in zip(physics.priors, physics.u)
+    return {prior.key: f'{prior.key} is {u:+.1f} widths of its prior from the usual value, and '
+            'structure is left' for prior, u in zip(physics.priors, physics.u)
             if not prior.key.startswith('geometry.') and abs(u) > _TOLERANCES
             and not _is_off(prior, u)}
 
 
 def _impossible(physics: Fit) -> list[str]:
     """Return in words which of the model's own parameters are at a bound."""
-    return [f'{prior.key} would have to be at the end of what is possible'
+    return [f'{prior.key} is at the limit of its possible range'
             for prior, bound in zip(physics.priors, physics.at_bound) if bound and prior.own]
 
 
-def small(cells: Cells) -> float:
-    """Return the size up to which a discrepancy is as good as none, N."""
+def negligible(cells: Cells) -> float:
+    """Return the size below which a discrepancy is negligible, N."""
     return max(cells.noise, settings.SMALL * cells.largest_force)
 
 
 def need_of_structure(fitter: Fitter, fit: Fit) -> float:
-    """Return how many log units the smooth discrepancy gains over white and slow misfit."""
+    """Return the log Bayes factor of the smooth discrepancy against white and slow misfit."""
     best = -np.inf
     h = fit.hyper._replace(even=0, odd=0, speed=0)
     for _ in range(3):
@@ -148,11 +148,11 @@ class Finding:
     before, after : Left
         Discrepancy of the model as given (recalibrated) and of the chosen set.
     explained : float
-        Share of the error's mean square, recalibrated, that the changes take.
+        Relative reduction of the recalibrated model's mean square error by the changes.
     refusals, warnings : tuple of str
-        Doubts in words; refusals are why effects that fit are no answer.
+        Sentences; refusals are the reasons why effects that fit are not named.
     artefacts : tuple of Artefact
-        Also among the warnings.
+        Their words are also among the warnings.
     """
 
     verdict: str
@@ -165,7 +165,7 @@ class Finding:
 
     @property
     def named(self) -> bool:
-        """Whether the effects that were chosen are part of the answer."""
+        """Whether the chosen effects are part of the answer."""
         return self.verdict in ('missing_effect', 'partial')
 
 
@@ -181,16 +181,16 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     null, chosen : Fit
         The model with its own effects, and the chosen set, each with its discrepancy.
     base, physics : Fit
-        The same without one.
+        The same sets fitted without a discrepancy.
     found : sequence of Change
-        What was chosen; none where nothing earns a name.
+        Changes of the chosen set; may be empty.
     held : HeldOut
     artefacts : sequence of Artefact
     inclusion : float
         Prior probability that something is missing.
     likely : bool
-        Whether the evidence names something, which may have predicted nothing on rows not seen:
-        then no effect is the answer, but nor is that none is missing.
+        Whether the evidence named an effect before the test on held-out folds. If that test
+        removed all effects, the verdict is `unexplained`, not `adequate`.
     """
     cells = fitter.cells
     before = what_is_left(fitter.covariance, null, base)
@@ -199,28 +199,29 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     explained = _explained(base, physics) if found else 0.0
     structured = is_structured(cells, still, after, inclusion)
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
-    refusals = _refusals(physics, held, _worth_of_pressure(fitter, null)) if found else ()
+    refusals = _refusals(physics, held, _effect_of_pressure(fitter, null)) if found else ()
     if found and structured:
-        refusals = (*refusals, *bent(physics).values())
+        refusals = (*refusals, *implausible_constants(physics).values())
     warnings = (*_warnings(physics, held), *_alike_at_one_rate(cells, found)) if found else ()
     lost = chosen.posterior - null.posterior
     if found and lost < settings.LEAST_LOSS:
-        warnings = (*warnings, 'a smooth discrepancy in their place is as probable (odds of '
-                    f'{np.exp(lost):.2g} to 1)')
+        warnings = (*warnings, 'a smooth discrepancy in their place is nearly as probable '
+                    f'(odds of {np.exp(lost):.2g} to 1)')
     warnings = (*warnings, *(artefact.words for artefact in artefacts))
     if not found:
         if artefacts or structured or likely:
             verdict = 'unexplained'
         else:
-            verdict = 'recalibrate' if _moved(fitter, null, inclusion) else 'adequate'
-    elif after.total > max(small(cells), abnormal):
+            moved = _needs_recalibration(fitter, null, inclusion)
+            verdict = 'recalibrate' if moved else 'adequate'
+    elif after.total > max(negligible(cells), abnormal):
         verdict = 'unexplained'
-    elif after.beside > small(cells) and explained < settings.MOST_OF_IT:
+    elif after.beside > negligible(cells) and explained < settings.MOST_OF_IT:
         verdict = 'unexplained'
     elif refusals:
         verdict = 'unexplained'
     else:
-        rest = structured or after.total > small(cells)
+        rest = structured or after.total > negligible(cells)
         verdict = 'partial' if warnings or rest else 'missing_effect'
     return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
                    warnings, tuple(artefacts))
@@ -228,14 +229,12 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
 
 def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bool:
     """
-    Return whether a smooth discrepancy is needed: it has prior odds to overcome as effects have.
+    Return whether the data need a smooth discrepancy, with the same prior odds as an effect.
 
     Parameters
     ----------
-    cells : Cells
     need : float
-        Of `need_of_structure`.
-    left : Left
+        Log Bayes factor of `need_of_structure`.
     inclusion : float
         Prior probability that something is missing.
     """
@@ -245,19 +244,19 @@ def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bo
 
 def _explained(base: Fit, physics: Fit) -> float:
     """
-    Return the share of the error's mean square that the changes take.
+    Return the relative reduction of the mean square error by the changes.
 
-    Not of the need for a discrepancy in log units: that goes with the logarithm of error over
-    noise, so that with a better load cell the same effect on the same muscle would explain less.
+    The log evidence is no measure of this: it depends on the ratio of error to noise, so that
+    the same effect would explain less with a better load cell.
     """
     return 1.0 - float(np.mean(physics.residual ** 2) / np.mean(base.residual ** 2))
 
 
-def _moved(fitter: Fitter, null: Fit, inclusion: float) -> bool:
+def _needs_recalibration(fitter: Fitter, null: Fit, inclusion: float) -> bool:
     """
-    Return whether the model's parameters had to move.
+    Return whether the model needs recalibration.
 
-    The evidence is against those as given, or they leave a structure.
+    It does if the evidence is against the parameters as given, or if they leave structure.
     """
     nothing = np.zeros(0)
     residual = fitter.residual(null.model, null.priors, np.zeros(len(null.u)))
@@ -270,8 +269,8 @@ def _moved(fitter: Fitter, null: Fit, inclusion: float) -> bool:
             or is_structured(fitter.cells, need_of_structure(fitter, as_given), left, inclusion))
 
 
-def _worth_of_pressure(fitter: Fitter, null: Fit) -> float:
-    """Return by how much the pressures that were met change the force of the model as given."""
+def _effect_of_pressure(fitter: Fitter, null: Fit) -> float:
+    """Return the rms change of the given model's force due to the variation of pressure, N."""
     cells = fitter.cells
     record, model = cells.motion, with_coordinates(null.model, null.priors, np.zeros(len(null.u)))
     still = replace(record, pressure=np.broadcast_to(record.pressure.mean(axis=0),
@@ -283,13 +282,13 @@ def _refusals(physics: Fit, held: HeldOut, pressure: float) -> tuple[str, ...]:
     found = []
     for name, words in (('mean', 'the mean force'), ('plane', 'a plane')):
         if held.physics >= held.rivals[name]:
-            found.append(f'on rows not seen it is off by {held.physics:.3g} N, {words} by '
+            found.append(f'on held-out folds its error is {held.physics:.3g} N, that of {words} '
                          f'{held.rivals[name]:.3g} N')
     if pressure > held.blind <= held.physics:
-        found.append(f'the pressures that were met change the force of the model by '
-                     f'{pressure:.3g} N, but a curve of the strain that knows of no pressure is '
-                     f'off by {held.blind:.3g} N on rows not seen, the effects by '
-                     f'{held.physics:.3g} N: is it the pressure of this muscle?')
+        found.append(f'the pressures in the data change the force of the model by {pressure:.3g} '
+                     f'N, but on held-out folds the error of a curve of the strain alone is '
+                     f'{held.blind:.3g} N, that of the effects {held.physics:.3g} N: is it the '
+                     'pressure of this muscle?')
     return (*found, *_impossible(physics))
 
 
@@ -297,19 +296,19 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
     found = [f'{prior.key} is at its bound'
              for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound)
              if bound and not prior.own and not _is_off(prior, u)]
-    found += far(physics)
+    found += implausible_geometry(physics)
     if held.physics > held.rivals['empirical']:
-        found.append(f'on rows not seen the effects are off by {held.physics:.3g} N, a '
-                     f'six-parameter empirical form by {held.rivals["empirical"]:.3g} N')
+        found.append(f'on held-out folds the error of the effects is {held.physics:.3g} N, that '
+                     f'of a six-parameter empirical form {held.rivals["empirical"]:.3g} N')
     return tuple(found)
 
 
 def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
     """
-    Return in words that what was found with a memory could be another memory.
+    Return a warning if an effect with memory that was found could be another one.
 
-    Lag, creep and friction make the same loop where the pressure of a muscle at rest changes at
-    one rate only: less than a factor of e between the tenth and the ninetieth percentile.
+    Lag, creep and friction give the same hysteresis loop if the pressure of a muscle at rest
+    changes at one rate only: a factor below e between the 10th and the 90th percentile.
     """
     laws = catalogue.available()
     named = [change.label for change in found if change.new in laws and laws[change.new].memory]
@@ -325,6 +324,6 @@ def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
 
 
 def _is_off(prior: Prior, u: float) -> bool:
-    """Return whether a bound merely switches a part off: a size that is zero."""
+    """Return whether a parameter at its bound is a size of zero, which switches a part off."""
     at_lower = u - prior.limits[0] < prior.limits[1] - u
     return at_lower and (prior.kind == 'half' or prior.lower == 0.0)

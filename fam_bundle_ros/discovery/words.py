@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis says in words: its verdict, what to measure next, and what to beware of."""
+"""Sentences of a diagnosis: its verdict, the next experiment and notes on the data."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding
 
 Ties = tuple[tuple[str, ...], ...]
-#: Trades that a sentence tells; the others stand in a list.
+#: Most trades named in the summary; all are in a list of the diagnosis.
 _TOLD = 2
 
 
 class Next(NamedTuple):
-    """What to measure next: in words, and as a protocol where it is a force test."""
+    """What to measure next: a sentence, and the protocol if it is a force test."""
 
     words: str
     protocol: Protocol | None = None
 
 
 def what(change: Change) -> str:
-    """Return a change in words."""
+    """Return the words for a change."""
     if not change.new:
         return f'{change.old} taken away'
     if change.old:
@@ -47,7 +47,7 @@ def what(change: Change) -> str:
 
 
 def renamed(name: str, changed: Sequence[str]) -> str:
-    """Return a model's name with what was changed; the number of changes from three on."""
+    """Return a model's name with its changes appended, or their number if three or more."""
     return '_'.join([name, *(changed if len(changed) < 3 else [f'{len(changed)}_changes'])])
 
 
@@ -61,15 +61,15 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     ----------
     finding : Finding
     answer, found : sequence of Change
-        What is named, and what was chosen before the verdict refused it.
+        Changes that are named, and those chosen before the verdict, which may refuse them.
     ties : tuple of tuple of str
     trades : sequence of Trade
     base : Fit
         The model recalibrated.
     shapes : sequence of Template
-        What the error looks like.
+        Shapes that the error resembles.
     error : mapping of str to float
-        Rms errors ``recalibrated`` and ``best``, and the floor of the ``noise``, N.
+        Rms errors ``recalibrated`` and ``best``, and the noise floor ``noise``, N.
     """
     if finding.verdict == 'adequate':
         return 'the model explains the data down to their noise'
@@ -84,25 +84,25 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         shape = shapes[0].words if shapes else 'no plain shape'
         near = ' and '.join(map(what, found))
         why = '; '.join(finding.refusals) or (
-            f'{finding.after.total:.2g} N of structure would stay')
+            f'{finding.after.total:.2g} N of structure would be left')
         return ('the error has a structure that no effect of the catalogue explains; it looks '
                 f'like this: {shape}' + (f' (nearest: {near}, but {why})' if near else ''))
     text, s = ' and '.join(map(what, answer)), 's' if len(answer) == 1 else ''
     if finding.verdict == 'partial':
         text += (f' take{s} the error from {error["recalibrated"]:.3g} to {error["best"]:.3g} N; '
-                 f'{finding.after.total:.2g} N of it are left to a smooth discrepancy')
+                 f'a smooth discrepancy of {finding.after.total:.2g} N is left')
         if finding.warnings:
-            text += '; doubtful: ' + '; '.join(finding.warnings)
+            text += '; caution: ' + '; '.join(finding.warnings)
     elif finding.after.rough > settings.VISIBLE * error['best']:
         text += (f' explain{s} the error down to {error["best"]:.3g} N: more than the noise, but '
                  f'without a smooth shape and below {settings.SMALL:.0%} of the largest force')
     elif error['best'] ** 2 - error['noise'] ** 2 > (settings.VISIBLE * error['best']) ** 2:
-        text += (f' explain{s} all of the error that has a shape; {error["best"]:.3g} N rms are '
-                 f'left without one, above the noise floor of {error["noise"]:.3g} N')
+        text += (f' explain{s} all systematic error; {error["best"]:.3g} N rms without structure '
+                 f'are left, above the noise floor of {error["noise"]:.3g} N')
     else:
         text += f' explain{s} the error down to the noise'
     if ties or trades:
-        more = f' (and {len(trades) - _TOLD} trades more)' if len(trades) > _TOLD else ''
+        more = f' (and {len(trades) - _TOLD} more)' if len(trades) > _TOLD else ''
         text += '; these data cannot tell apart ' + '; '.join(
             [*(' and '.join(group) for group in ties), *map(str, trades[:_TOLD])]) + more
     return text
@@ -112,12 +112,12 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                     answer: Sequence[Change], chosen: Fit, ties: Ties,
                     shapes: Sequence[Template], base: Fit) -> Next:
     """
-    Return the experiment that would tell most.
+    Return the experiment that best separates the answer from its most probable rival.
 
     Parameters
     ----------
     base : Fit
-        The model recalibrated; the others as in `diagnose`.
+        The model recalibrated; the other parameters as in `diagnose`.
     """
     if finding.artefacts:
         return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
@@ -145,13 +145,13 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
         owner = moved.key.partition('.')[0]
         if owner == 'geometry':
             return Next('measure radius and braid angle with a calliper: they explain the error')
-        return Next(f'take the refitted constants of {owner}: they moved most, and no calliper '
-                    'shows them')
+        return Next(f'use the refitted constants of {owner}: they moved most and cannot be '
+                    'measured with a calliper')
     if fitter.cells.data.is_static:
-        return Next('log a sweep up and down with time: friction and memory cannot be seen in a '
-                    'map', plain(fitter.cells, chosen.model))
-    return Next('none needed within this range; widen it (past free strain, another speed) to '
-                'go on')
+        return Next('log a sweep up and down with time: a static map shows neither friction nor '
+                    'memory', plain(fitter.cells, chosen.model))
+    return Next('none needed within this range; to test the model further, widen it (beyond free '
+                'strain, another speed)')
 
 
 def _labels(posterior: Posterior, fit: Fit) -> list[str]:
@@ -160,7 +160,7 @@ def _labels(posterior: Posterior, fit: Fit) -> list[str]:
 
 
 def _rival(posterior: Posterior, tie: tuple[str, ...], chosen: Fit) -> Fit | None:
-    """Return the most probable set that has the rival of a tie instead, or any without it."""
+    """Return the most probable set without the first effect of a tie and with its rival."""
     for fit in posterior.fits:
         labels = _labels(posterior, fit)
         if fit is not chosen and tie[0] not in labels and (not tie[1] or tie[1] in labels):
@@ -170,63 +170,63 @@ def _rival(posterior: Posterior, tie: tuple[str, ...], chosen: Fit) -> Fit | Non
 
 def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldOut,
              ) -> tuple[str, ...]:
-    """Return what a reader should know besides: odd noise, moved geometry, the protocol."""
+    """Return notes on the noise, rows left out, geometry that moved much, and the protocol."""
     notes, data = [], cells.data
     if floor.note:
         notes.append(floor.note)
     left_out = int((cells.label < 0).sum())
     if left_out:
         missed = (data.force - final.model.predict(cells.motion))[cells.label >= 0]
-        notes.append(f'{left_out} of {len(cells.label)} rows are in no cell: spikes, rows where '
-                     'the direction of motion is not known (the first of a trial, turning '
-                     'points), or visits beyond the number that is worked with; on the others '
-                     f'the best error is {rms(missed):.3g} N')
+        notes.append(f'{left_out} of {len(cells.label)} rows are not used: spikes, rows whose '
+                     'direction of motion is not known (the first of a trial, turning points), '
+                     f'or rows beyond the largest number of cells; on the others the best error '
+                     f'is {rms(missed):.3g} N')
     if cells.stiffness is not None:
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
                      f"of the strain times the model's stiffness (100 N are "
                      f'{100.0 / np.median(cells.stiffness):.2g} of strain); mean, plane and '
                      'empirical form are a mean strain, a line and a cubic in the pressure')
-        notes.append('one force fixes neither the scale of the model nor a bias: let a '
-                     'dynamometer move the bundle, or hang other weights on it')
+        notes.append('a single force determines neither the scale of the model nor a bias: '
+                     'measure on a dynamometer, or with other weights')
     if not held.kinds:
-        notes.append('nothing could be left out to test on: held-out errors are those of the fit')
+        notes.append('the data have no folds to leave out: held-out errors are those of the fit')
     for words, fit in (('the refit', final), ('recalibration alone', base)):
         far = [f'{p.key} {u:+.1f}' for p, u in zip(fit.priors, fit.u)
                if abs(u) > 3.0 and p.key.startswith('geometry')]
         if far:
-            notes.append(f'{words} moves geometry beyond what tolerances allow: '
+            notes.append(f'{words} moves the geometry beyond its tolerances: '
                          + ', '.join(far) + ' tolerances')
     if ascends(data):
-        notes.append('isobars were run in ascending order: pressure and time cannot be told apart')
+        notes.append('isobars were run in ascending order: effects of pressure and of time cannot '
+                     'be separated')
     return tuple(dict.fromkeys(notes))
 
 
 def not_named(posterior: Posterior, chosen: Fit, told: Iterable[str]) -> tuple[str, ...]:
     """
-    Return in words which effects are likelier than not without being part of an answer.
+    Return sentences on effects of a probability above one half that are not in the answer.
 
-    An effect in more than half of the posterior predicts better than none (Barbieri and Berger
-    2004, Ann. Stat. 32, 870), but a name asks for more: see `settings.LEAST_LOSS`.
+    Such an effect improves the prediction (Barbieri and Berger 2004, Ann. Stat. 32, 870), but
+    naming it needs more evidence: see `settings.LEAST_LOSS`.
 
     Parameters
     ----------
-    posterior : Posterior
     chosen : Fit
         The set that is the answer.
     told : iterable of str
-        Labels that are said elsewhere, as ties and trades are.
+        Labels that are named elsewhere, in ties and trades.
     """
     known = {*_labels(posterior, chosen), *told}
     return tuple(
         f'{label} is likelier than not ({posterior.of_label(label):.2f}) but not named: the '
-        'evidence for it is weak, it predicts nothing on rows not seen, or its constants are '
-        'hard to believe'
+        'evidence for it is weak, it does not improve the prediction of held-out folds, or its '
+        'constants are implausible'
         for label in posterior.labels()
         if label not in known and posterior.of_label(label) > 0.5)
 
 
 def ascends(data: Measurement) -> bool:
-    """Return whether each trial of a log is an isobar of a higher pressure than the one before."""
+    """Return whether the trials of a log are isobars in the order of rising pressure."""
     trials = [data.pressure[data.trial == k].sum(-1) for k in np.unique(data.trial)]
     if data.is_static or len(trials) < 3:
         return False

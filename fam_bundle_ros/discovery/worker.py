@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A diagnosis in a process of its own, for a program that must not stand still meanwhile.
+Run a diagnosis in a separate process, so that the calling program is not blocked.
 
-`Worker` starts it and is asked now and then how far it is; ``python -m
-fam_bundle_ros.discovery.worker`` is the process. It takes a pickled job on standard input and
-writes lines of JSON on standard output. It ends with the program that started it, however that
-ends, since its standard input is closed then; it works at a lower priority.
+`Worker` starts the process, ``python -m fam_bundle_ros.discovery.worker``, and is polled for its
+progress. The process reads a pickled job from standard input and writes lines of JSON to standard
+output, at lower priority. It exits when its standard input is closed, so it always ends with the
+program that started it.
 """
 
 from dataclasses import dataclass
@@ -29,24 +29,24 @@ from fam_bundle_ros.processes import environment, own_stdout
 
 __all__ = ['Done', 'Worker']
 
-#: Steps of priority that the work stands back behind whoever started it.
+#: Increase of the nice value of the process.
 _NICE = 5
 
 
 @dataclass(frozen=True)
 class Done:
     """
-    How a diagnosis ended.
+    Result of a diagnosis in a separate process.
 
     Attributes
     ----------
     error : str
-        Why there is none; empty where there is one.
+        Why it failed; empty if it succeeded.
     text : str
         The JSON of `Diagnosis`, with ``file``, ``model_file`` and ``protocol_file`` (the next
-        experiment; empty where it is no force test).
+        experiment; empty if that is not a force test).
     file, model_file : str
-        The same as a file, and the model that it recommends.
+        Path of this JSON, and of the recommended model.
     """
 
     error: str = ''
@@ -57,24 +57,24 @@ class Done:
 
 class Worker:
     """
-    One diagnosis that runs elsewhere.
+    One diagnosis that runs in a separate process.
 
     Parameters
     ----------
     model : Bundle
     data : Measurement
     folder : path
-        Where its answer goes; made where it is not there.
+        Folder of the result; made if it does not exist.
     name : str
-        Of the files, without suffix.
+        Name of the files, without suffix.
     choices : Choices, optional
 
     Attributes
     ----------
     share : float
-        How far it is, 0 to 1.
+        Progress, 0 to 1.
     words : str
-        With what it is busy.
+        The current step.
     """
 
     def __init__(self, model: Bundle, data: Measurement, folder: str | Path, name: str,
@@ -82,7 +82,7 @@ class Worker:
         self.share, self.words = 0.0, 'starting'
         self._files = Path(folder) / f'{name}.json', Path(folder) / f'{name}.model.yaml'
         job = pickle.dumps((model, data, *map(str, self._files), choices))
-        # a session of its own: Ctrl-C in a terminal is for who started it
+        # a new session, so that Ctrl-C in a terminal reaches only the calling program
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'fam_bundle_ros.discovery.worker'], env=environment(),
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
@@ -91,12 +91,12 @@ class Worker:
         self._out = self._process.stdout
         os.set_blocking(self._out.fileno(), False)
         self._said = b''
-        # more than a pipe holds: it would stand still until the process has started
+        # in a thread: the job is larger than a pipe's buffer, so writing blocks until it is read
         self._feeder = threading.Thread(target=self._feed, args=(job,), daemon=True)
         self._feeder.start()
 
     def poll(self) -> Done | None:
-        """Return how it ended, None while it runs; never waits."""
+        """Return the result, or None while the process runs; does not block."""
         ended = self._process.poll() is not None
         while part := self._out.read(1 << 16):
             self._said += part
@@ -111,11 +111,11 @@ class Worker:
                                       str(model_file)))
             self.share, self.words = told['share'], told['words']
         if ended:
-            return self._end(Done(error='the worker process ended without an answer'))
+            return self._end(Done(error='the worker process ended without a result'))
         return None
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill the process and close its streams."""
         if self._process.poll() is None:
             self._process.kill()
         self._process.wait()
@@ -124,7 +124,7 @@ class Worker:
                 try:
                     stream.close()
                 except OSError:
-                    pass  # it was in the middle of being written
+                    pass  # the job was still being written
 
     def _end(self, done: Done) -> Done:
         self.kill()
@@ -137,18 +137,25 @@ class Worker:
             stdin.write(len(job).to_bytes(8, 'big') + job)
             stdin.flush()
         except (OSError, ValueError):
-            pass  # it has ended; `poll` says so
+            pass  # the process has ended; `poll` reports it
 
 
 def run(model: Bundle, data: Measurement, file: str, model_file: str,
         choices: Choices | None, tell: Any) -> None:
     """
-    Diagnose, and write recommended model, next experiment and answer, the answer last.
+    Diagnose, and write the recommended model, the next experiment and last the result.
+
+    Parameters
+    ----------
+    file, model_file : str
+        Paths of the result and the recommended model.
+    tell : callable
+        Called with the progress, 0 to 1, and the current step.
 
     Raises
     ------
     InputError
-        Where the data do not do or a file cannot be written.
+        For bad data, or if a file cannot be written.
     """
     from fam_bundle_ros.discovery.diagnose import diagnose
     found = diagnose(model, data, choices=choices,
@@ -168,7 +175,7 @@ def run(model: Bundle, data: Measurement, file: str, model_file: str,
 
 
 def main() -> None:
-    """Do the job on standard input."""
+    """Run the job from standard input."""
     out = own_stdout()
 
     def tell(share: float, words: str) -> None:
@@ -192,7 +199,7 @@ def main() -> None:
         tell(1.0, 'done')
     except InputError as error:
         out.write(json.dumps({'error': str(error)}) + '\n')
-    except Exception as error:  # the one who asked must hear something, whatever went wrong
+    except Exception as error:  # report every failure to the calling program
         out.write(json.dumps({'error': f'{type(error).__name__}: {error}'}) + '\n')
 
 

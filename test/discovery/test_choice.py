@@ -14,8 +14,8 @@ from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.choice import (
     as_good,
     away_from_all,
-    believed,
     best_of_ties,
+    likelier_than_not,
     plainest,
     predictive,
 )
@@ -161,10 +161,10 @@ def test_of_what_is_as_probable_as_nothing_the_effect_that_explains_all_alone_is
     for names, log in worth.items():
         fit = search.fit(names)
         search.fits[names] = replace(fit, evidence=log - fit.log_prior)
-    fit, found = believed(search, choices)
+    fit, found = likelier_than_not(search, choices)
     assert [change.label for change in found] == ['coulomb_friction']
     del search.fits[fit.names]
-    assert believed(search, choices) == (search.null, [])
+    assert likelier_than_not(search, choices) == (search.null, [])
 
 
 @pytest.mark.parametrize(('rise', 'told'), [(0.0, 'coulomb_friction'), (2.0, 'stribeck_friction')])

@@ -381,7 +381,7 @@ def test_what_the_data_do_not_ask_for_is_added_with_a_word_of_it(sweeps, paper_m
     """Sweeps of the very model: end caps are no likelier than not; refitting asks nothing."""
     data = sweeps()
     added = add_effect(paper_muscle, 'end_caps', data)
-    assert 'do not ask for it: odds of' in added.doubt
+    assert 'do not support the change: odds of' in added.doubt
     assert added.doubt in str(added)
     assert added.log_odds < 0.0
     assert add_effect(paper_muscle, [], data).log_odds is None
@@ -394,7 +394,7 @@ def test_an_effect_that_the_model_has_cannot_be_added_nor_a_strange_one_removed(
         add_effect(paper_muscle, 'bladder_elasticity', sweeps())
     with pytest.raises(InputError, match="has no effect 'end_caps'"):
         add_effect(paper_muscle, [], sweeps(), removing=['end_caps'])
-    with pytest.raises(InputError, match='needs more than numbers'):
+    with pytest.raises(InputError, match='needs more than numeric'):
         add_effect(paper_muscle, 'measured_surface', sweeps())
 
 

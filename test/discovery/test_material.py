@@ -136,4 +136,4 @@ def test_a_constant_is_told_with_what_it_is():
         'a.b is 1.5 mm in all (probability 0.97): a constant of the material')
     assert told(goes_with='length', power=1.0).startswith(
         'a.b goes with length (power 1: 1, 2 mm)')
-    assert told() == 'a.b differs (1, 2 mm) and goes with nothing in the table'
+    assert told() == 'a.b differs (1, 2 mm) and depends on no column of the table'

@@ -131,7 +131,7 @@ def test_shapes_of_the_motion_are_what_their_words_say(two_speeds, paper_muscle)
     for words, size in (('with speed', 1.0), ('with speed squared', abs(rate)),
                         ('with speed and pressure', p)):
         assert_allclose(shapes[f'against the motion, {words}'][:, 0], -rate * size)
-    assert_allclose(shapes['with speed, whichever way'][:, 0], abs(rate))
+    assert_allclose(shapes['with speed, equal in both directions'][:, 0], abs(rate))
 
 
 def test_shapes_of_time_grow_from_zero_to_one_over_the_log(two_speeds, paper_muscle):
@@ -179,7 +179,7 @@ def test_how_fast_a_pressure_changes_is_its_difference_over_the_time(paper_muscl
     data = build('two', strain, pressure, bundle.force(strain, pressure),
                  np.repeat([0, 1], 100), time)
     cells = reduce(bundle, data)
-    found = shapes_of(cells, bundle)['with how fast the pressure changes'][:, 0]
+    found = shapes_of(cells, bundle)['with the rate of the pressure'][:, 0]
     expected = np.diff(cells.motion.pressure.mean(1)) / np.diff(time)
     expected[99] = 0.0
     assert_allclose(found, np.append(0.0, expected))

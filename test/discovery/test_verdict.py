@@ -21,12 +21,12 @@ from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
     _alike_at_one_rate,
+    _effect_of_pressure,
     _explained,
     _refusals,
     _warnings,
-    _worth_of_pressure,
     Artefact,
-    bent,
+    implausible_constants,
     judge,
     what_is_left,
 )
@@ -96,7 +96,7 @@ def test_folds_choose_among_ties_but_add_nothing_to_them(search, monkeypatch):
     made = search(nothing=0.0, end_caps=300.0, end_caps__force_sensor_gain=298.5,
                   force_sensor_gain=1.0)
     chosen, found, worth = named(made, made.best)
-    monkeypatch.setattr(choice, 'small', lambda cells: 0.0)
+    monkeypatch.setattr(choice, 'negligible', lambda cells: 0.0)
     monkeypatch.setattr(choice, 'squares_of_folds', lambda fitter, fit: np.array(
         [9.0, 9.1] if len(fit.names) < 4 else [1.0, 1.1]))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
@@ -171,7 +171,7 @@ def test_effects_that_predict_no_better_than_without_the_pressure_are_refused(se
                                                                               refused):
     """Where the pressure should matter: a force that does not depend on it is no muscle's."""
     made = search(nothing=0.0)
-    worth = _worth_of_pressure(made.fitter, made.null)
+    worth = _effect_of_pressure(made.fitter, made.null)
     assert worth > 10.0
     said = _refusals(made.null, replace(GOOD, blind=blind), worth)
     assert any('pressure' in words for words in said) == refused
@@ -186,7 +186,7 @@ def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, mo
                   end_caps=-2.0)
     monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
-    assert [str(change) for change in choice.believed(made, Choices())[1]] == names
+    assert [str(change) for change in choice.likelier_than_not(made, Choices())[1]] == names
 
 
 @pytest.mark.parametrize(('structured', 'kept'), [(True, []), (False, ['coulomb_friction'])])
@@ -202,14 +202,14 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
         GOOD, physics=sum(off[physics.names]), squares=np.array(off[physics.names])))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
     found = [Change('', 'coulomb_friction')]
-    assert [str(change) for change in choice.that_predict(
+    assert [str(change) for change in choice.drop_unpredictive(
         made, better, found, better, 0.1)[1]] == kept
     off[made.null.names] = [12.0, 8.0]
-    assert choice.that_predict(made, better, found, better, 0.1)[1] == found
+    assert choice.drop_unpredictive(made, better, found, better, 0.1)[1] == found
     off[made.null.names] = [8.0, 4.0]  # as well without it: no name, the last one neither
-    assert choice.that_predict(made, better, found, better, 0.1)[1] == []
+    assert choice.drop_unpredictive(made, better, found, better, 0.1)[1] == []
     sure = replace(better, white_evidence=made.null.white_posterior + 9.0)
-    assert [str(change) for change in choice.that_predict(
+    assert [str(change) for change in choice.drop_unpredictive(
         made, sure, found, sure, 0.1)[1]] == kept
 
 
@@ -230,7 +230,7 @@ def test_beside_a_bent_law_others_are_named(search, monkeypatch, structured, ang
             2, 1.0 if other is fit else 9.0 if other is not made.null else 30.0)))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda other: other)
     found = changes(made.options, made.best.names)[::-1]  # the bent one is worth more
-    named_ = choice.that_predict(made, fit, found, fit, 0.1)[1]
+    named_ = choice.drop_unpredictive(made, fit, found, fit, 0.1)[1]
     assert [str(change) for change in named_] == (kept or [str(change) for change in found])
 
 
@@ -241,9 +241,9 @@ def test_a_law_bent_beyond_its_prior_to_what_it_is_not_is_refused(search, key, u
     """A value that the prior all but excludes; dimensions are tolerances, which are told."""
     fit = replace(search(nothing=0.0).null, priors=(Prior(key, -1e3, 1e3, 0.0, 1.0, 'normal'),),
                   u=np.array([u]))
-    assert bool(bent(fit)) == said
+    assert bool(implausible_constants(fit)) == said
     off = Prior('end_caps.dead_length', 0.0, 1.0, 0.1, 0.2, 'log')
-    assert not bent(replace(fit, priors=(off,), u=np.array([off.limits[0]])))
+    assert not implausible_constants(replace(fit, priors=(off,), u=np.array([off.limits[0]])))
 
 
 @pytest.mark.parametrize(('likely', 'open_'), [(True, True), (False, False)])

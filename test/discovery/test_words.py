@@ -51,7 +51,7 @@ def test_a_trial_that_was_taken_out_breaks_no_order():
 
 
 @pytest.mark.parametrize(('rough', 'noise', 'told'), [
-    (0.1, 1.3, 'down to the noise'), (0.1, 0.0, '1.36 N rms are left without one'),
+    (0.1, 1.3, 'down to the noise'), (0.1, 0.0, '1.36 N rms without structure are left'),
     (1.3, 0.4, 'down to 1.36 N')])
 def test_what_is_left_without_a_shape_is_not_called_noise(rough, noise, told):
     """Stick and slip, in cells or between them, though as good as none for a rig."""
@@ -128,7 +128,7 @@ def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
     assert said('unexplained') == f'{start}no plain shape'
     assert said('unexplained', found=(DRY, CAPS), shapes=(shape,)) == (
         f'{start}a bump about strain 0.1 (nearest: coulomb_friction and end_caps, but 0.2 N of '
-        'structure would stay)')
+        'structure would be left)')
     assert said('unexplained', found=(DRY,), refusals=('it is bent', 'it is odd')).endswith(
         '(nearest: coulomb_friction, but it is bent; it is odd)')
     artefact = SimpleNamespace(words='trial 3 is off', remedy='tare before each trial')
@@ -145,16 +145,16 @@ def test_an_answer_says_how_much_it_explains_and_what_could_take_its_place():
     assert said('missing_effect', (DRY, CAPS)).startswith(
         'coulomb_friction and end_caps explain the error')
     assert said('partial', (CAPS,), after=1.25, warnings=('one speed',)) == (
-        'end_caps takes the error from 3.1 to 0.6 N; 1.2 N of it are left to a smooth '
-        'discrepancy; doubtful: one speed')
+        'end_caps takes the error from 3.1 to 0.6 N; a smooth discrepancy of 1.2 '
+        'N is left; caution: one speed')
     tied = said('missing_effect', (DRY,), ties=(('a', 'b'),), trades=('c with d', 'e with f', 'g'))
     assert tied.endswith('; these data cannot tell apart a and b; c with d; e with f '
-                         '(and 1 trades more)')
+                         '(and 1 more)')
 
 
 @pytest.mark.parametrize(('verdict', 'rubber', 'words'), [
     ('recalibrate', 0.3, 'measure radius and braid angle with a calliper'),
-    ('recalibrate', -2.4, 'take the refitted constants of bladder_elasticity'),
+    ('recalibrate', -2.4, 'use the refitted constants of bladder_elasticity'),
     ('adequate', 0.0, 'none needed within this range')])
 def test_where_nothing_is_missing_the_next_step_is_plain(verdict, rubber, words):
     """A calliper where dimensions moved most, but not for constants of rubber; another range."""
@@ -181,10 +181,10 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     ripple = SimpleNamespace(note='a fine ripple')
     found = notes_on(cells, ripple, calm, far, SimpleNamespace(kinds={}))
     assert found[0] == 'a fine ripple'
-    assert found[1].startswith('7 of 600 rows are in no cell')
+    assert found[1].startswith('7 of 600 rows are not used')
     assert found[1].endswith('the best error is 0.5 N')
-    assert found[2].startswith('nothing could be left out')
-    assert found[3] == ('the refit moves geometry beyond what tolerances allow: geometry.radius '
+    assert found[2].startswith('the data have no folds')
+    assert found[3] == ('the refit moves the geometry beyond its tolerances: geometry.radius '
                         '-3.2 tolerances')
     assert len(found) == 4
     held = SimpleNamespace(data=data, label=label + 9, motion=None,
