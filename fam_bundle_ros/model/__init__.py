@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a muscle and a bundle do. NumPy only, SI units, gauge pressures."""
+"""Models of muscles and bundles: NumPy only, SI units, gauge pressures."""
 
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A bundle: motor units in parallel that share the strain, their forces add.
+A bundle: motor units in parallel, with one common strain; their forces are added.
 
 Pressures are gauge, Pa, with the motor units on the last axis; strains are positive when shorter.
 """
@@ -25,29 +25,29 @@ from fam_bundle_ros.model.parts import Motion, MotorUnit, Pneumatics, SensorErro
 from fam_bundle_ros.model.rows import differences
 from fam_bundle_ros.model.seam import Model
 
-#: Rest lengths within 2 % are equal but for how they were measured.
+#: Rest lengths within 2 % count as equal: the error of their measurement.
 _EQUAL_LENGTHS = 1.02
 
 
 class Bundle:
     """
-    Motor units in their order of recruitment, and the effects that act in every muscle of them.
+    Motor units in their order of recruitment, and the effects that act in all their muscles.
 
     Parameters
     ----------
     name : str
     motor_units : sequence of MotorUnit
     effects : sequence of Effect
-        Each name once.
+        With different names.
     error : float, N
-        Root mean square error of the model on the data it was fitted to; 0 when not known.
+        Root mean square error of the model on the data it was fitted to; 0 if not known.
     notes : mapping
-        What else a model file says (provenance); kept, not used.
+        Further entries of a model file (provenance); kept, not used.
 
     Raises
     ------
     InputError
-        When there is no motor unit, two effects or two units share a name, or rest lengths
+        Without a motor unit, if two effects or two units have the same name, or if rest lengths
         differ.
     """
 
@@ -69,12 +69,12 @@ class Bundle:
         if max(lengths) > _EQUAL_LENGTHS * min(lengths):
             raise InputError(
                 f'{name}: rest lengths from {1e3 * min(lengths):.1f} to '
-                f'{1e3 * max(lengths):.1f} mm; muscles in parallel contract by the same way, and '
-                'the model has one strain for all of them: expected one length')
+                f'{1e3 * max(lengths):.1f} mm; muscles in parallel contract by the same distance, '
+                'and the model has one strain for all of them: expected one length')
         self._muscles = Muscles(self.motor_units, self.effects)
         #: Highest gauge pressure of each motor unit, Pa, shape (n,).
         self.max_pressure = np.array([unit.max_pressure for unit in self.motor_units])
-        #: Rest length, m, that of the first motor unit where they differ a little.
+        #: Rest length of the first motor unit, m.
         self.length = float(lengths[0])
         self.names = tuple(unit.name for unit in self.motor_units)
 
@@ -102,7 +102,7 @@ class Bundle:
 
     @property
     def unusual_order(self) -> str:
-        """Say which unit is recruited before a smaller one (muscles times area); else empty."""
+        """Warning if a unit is recruited before a smaller one (muscles times area), else empty."""
         size = [unit.muscles * unit.geometry.radius ** 2 for unit in self.motor_units]
         for i in range(1, self.n):
             if size[i] < 0.99 * size[i - 1]:
@@ -113,43 +113,43 @@ class Bundle:
 
     @property
     def has_memory(self) -> bool:
-        """Whether the force depends on what was before."""
+        """Whether the force depends on earlier samples."""
         return self._muscles.laws.has_memory
 
     @property
     def sensors(self) -> tuple[Effect, ...]:
-        """Effects of the gauges, which belong to the comparison with data."""
+        """Sensor effects, which are used only for the comparison with data."""
         return tuple(effect for effect in self.effects if effect.place is Place.SENSOR)
 
     @cached_property
     def pneumatics(self) -> Pneumatics:
-        """Leaks and the resistance of the supply, which the plant must know."""
+        """Leak rate and supply resistance, for the plant."""
         total = {'leak_rate': 0.0, 'supply_resistance': 0.0}
         for _, law, part in self._muscles.laws.at(Place.PNEUMATICS):
             total[part.changes] += part.function(**self._arguments(law))
         return Pneumatics(**total)
 
     def _arguments(self, law):
-        """Return the parameter values of a law by the names of its function's arguments."""
+        """Return the parameter values of a law by argument name of its function."""
         values = self.effect(law.name).values
         return {argument: values[name] for argument, name in law.names.items()}
 
     def model(self, compiled: bool = False) -> Model:
         """
-        Return this model as a control loop takes it, with fresh memory.
+        Return this model for a control loop, with its memory reset.
 
         Raises
         ------
         fam_bundle_ros.kernels.NotCompiled
-            When ``compiled`` is asked for where numba is not there or cannot compile a user's
-            effect; it still runs plain.
+            If ``compiled`` is True but numba is not installed or cannot compile a user's effect;
+            the plain model still works.
         """
         return self._muscles.model(compiled)
 
     @property
     def curve(self) -> Any:
         """
-        Force over pressure as a C function: see `fam_bundle_ros.model.seam.CURVE`.
+        Force over pressure as a C function, with the signature `fam_bundle_ros.model.seam.CURVE`.
 
         Raises `NotCompiled` as `model` does.
         """
@@ -182,24 +182,24 @@ class Bundle:
         return self.unit_forces(strain, pressure, strain_rate).sum(axis=-1)
 
     def start_state(self) -> dict[str, Any]:
-        """Return the memory of a bundle at the first sample of a trial."""
+        """Return the state for `step` before the first sample of a trial."""
         return self._muscles.start_state()
 
     def step(self, state: dict[str, Any], dt: float, strain: float, pressure: ArrayLike,
              strain_rate: float = 0.0) -> tuple[np.ndarray, dict[str, Any]]:
         """
-        Advance one tick: the same laws as `simulate`, sample by sample.
+        Advance by one sample, with the same laws as `simulate`.
 
         Parameters
         ----------
         state : dict
-            From `start_state` or from the step before; it is not changed.
+            From `start_state` or the last step; it is not changed.
         dt : float, s
             Time since the last step (not used at the first one).
         strain, strain_rate : float, and 1/s
         pressure : array_like (n,) or (k, n), Pa (gauge)
-            With (k, n): k candidates for this tick, all from the same memory; the state that
-            comes back is then of no use.
+            With (k, n): k candidates for this sample, all with the same memory; the state is then
+            returned unchanged.
 
         Returns
         -------
@@ -213,7 +213,7 @@ class Bundle:
         """
         Return the tension of each motor unit over a record, N, shape (T, n).
 
-        Memory begins afresh where ``motion.start`` says so. Without time the static forces.
+        Memory is reset where ``motion.start`` is True. Without time these are the static forces.
         """
         self._check_width(motion.pressure)
         return self._muscles.record(motion)
@@ -228,9 +228,9 @@ class Bundle:
     @cached_property
     def sensor_error(self) -> SensorError:
         """
-        How the gauges of this model differ from the truth.
+        Errors of the sensors of this model.
 
-        Their laws are linear in what is read, in time and in the strain rate.
+        Sensor laws are linear in the measured quantity, in time and in the strain rate.
         """
         total: dict[str, float] = {}
         for _, law, part in self._muscles.laws.at(Place.SENSOR):
@@ -251,7 +251,7 @@ class Bundle:
     def readings(self, force: Any, strain: Any, pressure: Any, time: Any = 0.0,
                  strain_rate: Any = 0.0) -> tuple[Any, Any, Any]:
         """
-        Return what the gauges show.
+        Return the readings of force, strain and pressure.
 
         Parameters
         ----------
@@ -259,7 +259,7 @@ class Bundle:
             True values.
         pressure : array_like (..., n), Pa (gauge)
         time : array_like (...), s
-            Since the log, or the rig, began.
+            Since the start of the log or the rig.
         strain_rate : array_like (...), 1/s
             Of the reading.
         """
@@ -272,7 +272,7 @@ class Bundle:
 
     def felt(self, strain: Any, pressure: Any, time: Any = 0.0, strain_rate: Any = 0.0,
              ) -> tuple[Any, Any]:
-        """Return the true strain and pressure for what the gauges show; see `readings`."""
+        """Return the true strain and pressure from their readings: the inverse of `readings`."""
         s = self.sensor_error
         return ((strain - s.strain_bias - s.strain_drift * time + s.strain_lag * strain_rate)
                 / (1.0 + s.strain_gain),
@@ -281,27 +281,27 @@ class Bundle:
 
     def predict(self, motion: Motion) -> np.ndarray:
         """
-        Return the force that the load cell would show over a record of readings, N, shape (T,).
+        Return the reading of the load cell over a record of readings, N, shape (T,).
 
-        Strain and pressure of ``motion`` are readings: they are corrected by the model's sensor
-        effects before the muscles feel them. This is what is compared with a measurement.
+        Strain and pressure of ``motion`` are readings; they are first corrected by the model's
+        sensor effects. The result is comparable with a measured force.
         """
         self._check_width(motion.pressure)
         return self._muscles.reading(motion)[0]
 
     def jacobian(self, motion: Motion, keys: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """
-        Return what `predict` returns, and its exact derivatives by parameters.
+        Return the prediction of `predict` and its derivatives with respect to parameters.
 
-        Derivatives are those of the laws' formulas, to rounding. Of a user's law that is no
-        straight-line arithmetic central differences are taken instead.
+        Derivatives are exact to rounding; with a user's law that is not straight-line arithmetic,
+        central differences are used.
 
         Parameters
         ----------
         motion : Motion
             Readings.
         keys : sequence of str
-            As `with_parameters` takes them: ``effect.parameter``, ``geometry.radius``, ...
+            As in `with_parameters`: ``effect.parameter``, ``geometry.radius``, ...
 
         Returns
         -------
@@ -325,15 +325,15 @@ class Bundle:
         """
         Return the gas volume of each motor unit without tubes, m^3, shape (..., n).
 
-        The volume of the cylinder at rest, plus what the mesh has done: P dV is the work of the
-        force pi r0^2 P (3 l^2/tan^2 a0 - B/sin^2 a0) of the felt geometry, at fixed stretch B of
-        the threads.
+        The volume of the cylinder at rest plus its change by virtual work: P dV is the work of
+        the mesh force pi r0^2 P (3 l^2/tan^2 a0 - B/sin^2 a0), with strain and area as changed by
+        geometry effects, at fixed stretch B of the threads.
 
         Parameters
         ----------
         strain : array_like (...)
         pressure : array_like (..., n), Pa (gauge)
-            Matters where a geometry effect depends on it; by default zero.
+            Needed if a geometry effect depends on it; by default zero.
         """
         return self._gas('volume', strain, pressure)
 
@@ -350,7 +350,7 @@ class Bundle:
     # --- other models --------------------------------------------------------------------------
 
     def effect(self, name: str) -> Effect:
-        """Return an effect of this model by name; InputError when it has none."""
+        """Return an effect of this model by name; InputError if there is none."""
         for effect in self.effects:
             if effect.name == name:
                 return effect
@@ -359,9 +359,9 @@ class Bundle:
 
     def with_effect(self, effect, **values: float) -> 'Bundle':
         """
-        Return a bundle with one more effect: an Effect, or the name of one and its SI values.
+        Return a bundle with an effect added: an Effect, or the name of one and its SI values.
 
-        An effect of that name that is already there is replaced.
+        It replaces an effect of the same name.
         """
         if isinstance(effect, str):
             effect = catalogue.get(effect)(**values)
@@ -369,7 +369,7 @@ class Bundle:
         return self._with(effects=[*kept, effect])
 
     def without_effect(self, name: str) -> 'Bundle':
-        """Return a bundle without an effect; InputError when it has none of that name."""
+        """Return a bundle without an effect; InputError if there is none of that name."""
         self.effect(name)
         return self._with(effects=[e for e in self.effects if e.name != name])
 
@@ -421,7 +421,7 @@ class Bundle:
         return self._with(name=name, error=self.error if error is None else error,
                           notes=self.notes if notes is None else notes)
 
-    # --- what the bundle can do (see `fam_bundle_ros.model.reach`) -----------------------------
+    # --- limits of the bundle (see `fam_bundle_ros.model.reach`) -------------------------------
 
     free_strain = reach.free_strain
     state_pressures = reach.state_pressures

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The catalogue: every law that a model file can name, built in or a user's."""
+"""The catalogue of laws that a model file can name, built-in and from other packages."""
 
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -13,10 +13,10 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effect import CLASSES_ARE_GONE
 from fam_bundle_ros.model.laws.base import Law
 
-#: Entry points in this group name laws of other packages.
+#: Group of the entry points for laws of other packages.
 ENTRY_POINT_GROUP = 'fam_bundle_ros.effects'
 
-#: Files of `fam_bundle_ros.model.laws`, in the order in which laws are listed; others follow.
+#: Files of `fam_bundle_ros.model.laws` in the order of the catalogue; others follow.
 _ORDER = ('mesh', 'bladder', 'surface', 'resistive', 'slack', 'force_floor', 'dry_friction',
           'viscous', 'relaxation', 'sheath', 'end_caps', 'braid', 'threshold', 'line_lag',
           'gas_history', 'temperature', 'softening', 'discrepancy', 'force_sensor',
@@ -35,7 +35,7 @@ def built_in() -> Mapping[str, Law]:
 @cache
 def available() -> Mapping[str, Law]:
     """Return every law by name: the built-ins, then those of entry points."""
-    from importlib import metadata  # here, not above: it takes 0.07 s
+    from importlib import metadata  # not at the top: the import takes 0.07 s
     laws = dict(built_in())
     for point in metadata.entry_points(group=ENTRY_POINT_GROUP):
         law = point.load()
@@ -47,14 +47,14 @@ def available() -> Mapping[str, Law]:
 
 
 def check_variants(laws: Mapping[str, Law], known: Mapping[str, Law]) -> None:
-    """Raise InputError where a law is a variant of one that is not known, or of a variant."""
+    """Raise InputError if a law is a variant of an unknown law, or of another variant."""
     for law in laws.values():
         first = known.get(law.variant_of)
         if law.variant_of and (first is None or first.variant_of):
             why = 'is not known' + _meant(law.variant_of, known) if first is None else (
                 f"is itself a variant of '{first.variant_of}'")
             raise InputError(f"law {law.name}: variant_of '{law.variant_of}' {why}; expected the "
-                             'name of a law that is no variant (fam_bundle effects lists them)')
+                             'name of a law that is not a variant (fam_bundle effects lists them)')
 
 
 def names() -> list[str]:
@@ -63,7 +63,7 @@ def names() -> list[str]:
 
 
 def get(name: str) -> Law:
-    """Return a law; InputError with the nearest names when there is none."""
+    """Return a law by name; InputError with similar names if there is none."""
     laws = built_in() if name in built_in() else available()
     if name not in laws:
         raise InputError(f"effect '{name}' is not known{_meant(name, laws)} (fam_bundle effects "
@@ -72,11 +72,11 @@ def get(name: str) -> Law:
 
 
 def _meant(name: str, laws: Mapping[str, Law]) -> str:
-    """Return the question whether the nearest names are meant; empty without any."""
+    """Return '; did you mean ...?' with similar names; empty if there are none."""
     from difflib import SequenceMatcher
 
     def likeness(known: str) -> float:
-        # 'colomb' is meant to be coulomb_friction: words of a name count like the whole
+        # also compared with each word of a name, so that 'colomb' finds coulomb_friction
         return max(SequenceMatcher(None, name, part).ratio()
                    for part in (known, *known.split('_')))
     near = [known for known in sorted(laws, key=likeness, reverse=True)[:2]
@@ -91,7 +91,7 @@ def from_python_file(path: Path) -> Iterator[Law]:
     Raises
     ------
     InputError
-        When the file cannot be imported or defines no law.
+        If the file cannot be imported or defines no law.
     """
     spec = importlib.util.spec_from_file_location(f'fam_bundle_user_{path.stem}', path)
     if spec is None or spec.loader is None or not path.is_file():
@@ -99,7 +99,7 @@ def from_python_file(path: Path) -> Iterator[Law]:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # whatever the user's file raises
+    except Exception as error:  # the user's file may raise anything
         if str(getattr(error, 'name', '')).startswith('fam_bundle_ros.model.effects'):
             error = InputError(CLASSES_ARE_GONE)
         told = str(error) if isinstance(error, InputError) else (

@@ -1,18 +1,18 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-From laws to one force: readable generated functions, the same code in every way to run it.
+Generate functions for force and volume from a set of laws; one text for all modes.
 
-A `Composition` belongs to a set of laws and holds no values: parameters, geometry, tables and
-memory are arguments. Its text has
+A `Composition` belongs to a set of laws and has no values: parameters, geometry, tables and
+memory are arguments. Its text defines
 
 - ``muscle(...)``: force of one muscle at a sample, laws with memory included
 - ``muscle_at_rest(...)``: the same at equilibrium
-- ``volume(...)``, ``volume_slope(...)``: gas volume of one muscle, which follows from the mesh
-- ``unit_force``, ``unit_volume``, ``unit_volume_slope``: the same for a whole motor unit, with
-  the signatures of `fam_bundle_ros.model.seam`
+- ``volume(...)``, ``volume_slope(...)``: gas volume of one muscle, derived from the mesh
+- ``unit_force``, ``unit_volume``, ``unit_volume_slope``: the same for a motor unit, with the
+  signatures of `fam_bundle_ros.model.seam`
 
-The text is in `linecache`, so a traceback shows the line. Names from a model file are not in it.
+The text is in `linecache`, so tracebacks show its lines. It has no names from a model file.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ from fam_bundle_ros.model.seam import CURVE, pointers
 from fam_bundle_ros.model.source import filed
 from fam_bundle_ros.model.vocabulary import bound
 
-#: Column of the shape array that holds the number of muscles; before it the fields `SHAPE`.
+#: Column of the shape array with the number of muscles, after the fields `SHAPE`.
 MUSCLES = len(SHAPE)
 #: Nodes and weights of Gauss-Legendre's rule on [0, 1], exact for polynomials up to degree 9.
 _GAUSS = ((0.04691007703066800, 0.11846344252809454), (0.23076534494715845, 0.23931433524968324),
@@ -77,7 +77,7 @@ def unit_volume_slope(unit, strain, pressure, time, shape, parameters, tables):
 
 class Composition:
     """
-    The laws of a model put together by place.
+    The laws of a model, combined by place.
 
     Parameters
     ----------
@@ -120,17 +120,17 @@ class Composition:
 
     @property
     def has_memory(self) -> bool:
-        """Whether the force depends on what was before."""
+        """Whether the force depends on earlier samples."""
         return bool(self.memory)
 
     def at(self, place: Place) -> list[tuple[str, Law, Part]]:
-        """Return what acts at a place: name in the text, law, part."""
+        """Return the parts at a place: name in the text, law, part."""
         return self._parts[place]
 
     # --- the text ------------------------------------------------------------------------------
 
     def _call(self, called, law, part, static):
-        """Return the lines that compute a part, and the name that holds what it adds."""
+        """Return the line that assigns a part's contribution."""
         rest = static and part.equilibrium is not None
         function = part.equilibrium if rest else part.function
         offset = [law.name for law in self.laws].index(law.name)
@@ -160,7 +160,7 @@ class Composition:
         return [self._call(called, law, part, static) for called, law, part in parts]
 
     def _used(self, *places):
-        """Return the names that the laws at some places ask for."""
+        """Return the argument names of the laws at some places."""
         return {name for place in places for _, _, part in self._parts[place]
                 for function in (part.function, part.equilibrium) if function is not None
                 for name in Part(place, function).arguments}
@@ -216,7 +216,7 @@ class Composition:
             [*lines, 'return force'])
 
     def _felt(self):
-        """Return the lines up to felt pressure, thread stretch and cross-section."""
+        """Return the lines that compute pressure, thread stretch and cross section."""
         used = self._used(Place.PRESSURE, Place.GEOMETRY) | {
             'length', 'area', 'wall_area', 'cos2', 'sin2', 'cot2'}
         lines = [f'{name} = shape[{SHAPE.index(name)}]' for name in SHAPE if name in used]
@@ -271,15 +271,15 @@ class Composition:
     def functions_of(self, words: Any, made: Callable[[Callable, tuple[str, ...]], Callable]
                      ) -> SimpleNamespace:
         """
-        Return the functions of the text for numbers of another kind.
+        Return the functions of the text for another type of number.
 
         Parameters
         ----------
         words : object
-            Has the functions that stand between laws: ``maximum`` and ``sqrt``.
+            Has the functions used between laws: ``maximum`` and ``sqrt``.
         made : callable
-            Takes a law's function and the names of its memory fields, returns the function for
-            these numbers.
+            Takes a law's function and the names of its memory fields; returns a function for this
+            type of number.
         """
         return self._with_names('', words, {
             called: made(function, self._fields.get(called, ()))
@@ -296,7 +296,7 @@ class Composition:
         return {}
 
     def _code(self, mode):
-        """Return the compiled text; that of kernels is in a file, where numba looks for it."""
+        """Return the compiled text; for kernels it is also written to a file, for numba."""
         name = f'<laws {" ".join(self._functions)[:60]} {id(self):x}>'
         if mode == 'kernels':
             name = filed(self.text, 'laws') or name
@@ -305,7 +305,7 @@ class Composition:
 
     @cached_property
     def plain(self) -> tuple[Callable, Callable, Callable]:
-        """`unit_force`, `unit_volume` and `unit_volume_slope` on plain numbers and lists."""
+        """`unit_force`, `unit_volume` and `unit_volume_slope` on floats and lists."""
         made, arrays = self.functions('floats'), self.functions('arrays')
         return (_never_raises(made.unit_force, arrays.unit_force),
                 _never_raises(made.unit_volume, arrays.unit_volume),
@@ -313,22 +313,22 @@ class Composition:
 
     @cached_property
     def curve(self) -> Any:
-        """`unit_curve` as a C function; `kernels.NotCompiled` where that does not work."""
+        """`unit_curve` as a C function; raises `kernels.NotCompiled` if that is impossible."""
         return kernels.pointer(self.functions('kernels').unit_curve, CURVE)
 
     @cached_property
     def pointers(self) -> tuple[Any, Any, Any]:
-        """The same as C functions; `kernels.NotCompiled` where that does not work."""
+        """The functions of `plain` as C functions; raises as `curve` does."""
         made = self.functions('kernels')
         return pointers(made.unit_force, made.unit_volume, made.unit_volume_slope)
 
 
-#: The composition of some laws, made once for each set.
+#: Returns the composition of some laws; cached.
 composition = lru_cache(maxsize=512)(Composition)
 
 
 def _total(parts):
-    """Return the sum of what some parts add, as text."""
+    """Return the text of the sum of some parts' contributions."""
     text = ' + '.join(f'by_{called}' for called, _, _ in parts)
     return f'({text})' if len(parts) > 1 else text
 
@@ -340,7 +340,7 @@ def _function(name, arguments, summary, lines):
 
 
 def _never_raises(plain, on_arrays):
-    """Return a function on plain numbers that gives nan or infinity where arrays do."""
+    """Return a function on floats that returns nan or infinity where arrays do."""
     def function(*arguments):
         try:
             return float(plain(*arguments))

@@ -1,13 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The derivatives of a law, as another function of the same kind.
+Automatic differentiation of laws, by generation of source code.
 
-A law is straight-line code in NumPy's vocabulary. Its source is read as a graph, the graph is
+A law is straight-line code with NumPy's functions. Its source is parsed to a graph, the graph is
 differentiated, and the result is written as the source of a function that takes the same
-arguments and returns the law's outputs and then all partial derivatives that are not zero. They
-are exact to rounding. The text is readable (tracebacks show it) and runs like the law itself: on
-arrays, on plain floats, compiled.
+arguments and returns the law's outputs followed by all partial derivatives that are not zero.
+They are exact to rounding. The generated function runs like the law itself: on arrays, on Python
+floats, or compiled. Tracebacks show its lines.
 
 >>> def rope(strain, stiffness):
 ...     return -stiffness * np.maximum(strain, 0.0)
@@ -36,7 +36,7 @@ _BINARY = {ast.Add: '+', ast.Sub: '-', ast.Mult: '*', ast.Div: '/', ast.Pow: '**
            ast.BitAnd: '&', ast.BitOr: '|'}
 _COMPARE = {ast.Lt: '<', ast.LtE: '<=', ast.Gt: '>', ast.GtE: '>=', ast.Eq: '==',
             ast.NotEq: '!='}
-#: Functions that are not read but called.
+#: Functions that are nodes of the graph, not parsed.
 _BUILT_IN = {abs: 'np.abs', max: 'np.maximum', min: 'np.minimum', int: 'int', cell: 'cell'}
 
 
@@ -52,8 +52,8 @@ class Partials:
     outputs : int
         Number of outputs: 1, and one more for each memory field.
     entries : tuple of (int, str)
-        Which output each partial derivative is of, and with respect to which argument. What is
-        zero everywhere is left out.
+        Output and argument of each partial derivative; those that are zero everywhere are left
+        out.
     source : str
         Text of the function.
     """
@@ -67,7 +67,7 @@ class Partials:
 @lru_cache(maxsize=1024)
 def partials(function: Callable, arguments: tuple[str, ...]) -> Partials:
     """
-    Return the function that gives a law's value and its partial derivatives.
+    Return the function that computes a law's value and its partial derivatives.
 
     Parameters
     ----------
@@ -80,13 +80,12 @@ def partials(function: Callable, arguments: tuple[str, ...]) -> Partials:
     Returns
     -------
     Partials
-        Common subexpressions are worked out once. At kinks one side is taken, see
-        `Graph.slopes`.
+        Common subexpressions are computed once. For derivatives at kinks see `Graph.slopes`.
 
     Raises
     ------
     NotImplementedError
-        When the source is not there or has anything else in it, with the line.
+        If the source is not available or has other statements; names the line.
     """
     graph = Graph()
     names = list(inspect.signature(function).parameters)
@@ -115,13 +114,13 @@ def partials(function: Callable, arguments: tuple[str, ...]) -> Partials:
 
 
 class _Reader:
-    """Runs the source of a function on nodes in the place of numbers."""
+    """Evaluates the source of a function with nodes instead of numbers."""
 
     def __init__(self, graph: Graph):
         self._graph = graph
 
     def call(self, function, inputs, keywords=None):
-        """Return what a function returns for nodes: a node or a tuple of nodes."""
+        """Return the result of a function for nodes: a node or a tuple of nodes."""
         bound = inspect.signature(function).bind(*inputs, **(keywords or {}))
         bound.apply_defaults()
         scope = dict(bound.arguments)
@@ -162,7 +161,7 @@ class _Reader:
         raise _refused(tree, function)
 
     def _looked_up(self, tree, scope, function):
-        """Return the value of an expression: nodes, or what a global name stands for."""
+        """Return the value of an expression: nodes, or the object of a global name."""
         match tree:
             case ast.Constant(value=int() | float() as number):
                 return number
@@ -209,7 +208,7 @@ class _Reader:
 
 
 def _global(function, name, tree):
-    """Return what a name means in the module of a function."""
+    """Return the object of a global name in a function."""
     for scope in (inspect.getclosurevars(function).nonlocals, function.__globals__,
                   function.__globals__.get('__builtins__', {})):
         scope = scope if isinstance(scope, dict) else vars(scope)

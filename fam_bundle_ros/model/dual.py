@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Values over many rows with their slopes: dual numbers, for what is done between laws.
+Dual numbers: values over many rows with their derivatives, for the operations between laws.
 
-A slope is kept only for those keys (parameters, dimensions) that a value depends on, so that a
-parameter of a loss law costs nothing where the mesh is worked out.
+A derivative is stored only for those keys (parameters, dimensions) on which a value depends, so
+that a parameter of a loss law costs nothing where the mesh is computed.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -27,11 +27,11 @@ class Dual:
     ----------
     value : array (T,) or float
     slopes : mapping of int to array (T,) or float
-        Derivative by key; keys that are not there have the derivative zero.
+        Derivative by key; zero for keys that are not in it.
     """
 
     __slots__ = ('slopes', 'value')
-    __array_ufunc__ = None  # array + Dual is left to Dual
+    __array_ufunc__ = None  # so that array + Dual calls Dual.__radd__
 
     def __init__(self, value: Any, slopes: Slopes):
         self.value = value
@@ -69,7 +69,7 @@ class DualWords:
 
     @staticmethod
     def maximum(one: Any, other: Any) -> Any:
-        """Return the larger of two numbers; where they are equal the slopes of the first."""
+        """Return the larger of two numbers; if they are equal, with the slopes of the first."""
         if not (isinstance(one, Dual) or isinstance(other, Dual)):
             return np.maximum(one, other)
         first = value_of(one) >= value_of(other)
@@ -86,18 +86,18 @@ class DualWords:
 
 
 def value_of(number: Any) -> Any:
-    """Return the value of a dual number; any other number is its own."""
+    """Return the value of a dual number; other numbers are returned unchanged."""
     return number.value if isinstance(number, Dual) else number
 
 
 def slopes_of(number: Any) -> Slopes:
-    """Return the derivatives of a dual number; any other number has none."""
+    """Return the derivatives of a dual number; empty for other numbers."""
     return number.slopes if isinstance(number, Dual) else {}
 
 
 def scaled(slopes: Slopes, factor: Any) -> dict[int, Any]:
     """Return slopes times a factor."""
-    # a parameter's slope by itself is 1: one array less
+    # a parameter's derivative with respect to itself is 1: saves an array
     return {key: factor if isinstance(slope, float) and slope == 1.0 else slope * factor
             for key, slope in slopes.items()}
 
@@ -113,12 +113,12 @@ def total(parts: Iterable[Slopes]) -> dict[int, Any]:
 
 def applied(function: Callable, *inputs: Any) -> tuple[Any, ...]:
     """
-    Return the outputs of a plain function of dual numbers; those without slopes are no Dual.
+    Return the outputs of a plain function for dual numbers; outputs without slopes are plain.
 
     Parameters
     ----------
     function : callable
-        What `fam_bundle_ros.model.derivative.partials` can differentiate.
+        One that `fam_bundle_ros.model.derivative.partials` can differentiate.
     *inputs : Dual, array or float
     """
     names = arguments(function)

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A law with parameter values: what a model is made of."""
+"""A law with parameter values: one element of a model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fam_bundle_ros.units import express
 if TYPE_CHECKING:
     from fam_bundle_ros.model.laws.base import Law
 
-#: What a file of the first version, with effects as classes, is told.
+#: Message for a file of version 1, in which effects were classes.
 CLASSES_ARE_GONE = ('an effect is a function now, not a class: write @law(...) above a function '
                     'that returns what contribution(x) returned; '
                     'docs/how_to/own_effect.md, "An effect in Python", shows one')
@@ -23,16 +23,16 @@ class Effect:
     """
     A law with SI values; a parameter's value is also an attribute, ``effect.c10``.
 
-    Everything that is known about the law is an attribute too: name, summary, source, place,
-    family, signature, parameters, off, memory, ... (`fam_bundle_ros.model.laws.base.Law`).
+    The fields of the law are attributes too: name, summary, source, place, family, signature,
+    parameters, off, memory, ... (`fam_bundle_ros.model.laws.base.Law`).
 
     Parameters
     ----------
     law : Law
     table, folder : str and path, optional
-        Only for a law that reads a table: its file, and where a relative path is looked up.
+        Only for a law that reads a table: its file, and the folder of a relative path.
     **values : float
-        SI values by parameter name; the others take their default.
+        SI values by parameter name; other parameters have their default.
 
     Raises
     ------
@@ -47,11 +47,11 @@ class Effect:
         self.values: dict[str, float] = {
             p.name: p.check(float(values.get(p.name, p.default * p.scale)))
             for p in law.parameters}
-        #: Bounds that the model file narrows (SI), by parameter name.
+        #: Narrower bounds from the model file (SI), by parameter name.
         self.bounds: dict[str, tuple[float, float]] = {}
-        #: 95 % intervals that a fit has left (SI), by parameter name.
+        #: 95 % intervals of a fit (SI), by parameter name.
         self.intervals: dict[str, tuple[float, float]] = {}
-        #: The measured table of a law that reads one.
+        #: The measured table, if the law reads one.
         self.table: Any = None
         if law.load is not None:
             if not table:
@@ -59,16 +59,16 @@ class Effect:
             self.table = law.load(Path(folder) / table)
 
     def __init_subclass__(cls):
-        """Tell the author of a class-style effect what to do."""
+        """Raise InputError for an effect written as a class, as in version 1."""
         raise InputError(f'{cls.__name__}: {CLASSES_ARE_GONE}')
 
     @property
     def name(self) -> str:
-        """Name of the law; asked for too often to be looked up like the rest."""
+        """Name of the law; read so often that `__getattr__` would be too slow."""
         return self.law.name
 
     def __getattr__(self, name: str) -> Any:
-        """Give what the law knows, then a parameter's SI value, as an attribute."""
+        """Return a field of the law, or the SI value of a parameter."""
         own = self.__dict__
         if not name.startswith('__') and 'law' in own:
             if hasattr(own['law'], name):
@@ -85,7 +85,7 @@ class Effect:
 
     def replace(self, **values: float) -> Effect:
         """
-        Return a copy with other SI values; bounds are the caller's business.
+        Return a copy with other SI values; bounds are not checked.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class Effect:
         return other
 
     def options(self) -> dict[str, Any]:
-        """Return what else a model file must say to make this effect again (no numbers)."""
+        """Return the entries other than parameters that a model file needs for this effect."""
         if self.law.formula:
             return {'expression': self.law.formula, 'place': self.law.place.value}
         return {} if self.table is None else {'table': str(self.table.path.resolve())}

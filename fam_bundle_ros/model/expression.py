@@ -1,13 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Laws that a user writes in the model file as a formula.
+Laws that a user writes as a formula in the model file.
 
-The text is parsed by Python's grammar into a tree of which only arithmetic on known names and a
-few functions is accepted. The tree is walked once with pint quantities, to see that the result
-has the unit of the place where the law acts, and becomes the source of a plain function. That
-source is written from the checked tree, never from the text, and no name of the file is in it:
-parameters are called p0, p1, ...
+The text is parsed with Python's grammar; only arithmetic on known names and a few functions is
+accepted. The tree is evaluated once with pint quantities, to check the unit of the result, and is
+converted to the source of a plain function. That source is written from the checked tree, never
+from the text, and has no names from the file: parameters are called p0, p1, ...
 """
 
 import ast
@@ -28,14 +27,14 @@ _MAX_LENGTH = 500
 _MAX_DEPTH = 60
 _MAX_POWER = 12
 
-#: What a formula may name, and the SI unit of each.
+#: Variables of a formula and their SI units.
 VARIABLES = {
     'strain': '', 'strain_rate': '1/s', 'pressure': 'Pa', 'force': 'N', 'time': 's',
     'stretch': '', 'radius': 'm', 'length': 'm', 'area': 'm**2', 'pi': '',
 }
-#: Places where a formula may act, and the unit that its result must have.
+#: Places where a formula may act, and the unit of its result.
 RESULTS = {'force': 'N', 'loss': 'N', 'limit': 'N', 'pressure': 'Pa', 'geometry': ''}
-#: What a formula may call: NumPy's name for it, and its number of arguments.
+#: Functions of a formula: NumPy's name, and the number of arguments.
 FUNCTIONS = {'abs': ('abs', 1), 'sqrt': ('sqrt', 1), 'exp': ('exp', 1), 'log': ('log', 1),
              'tanh': ('tanh', 1), 'sin': ('sin', 1), 'cos': ('cos', 1), 'sign': ('sign', 1),
              'min': ('minimum', 2), 'max': ('maximum', 2)}
@@ -59,16 +58,15 @@ def expression_law(name: str, formula: str, place: str, parameters: tuple[Parame
     formula : str
         Arithmetic (+ - * / **) on `VARIABLES`, the parameters and `FUNCTIONS`.
     place : str
-        One of `RESULTS`; a limit is a floor of the force, a geometry formula adds to the strain.
+        One of `RESULTS`; a limit is the lowest force, a geometry formula adds to the strain.
     parameters : tuple of Parameter
         Each with its name.
 
     Raises
     ------
     InputError
-        When the formula has anything else in it, a parameter has the name of something that a
-        formula knows, the formula divides by a number that is zero, or its unit does not fit the
-        place.
+        If the formula has anything else in it, a parameter has the name of a variable or
+        function, the formula divides by a constant zero, or its unit does not fit the place.
     """
     if place not in RESULTS:
         raise InputError(f"{name}: place '{place}' is not one of {', '.join(RESULTS)}")
@@ -94,22 +92,21 @@ def expression_law(name: str, formula: str, place: str, parameters: tuple[Parame
 
 def check_division(effect: Effect, strain: float, pressure: float, geometry: Any) -> None:
     """
-    Refuse an effect whose formula divides by zero somewhere in the operating box of a model.
+    Raise InputError if the formula of an effect divides by zero in the range of a model.
 
     Parameters
     ----------
     effect : Effect
-        One that is not a formula is left alone.
+        Effects without a formula are not checked.
     strain, pressure : float, and Pa
-        The box reaches from zero to these. Rate and force take either sign, time grows from
-        zero.
+        The range is from zero to these values; rate and force have both signs, time is positive.
     geometry : Geometry
         Of one muscle.
 
     Raises
     ------
     InputError
-        With the divisor and where it is zero.
+        Names the divisor and where it is zero.
     """
     if not effect.law.formula:
         return
@@ -140,7 +137,7 @@ def check_division(effect: Effect, strain: float, pressure: float, geometry: Any
 
 
 def _divisor(node):
-    """Return what a node of a tree divides by; None when it does not divide."""
+    """Return the divisor of a node of a tree; None if it is not a division."""
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
         return node.right
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow) \
@@ -161,7 +158,7 @@ def _parse(name, formula, parameters):
 
 
 def _check(name, node, names, depth):
-    """Refuse every piece of syntax that is not arithmetic."""
+    """Raise InputError for any syntax that is not arithmetic."""
     if not depth:
         raise InputError(f'{name}: expression is nested more than {_MAX_DEPTH} deep')
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
@@ -236,7 +233,7 @@ def _source(node: Any, own: Mapping[str, str]) -> str:
 
 
 def _function(tree: ast.expr, own: Mapping[str, str]) -> Callable:
-    """Return the plain function of a tree; its source is kept where tracebacks look for it."""
+    """Return the plain function of a tree; its source is in `linecache` for tracebacks."""
     used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     arguments = [name for name in VARIABLES if name in used and name != 'pi'] + [*own.values()]
     text = f'def formula({", ".join(arguments)}):\n    return {_source(tree, own)}\n'
@@ -248,9 +245,9 @@ def _function(tree: ast.expr, own: Mapping[str, str]) -> Callable:
 
 
 def _check_units(name, tree, place, parameters):
-    """Walk the tree once with pint quantities: the dimensions must come out right."""
+    """Evaluate the tree with pint quantities; raise InputError if the units do not fit."""
     ureg = registry()
-    half = np.float64(0.5)  # not a plain number, which may not be divided by zero
+    half = np.float64(0.5)  # not a Python float, which raises ZeroDivisionError
     values: dict[str, Any] = {key: ureg.Quantity(half, unit or 'dimensionless')
                               for key, unit in VARIABLES.items()}
     for parameter in parameters:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Forces over a grid of strain and pressure, from a CSV: what laws with a table share."""
+"""Tables of force over strain and pressure, read from a CSV, for laws with a table."""
 
 from collections.abc import Mapping
 import csv
@@ -21,19 +21,19 @@ class ForceTable:
     Parameters
     ----------
     path : Path
-        Where they are from, for messages.
+        Source of the table, for messages.
     strain : array, shape (S,)
     pressure : array, shape (P,), Pa (gauge)
     force : array, shape (n, S, P), N
-        The surfaces one after the other.
+        The n surfaces.
     units : int
-        Motor units that have surfaces of their own.
+        Number of motor units with separate surfaces.
 
     Attributes
     ----------
     flat : array
-        Units, strains, pressures (numbers of), the strains, the pressures (Pa), the forces (N)
-        surface by surface, strain by strain.
+        Numbers of units, strains and pressures; then the strains, the pressures (Pa), and the
+        forces (N) surface by surface, strain by strain.
     """
 
     def __init__(self, path: Path, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
@@ -43,18 +43,18 @@ class ForceTable:
         self._warned = False
 
     def warn_outside(self, strain, pressure) -> None:
-        """Warn, once, where strain or pressure (Pa) leave the grid by half a step or more."""
+        """Warn, once, if strain or pressure (Pa) are outside the grid by more than half a step."""
         e, p = self._strain, self._pressure
         if not self._warned and (_leave(strain, e) or _leave(pressure, p)):
             self._warned = True
             warnings.warn(
                 f'{self.path.name}: asked outside strain {e[0]:g} to {e[-1]:g} and pressure '
-                f'{p[0] / 1e3:g} to {p[-1] / 1e3:g} kPa, where nothing was measured; the nearest '
-                'edge is used', stacklevel=4)
+                f'{p[0] / 1e3:g} to {p[-1] / 1e3:g} kPa, the measured range; the nearest edge is '
+                'used', stacklevel=4)
 
 
 def _leave(values, grid: np.ndarray) -> bool:
-    """Return whether values are nearer to a next point of the grid than to its edge."""
+    """Return whether any value is outside the grid by more than half of its last step."""
     steps = np.diff(grid)
     first, last = (steps[0], steps[-1]) if len(steps) else (0.0, 0.0)
     return bool(np.any(values < grid[0] - 0.5 * first) or np.any(values > grid[-1] + 0.5 * last))
@@ -69,9 +69,9 @@ def interpolated(tables, table, surface, strain, pressure):
     tables : array
         All tables of a model.
     table : int
-        Where ``flat`` of this one begins.
+        Start index of this table in ``tables``.
     surface : int
-        Which of its surfaces, from 0.
+        Index of the surface, from 0.
     strain, pressure : number or array, 1 and Pa (gauge)
     """
     rows, columns = int(tables[table + 1]), int(tables[table + 2])
@@ -98,17 +98,17 @@ def read_columns(path: Path, needed: Mapping[str, str], optional: Mapping[str, s
     ----------
     path : Path
     needed : mapping of str to str
-        Column to a unit of its dimension. Other columns are left.
+        Required columns, each with a unit of its dimension. Other columns are ignored.
     optional : mapping of str to str
-        Further columns, the same.
+        Optional columns, likewise.
     units_told : bool
-        The header has to have the units, ``pressure [kPa]``; else those of ``needed`` are taken
-        where it has none.
+        If True the header must have units, ``pressure [kPa]``; else the units of ``needed`` and
+        ``optional`` are the default.
 
     Raises
     ------
     InputError
-        With the row or column that is wrong or missing.
+        Names the row or column that is wrong or missing.
     """
     try:
         with open(path, newline='', encoding='utf-8') as file:
@@ -132,7 +132,7 @@ def read_columns(path: Path, needed: Mapping[str, str], optional: Mapping[str, s
 
 
 def _numbers(path, rows, index, name):
-    """Return a column below the header, finite numbers."""
+    """Return a column as finite numbers, without the header."""
     values = np.empty(len(rows) - 1)
     for number, row in enumerate(rows[1:], start=2):
         try:

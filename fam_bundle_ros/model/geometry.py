@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-#: Radius tolerance (relative) and braid angle tolerance (rad): how far a data-sheet or calliper
-#: value is commonly off; used as priors when a model is refitted.
+#: Radius tolerance (relative) and braid angle tolerance (rad): usual errors of values from a data
+#: sheet or calliper; widths of their priors in a refit.
 RADIUS_TOLERANCE = 0.04
 BRAID_ANGLE_TOLERANCE = np.radians(1.5)
 
-#: What `derived` returns, in its order.
+#: Names of the values that `derived` returns.
 DERIVED = ('cos2', 'sin2', 'cot2', 'area', 'wall_area')
 
 
 def derived(radius, braid_angle, wall_thickness):
-    """Return cos^2, sin^2 and 1/tan^2 of the braid angle, pi r0^2, and the wall's section."""
+    """Return cos^2, sin^2, 1/tan^2 of the braid angle, pi r0^2, and the wall's cross section."""
     cosine, sine = np.cos(braid_angle), np.sin(braid_angle)
     inner = radius - wall_thickness
     area = np.pi * radius * radius
@@ -61,9 +61,9 @@ class Geometry:
     bladder_volume: Any = field(init=False)
 
     def __post_init__(self):
-        """Work out once what the engine needs at every tick."""
-        worked_out = derived(self.radius, self.braid_angle, self.wall_thickness)
-        for name, value in zip(DERIVED, worked_out, strict=True):
+        """Compute once what the model needs at every tick."""
+        values = derived(self.radius, self.braid_angle, self.wall_thickness)
+        for name, value in zip(DERIVED, values, strict=True):
             object.__setattr__(self, name, value)
         object.__setattr__(self, 'bladder_volume', self.wall_area * self.length)
 
@@ -77,7 +77,7 @@ class Geometry:
 def geometry_problem(radius: float, length: float, braid_angle: float, wall_thickness: float,
                      ) -> tuple[str, str] | None:
     """
-    Return which dimension a muscle cannot have and what it must be, None where all can be.
+    Return the name of an invalid dimension and what is required; None if all are valid.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Formulas as graphs: values that operators combine, their derivatives, and their source text.
+Formulas as graphs, their derivatives, and their source text.
 
 A node is a constant, an argument, or an operation on other nodes. Equal nodes are one object, so
-that a common subexpression is worked out once. Only simplifications that floating-point numbers
-obey exactly are made, so that the text gives the same value as the formula it was read from.
+that a common subexpression is computed once. Only simplifications that are exact in
+floating-point arithmetic are made, so that the text gives the same value as the original formula.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -15,14 +15,14 @@ from typing import Any
 _ARITHMETIC: dict[str, Callable] = {
     '+': operator.add, '-': operator.sub, '*': operator.mul, '/': operator.truediv,
     '**': operator.pow}
-#: How tightly an operation binds in Python, for as few parentheses as possible.
+#: Precedence of operators in Python, to omit unnecessary parentheses.
 _BINDING = {'<': 1, '<=': 1, '>': 1, '>=': 1, '==': 1, '!=': 1, '|': 2, '&': 3,
             '+': 4, '-': 4, '*': 5, '/': 5, 'neg': 6, '~': 6, '**': 7}
 _CALL = 9
 #: Longest piece of a formula on one line of the text.
 _WIDTH = 72
-#: Slopes with a vertical tangent (a root at zero) are large finite numbers, not infinite: what
-#: they are multiplied with may be zero there. Its square and its inverse are still numbers.
+#: Infinite slopes (a root at zero) are replaced by large finite ones, as their factor may be zero.
+#: The square and the inverse of this number are finite.
 _TINY = 1e-150
 
 
@@ -35,9 +35,9 @@ class Node:
         self.graph = graph
         self.operation = operation
         self.inputs = inputs
-        #: Position in the graph: inputs have smaller numbers than what is made of them.
+        #: Position in the graph: the inputs of a node have smaller numbers.
         self.number = number
-        #: The name that a formula gives this value; empty when it has none.
+        #: Name of this value in a formula; empty if it has none.
         self.hint = ''
 
     def __add__(self, other):
@@ -77,8 +77,8 @@ class Graph:
 
     def __init__(self):
         self._nodes: dict[tuple, Node] = {}
-        #: True while derivatives are made. A slope that a condition sets to zero is then zero
-        #: also where what it is multiplied with is not finite.
+        #: True while derivatives are made. A slope that a condition sets to zero then stays zero
+        #: if its factor is not finite.
         self._slopes = False
 
     def argument(self, name: str) -> Node:
@@ -89,14 +89,14 @@ class Graph:
 
     def constant(self, value: Any) -> Constant:
         """Return the node of a number."""
-        # 2 and 2.0 are kept apart: they print differently
+        # 2 and 2.0 are different nodes, as their text differs
         node = self._keep(('constant', type(value), repr(value)), Constant, 'constant', ())
         node.value = value
         return node
 
     def make(self, operation: str, *inputs: Any) -> Node:
         """
-        Return the node of an operation, simplified where that is exact.
+        Return the node of an operation, simplified if that is exact.
 
         Parameters
         ----------
@@ -119,7 +119,7 @@ class Graph:
         return self._nodes[key]
 
     def _simplified(self, operation, nodes) -> Node | None:
-        """Return a simpler node of the same value, or None when there is none."""
+        """Return a simpler node of the same value, or None."""
         a = nodes[0]
         if operation in _ARITHMETIC:
             return (self._folded(operation, *nodes) or self._without_identity(operation, *nodes)
@@ -141,7 +141,7 @@ class Graph:
         return None
 
     def _without_identity(self, operation, a, b):
-        """Leave out what changes nothing: 0 in sums, 1 in products; a product with 0 is 0."""
+        """Remove 0 from sums and 1 from products; a product with 0 is 0."""
         if operation == '+':
             return b if _is(a, 0) else a if _is(b, 0) else None
         if operation == '-':
@@ -171,7 +171,7 @@ class Graph:
         return None
 
     def _condition_outside(self, operation, a, b):
-        """Apply an operation inside the branches of a slope that is zero in one of them."""
+        """Move an operation into the branches of a slope that is zero in one of them."""
         if operation in ('*', '/') and _is_masked(a):
             condition, yes, no = a.inputs
             return self.where(condition, self.make(operation, yes, b),
@@ -189,12 +189,12 @@ class Graph:
 
     def slopes(self, output: Node, arguments: Iterable[str]) -> dict[str, Node]:
         """
-        Return the derivatives of a node with respect to arguments, those that are zero left out.
+        Return the nonzero derivatives of a node with respect to arguments.
 
-        Goes through the graph backwards once (reverse accumulation): the cost is a few times
-        that of the value, however many arguments there are. At a kink one side is taken: of
-        `maximum(a, b)` and `minimum(a, b)` at a = b that of a, of `abs` and `sign` at 0 zero;
-        the jump of a `where` is not seen.
+        Reverse accumulation: the cost is a few times that of the value, for any number of
+        arguments. At a kink the derivative is one-sided: that of a for `maximum(a, b)` and
+        `minimum(a, b)` at a = b, and zero for `abs` and `sign` at 0. The jump of a `where` is
+        ignored.
 
         Raises
         ------
@@ -228,7 +228,7 @@ class Graph:
 
 
 def reachable(roots: Iterable[Node]) -> list[Node]:
-    """Return the nodes that others are made of and themselves, inputs first."""
+    """Return some nodes and all nodes on which they depend, inputs first."""
     found: dict[int, Node] = {}
     pending = list(roots)
     while pending:
@@ -264,8 +264,8 @@ def _root_slope(d, v, a):
     return d * 0.5 / d.graph.make('np.maximum', v, _TINY)
 
 
-#: For each operation and each of its inputs: the part of the slope d of the output with respect
-#: to its value v that reaches this input. None for an input without a slope (a condition).
+#: For each operation and each of its inputs: the derivative with respect to this input, from the
+#: derivative d with respect to the operation's value v. None for an input without one (condition).
 _PULL: dict[str, tuple[Callable | None, ...]] = {
     '+': (lambda d, v, a, b: d, lambda d, v, a, b: d),
     '-': (lambda d, v, a, b: d, lambda d, v, a, b: -d),
@@ -290,7 +290,7 @@ _PULL: dict[str, tuple[Callable | None, ...]] = {
                  lambda d, v, c, a, b: d.graph.where(c, 0.0, d)),
 }
 
-#: Operations that are constant but for jumps: comparisons, a place in a table.
+#: Piecewise constant operations: comparisons, indices of a table.
 _STEPS = {'<', '<=', '>', '>=', '==', '!=', '&', '|', '~', 'item', 'int', 'cell'}
 #: Functions of NumPy's vocabulary that a formula may call.
 FUNCTIONS = frozenset(name[3:] for name in _PULL if name.startswith('np.'))
@@ -310,12 +310,12 @@ def _pulled_back(node, index, slope):
 
 class Writer:
     """
-    Writes nodes as assignments, each value that is used twice under a name.
+    Writes nodes as assignments; each value that is used twice gets a name.
 
     Parameters
     ----------
     roots : sequence of Node
-        What the text is to work out.
+        Nodes that the text computes.
     taken : iterable of str
         Names that must not be assigned.
     """
@@ -335,7 +335,7 @@ class Writer:
             self._write(node, node.inputs and (uses[node.number] > 1 or node.hint))
 
     def text(self, node: Node) -> str:
-        """Return the name or the formula of a node that was written."""
+        """Return the name or the formula of a node."""
         return self._text[node.number][0]
 
     def _write(self, node, assign):
@@ -362,7 +362,7 @@ class Writer:
             sign = {'neg': '-', '~': '~'}[node.operation]
             return sign + self._enclosed(node.inputs[0], binding), binding
         left, right = node.inputs
-        # as Python groups: from the left, powers from the right
+        # operators group from the left in Python, powers from the right
         inner = (binding + 1, _BINDING['neg']) if node.operation == '**' else (
             binding + (binding == 1), binding + 1)
         return (f'{self._enclosed(left, inner[0])} {node.operation} '

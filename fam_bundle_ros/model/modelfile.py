@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The model file (YAML, units in every value) <-> a Bundle.
+Read and write model files (YAML, with a unit in every value).
 
-Errors name the file, the line and the key. Aliases are refused (a few of them can make a file
-that fills the memory), and nothing in a file is executed: a Python file of effects that it names
+Errors name the file, the line and the key. Aliases are refused, as a few of them can expand to a
+tree that fills the memory. Nothing in a file is executed: a Python file of effects that it names
 is loaded only with ``allow_python=True``.
 """
 
@@ -28,26 +28,26 @@ from fam_bundle_ros.units import express, parse, si_factor
 
 FORMAT = 'fam-bundle-model/1'
 _MAX_BYTES = 1_000_000
-#: Strain that no muscle exceeds, for a check of formulas.
+#: Largest strain of a muscle, for the check of formulas.
 _LONGEST_STRAIN = 0.45
 _DIMENSIONS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
 
 
 class _Map(dict):
-    """A mapping that remembers the line of each key."""
+    """A mapping with the line of each key."""
 
     lines: dict[str, int]
     line: int
 
 
 class _Text(str):
-    """A word that remembers its line."""
+    """A string with its line."""
 
     line: int
 
 
 class _Reader:
-    """Walks one file's tree; every complaint carries the file and the line."""
+    """Converts the tree of one file; every error names the file and the line."""
 
     def __init__(self, where: str):
         self.where = where
@@ -64,7 +64,7 @@ class _Reader:
             node = yaml.compose(text, Loader=yaml.SafeLoader)
         except yaml.YAMLError as error:
             mark = getattr(error, 'problem_mark', None)
-            problem = getattr(error, 'problem', None) or 'it holds characters that YAML forbids'
+            problem = getattr(error, 'problem', None) or 'it has characters that YAML forbids'
             raise self.error(mark.line + 1 if mark else 1, f'is not YAML: {problem}') from error
         except RecursionError as error:
             raise self.error(1, 'is nested too deeply') from error
@@ -92,7 +92,7 @@ class _Reader:
         return text
 
     def known(self, mapping, allowed, what, line=1):
-        """Raise unless ``mapping`` is one and has only allowed keys."""
+        """Return ``mapping``; raise InputError if it is not a mapping or has other keys."""
         if not isinstance(mapping, _Map):
             raise self.error(line, f'{what} must be a mapping of {", ".join(allowed)}')
         for key in mapping:
@@ -151,7 +151,7 @@ class _Reader:
         if files and not allow_python:
             raise self.error(tree.lines['effect_files'],
                              'names Python files, which would be run; allow it with '
-                             '--allow-python when you trust them')
+                             '--allow-python if you trust them')
         laws = {law.name: law for file in files
                 for law in catalogue.from_python_file(folder / file)}
         if any(law.variant_of for law in laws.values()):
@@ -229,7 +229,7 @@ class _Reader:
             for key, value in listed.items()))
 
     def user_parameter(self, effect, key, setting, line):
-        """Describe a parameter of an expression from its own value and bounds."""
+        """Return a parameter of an expression, from its value and bounds in the file."""
         parts = setting if isinstance(setting, _Map) else {'value': setting}
         if not isinstance(parts.get('value'), str):
             raise self.error(line, f'{effect}.{key} needs a value with a unit')
@@ -305,14 +305,14 @@ def load_model(path: str | Path, allow_python: bool = False) -> Bundle:
     Parameters
     ----------
     path : str or Path
-        Or the name of a model that ships: ``spie2021``.
+        Or the name of a model of this package: ``spie2021``.
     allow_python : bool
         Whether Python files that the model names under ``effect_files`` may be run.
 
     Raises
     ------
     InputError
-        With file, line and key.
+        For a bad file, with file, line and key.
     """
     path = model_path(path)
     try:
@@ -327,17 +327,28 @@ def load_model(path: str | Path, allow_python: bool = False) -> Bundle:
 
 def loads_model(text: str, where: str = 'model', folder: Path = Path('.'),
                 allow_python: bool = False) -> Bundle:
-    """Read a model from text; ``where`` stands for the file in errors."""
+    """
+    Read a model from text.
+
+    Parameters
+    ----------
+    where : str
+        Name of the source in error messages.
+    folder : Path
+        Folder of relative paths in the text.
+    allow_python : bool
+        See `load_model`.
+    """
     reader = _Reader(where)
     return reader.bundle(reader.tree(text), Path(folder), allow_python)
 
 
 def dumps_model(bundle: Bundle, folder: str | Path | None = None) -> str:
     """
-    Return a model file's text; `loads_model` gives the same bundle again.
+    Return the text of a model file, from which `loads_model` makes an equal bundle.
 
-    Other files that it names (tables, Python files) stand there with their whole path, or
-    relative to ``folder`` where they lie in it.
+    Paths of other files (tables, Python files) are absolute, or relative to ``folder`` if they
+    are in it.
     """
     tree: dict[str, Any] = {'format': FORMAT, 'name': bundle.name}
     if bundle.error:
@@ -357,7 +368,7 @@ def dumps_model(bundle: Bundle, folder: str | Path | None = None) -> str:
 
 
 def save_model(bundle: Bundle, path: str | Path) -> None:
-    """Write a model file, whole or not at all (InputError when the folder cannot be written)."""
+    """Write a model file, atomically; InputError if the folder cannot be written."""
     write_whole(path, dumps_model(bundle, Path(path).parent))
 
 
@@ -383,14 +394,14 @@ def _effect_entry(effect: Effect, units: int, folder: str | Path | None) -> Any:
 
 
 def _seen_from(folder: str | Path | None, file: str) -> str:
-    """Return a path relative to a folder that holds the file, else as it is."""
+    """Return a path relative to a folder if the file is in it, else unchanged."""
     if folder is not None and Path(file).is_relative_to(Path(folder).resolve()):
         return str(Path(file).relative_to(Path(folder).resolve()))
     return file
 
 
 def _written(value: float, unit: str) -> Any:
-    """Return a value as the file shows it: text with a unit, a bare number where it has none."""
+    """Return a value as text with its unit, or as a number if it is dimensionless."""
     text = express(value, unit, 9)
     return float(text) if unit == '1' else text
 
@@ -402,7 +413,7 @@ def _empty(line: int) -> _Map:
 
 
 def _undecorate(value: Any) -> Any:
-    """Return plain containers (for notes, which are kept and written again)."""
+    """Return plain dicts, lists and strings, without line numbers."""
     if isinstance(value, dict):
         return {key: _undecorate(item) for key, item in value.items()}
     if isinstance(value, list):

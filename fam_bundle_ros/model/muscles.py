@@ -1,10 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The muscles of a bundle as numbers, and the generated functions called with them.
+The muscles of a bundle as arrays of numbers, and calls of the generated functions with them.
 
-Here the laws of a composition meet their values. Arrays have the motor units on the last axis;
-SI units, gauge pressures.
+Arrays have the motor units on the last axis; SI units, gauge pressures.
 """
 
 from collections.abc import Sequence
@@ -25,7 +24,7 @@ from fam_bundle_ros.model.seam import Model
 
 class Muscles:
     """
-    Motor units and effects, ready to be computed.
+    Motor units and effects, prepared for computation.
 
     Parameters
     ----------
@@ -53,7 +52,7 @@ class Muscles:
 
     @cached_property
     def _common_shape(self) -> list[Any]:
-        """The rows of `shape`, one number where all motor units have the same: that is faster."""
+        """The rows of `shape`; one number if equal for all motor units, which is faster."""
         return [row[0] if (row == row[0]).all() else row for row in self.shape]
 
     @cached_property
@@ -63,7 +62,7 @@ class Muscles:
 
     @cached_property
     def tables(self) -> np.ndarray:
-        """Measured tables; at the front stands the index at which each begins, (T,)."""
+        """Measured tables in one array, (T,), which begins with the start index of each table."""
         if not self._tabled:
             return np.zeros(0)
         flat = [table.flat for table in self._tabled]
@@ -75,7 +74,7 @@ class Muscles:
         return self.shape.T.tolist(), self.parameters.tolist(), self.tables.tolist()
 
     def model(self, compiled: bool) -> Model:
-        """Return functions and numbers as the loop takes them; see `Bundle.model`."""
+        """Return functions and numbers for the control loop; see `Bundle.model`."""
         width = max(len(self.laws.memory), 1)
         memory, after = (np.zeros((len(self._units), width)) for _ in range(2))
         if compiled:
@@ -120,7 +119,7 @@ class Muscles:
                             *self._lists, memory, after) for unit in range(len(felt))]
             return np.array(forces), {'memory': after, 'time': time, 'begun': True}
         with np.errstate(all='ignore'):
-            # plain numbers as parameters: half of the time goes into calls of NumPy
+            # parameters as Python floats: calls of NumPy take half of the time
             value = self.laws.functions('arrays').muscle(
                 self._units, strain, strain_rate, pressure, time, dt, start, start,
                 self._common_shape, self._lists[1], self.tables, np.transpose(memory),
@@ -135,7 +134,7 @@ class Muscles:
         return rows.unit_forces(self, motion)
 
     def reading(self, motion: Motion, keys: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the load cell shows (T,), and its slopes (T, K); see `rows.reading`."""
+        """Return the load cell's reading (T,) and its derivatives (T, K); see `rows.reading`."""
         self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
         return rows.reading(self, motion, keys)
 
@@ -148,7 +147,7 @@ class Muscles:
         return self._of_units(value, strain, pressure)
 
     def _of_units(self, value, *like):
-        """Return what each motor unit has, for what one of its muscles has."""
+        """Return the value of each motor unit: that of one muscle times the number of muscles."""
         shape = np.broadcast_shapes(*(np.shape(item) for item in like))
         return self.shape[MUSCLES] * np.broadcast_to(value, shape)
 

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A model of one's own muscle: from a part that is sold, or from its dimensions, to a model file.
+Make a model file of a user's muscle, from a commercial part or from dimensions.
 
-Values are texts with units, as people type them; the file says where each of them is from.
+Values are texts with units, as a user types them; the file states the source of each value.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,22 +21,22 @@ from fam_bundle_ros.model.modelfile import FORMAT
 from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
 from fam_bundle_ros.units import express, parse, spaced
 
-#: What a new model begins with, unless told otherwise: the ideal braid.
+#: Default effects of a new model: the ideal braid.
 START_EFFECTS = ('mesh',)
 _SHEET = 'Festo data sheet "Fluidic Muscle DMSP/MAS", quoted from memory: check it on your sheet'
-_LIKE_20 = ('not in the data sheet: the value of the DMSP-20 is taken as a start; measure it, or '
+_LIKE_20 = ('not in the data sheet: the value of the DMSP-20 is used as a start; measure it, or '
             'let diagnose refit it')
 
 
 @dataclass(frozen=True)
 class Entry:
     """
-    One thing to be told of a muscle.
+    One property of a muscle that the user enters.
 
     Attributes
     ----------
     key, label, unit : str
-        Key of the model file, words for people, and the unit that is suggested ('' for a count).
+        Key of the model file, label, and suggested unit ('' for a count).
     meaning : str
     example : str
     """
@@ -49,7 +49,7 @@ class Entry:
 
     @property
     def option(self) -> str:
-        """Name of the option of the command line."""
+        """Name of the command line option."""
         return '--' + self.key.replace('_thickness', '').replace('_', '-')
 
 
@@ -70,17 +70,17 @@ ENTRIES = (
 @dataclass(frozen=True)
 class Part:
     """
-    A muscle that is sold.
+    A commercial muscle.
 
     Attributes
     ----------
     name, title : str
     values : mapping of str to str
-        By key of `ENTRIES`, with unit. The length is the user's own.
+        Values with units by key of `ENTRIES`, without the length.
     sources : mapping of str to str
-        Where each value is from.
+        Source of each value.
     lengths : (float, float), m
-        Shortest and longest that is sold.
+        Shortest and longest length on sale.
     """
 
     name: str
@@ -110,7 +110,7 @@ PARTS = (
 
 
 def find_part(name: str, named: str = 'part') -> Part:
-    """Return a part by its name; InputError, which begins with ``named``, lists them."""
+    """Return a part by name; the InputError for an unknown one starts with ``named``."""
     plain = name.casefold().replace('festo', '').strip(' -_').replace(' ', '-')
     for part in PARTS:
         if plain in (part.name, part.name.replace('-', '')):
@@ -122,22 +122,22 @@ def find_part(name: str, named: str = 'part') -> Part:
 def new_bundle(name: str, values: Mapping[str, str], effects: Sequence[str] = START_EFFECTS,
                named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
     """
-    Return a bundle of dimensions as people type them.
+    Return a bundle from values as a user types them.
 
     Parameters
     ----------
     name : str
     values : mapping of str to str
-        By key of `ENTRIES`.
+        Values with units by key of `ENTRIES`.
     effects : sequence of str
-        Names of the catalogue, at their default values.
+        Names in the catalogue; they have their default values.
     named : callable
-        What an entry is called in messages, say its option.
+        Returns the name of an entry in messages, for example its option.
 
     Raises
     ------
     InputError
-        Begins with the entry's name and says what was expected.
+        For a bad value; starts with the entry's name and says what is expected.
     """
     return fitted_bundle(name, values, [_effect(effect) for effect in effects], named=named)
 
@@ -145,7 +145,7 @@ def new_bundle(name: str, values: Mapping[str, str], effects: Sequence[str] = ST
 def fitted_bundle(name: str, values: Mapping[str, str], effects: Sequence,
                   notes: Mapping | None = None,
                   named: Callable[[Entry], str] = lambda entry: entry.key) -> Bundle:
-    """Return a bundle of dimensions as people type them and of effects as they are."""
+    """Return a bundle from values as a user types them and given effects; see `new_bundle`."""
     entries = {entry.key: entry for entry in ENTRIES}
     missing = [entry for entry in ENTRIES if not values.get(entry.key, '').strip()]
     if missing:
@@ -179,15 +179,15 @@ def fitted_bundle(name: str, values: Mapping[str, str], effects: Sequence,
 def _effect(name: str):
     law = catalogue.get(name)
     if law.load is not None:
-        raise InputError(f'{name} needs a table of your own; expected it added to the model file')
+        raise InputError(f'{name} needs a table (a CSV file); add it to the model file')
     return law()
 
 
 def dimensions_of(bundle: Bundle) -> dict[str, str]:
     """
-    Return the dimensions of a bundle as people type them, by key of `ENTRIES`.
+    Return the values of a bundle as a user types them, by key of `ENTRIES`.
 
-    Those of the first motor unit: `fitted_bundle` gives every unit the same.
+    Dimensions are those of the first motor unit; `fitted_bundle` gives all units the same.
     """
     first = bundle.motor_units[0]
     units = {entry.key: entry.unit for entry in ENTRIES}
@@ -199,9 +199,9 @@ def dimensions_of(bundle: Bundle) -> dict[str, str]:
 
 def muscle_words(bundle: Bundle) -> str:
     """
-    Return a model's name and geometry in one line: the header of every result.
+    Return a model's name and geometry in one line, the header of every result.
 
-    Motor units that are alike are told once.
+    Equal motor units are grouped.
     """
     groups: dict[str, list[str]] = {}
     for unit in bundle.motor_units:
@@ -220,18 +220,18 @@ def muscle_words(bundle: Bundle) -> str:
 def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, str],
                origin: str = '') -> str:
     """
-    Return a model file with comments: what each value means and where it is from.
+    Return the text of a model file with the meaning and source of each value as comments.
 
     Parameters
     ----------
     bundle : Bundle
-        As `new_bundle` made it.
+        From `new_bundle`.
     values : mapping of str to str
-        By key of `ENTRIES`, as they were typed.
+        Values by key of `ENTRIES`, as typed.
     sources : mapping of str to str
-        Where values are from; those without one are the user's.
+        Sources of values; a value without one is the user's.
     origin : str
-        One sentence for the first line.
+        Sentence for the first line.
     """
     def told(key: str, indent: int, last: str = '') -> list[str]:
         entry = next(entry for entry in ENTRIES if entry.key == key)
@@ -241,8 +241,8 @@ def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, 
                 f'{" " * indent}{key}: {last or " ".join(spaced(values[key]).split())}']
 
     lines = [*_comment(origin or 'A model of one muscle.'),
-             *_comment('Units stand in every value. fam_bundle map, diagnose and run take this '
-                       'file; fam_bundle effects lists what can be added.'),
+             *_comment('Every value has its unit. fam_bundle map, diagnose and run take this '
+                       'file; fam_bundle effects lists the effects that can be added.'),
              f'format: {FORMAT}',
              yaml.safe_dump({'name': bundle.name}, allow_unicode=True, width=999).strip(),
              'motor_units:  # in the order of recruitment']
@@ -251,7 +251,7 @@ def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, 
         for key in ('radius', 'length', 'braid_angle', 'wall_thickness'):
             block += told(key, 6)
         block += told('max_pressure', 4)
-        # what was said of the first unit holds for the others
+        # comments only for the first unit
         lines += [f'  - name: {unit.name}', *(line for line in block
                                               if k == 0 or not line.lstrip().startswith('#'))]
     lines.append('effects:')

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a bundle is made of, what it is put through, and what is found out about it."""
+"""Data classes of a bundle: motor units, records of motion, overlap, sensor errors, pneumatics."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,8 +9,9 @@ import numpy as np
 
 from fam_bundle_ros.model.geometry import Geometry
 
-#: Highest gauge pressure that a motor unit may have, Pa, and its most muscles.
+#: Upper limit of the highest gauge pressure of a motor unit, Pa.
 MAX_PRESSURE = 20e6
+#: Largest number of muscles in a motor unit.
 MOST_MUSCLES = 1000
 
 
@@ -23,7 +24,7 @@ class MotorUnit:
     ----------
     name : str
     muscles : int
-        How many equal muscles it holds.
+        Number of equal muscles.
     geometry : Geometry
     max_pressure : float, Pa (gauge)
     """
@@ -37,7 +38,7 @@ class MotorUnit:
 @dataclass(frozen=True)
 class Motion:
     """
-    A record of what the bundle did: the input of `Bundle.simulate` and `Bundle.predict`.
+    A record of the motion of a bundle: the input of `Bundle.simulate` and `Bundle.predict`.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class Motion:
     strain_rate : array (T,), 1/s
     time : array (T,), s, or None for a static map (no memory, no order)
     start : array (T,) of bool
-        The first sample of each trial, where memory begins afresh.
+        The first sample of each trial, where memory is reset.
     """
 
     strain: np.ndarray
@@ -57,14 +58,14 @@ class Motion:
 
     @cached_property
     def clock(self) -> np.ndarray:
-        """Time since the record began, (T,), s; zero without time."""
+        """Time since the start of the record, (T,), s; zero for a static map."""
         if self.time is None:
             return np.zeros(len(self.strain))
         return np.asarray(self.time, float) - self.time[:1]
 
     @cached_property
     def stepping(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Time steps (T,), s, zero where a trial begins; where one does; where the record does."""
+        """Time steps, s (0 where a trial starts); starts of trials; start of the record; (T,)."""
         first = np.arange(len(self.strain)) == 0
         start = first if self.start is None else first | self.start
         return np.where(start, 0.0, np.diff(self.clock, prepend=0.0)), start, first
@@ -73,16 +74,16 @@ class Motion:
 @dataclass(frozen=True)
 class Overlap:
     """
-    Forces at one strain that two neighbouring recruitment states can both give.
+    Range of forces at one strain that two neighbouring recruitment states can both produce.
 
     Parameters
     ----------
     low, high : float, N
-        The overlap region; ``high`` is the largest force of the lower state.
+        Limits of the range; ``high`` is the largest force of the lower state.
     dip : float, N
-        How far the force falls while the next motor unit fills: its push-back.
+        Decrease of the force while the next motor unit fills, due to its resistive force.
     dip_pressure, onset_pressure : float, Pa (gauge)
-        Pressure of the next unit at the bottom of the dip, and where the force is back.
+        Pressure of the next unit at the lowest force, and where the force has recovered.
     """
 
     low: float
@@ -93,17 +94,18 @@ class Overlap:
     width: float = field(init=False)
 
     def __post_init__(self):
-        """Work out the width of the region."""
+        """Compute the width of the range."""
         object.__setattr__(self, 'width', self.high - self.low)
 
 
 @dataclass(frozen=True)
 class SensorError:
     """
-    Errors of readings: shown = true (1 + gain) + bias + drift t.
+    Errors of the sensors: reading = true (1 + gain) + bias + drift t.
 
-    Of each channel: biases in N, Pa and strain, gains dimensionless, drifts per s; t since the
-    log, or the rig, began. The strain's lag, s: below zero the other channels are late.
+    For each channel the bias is in N, Pa or strain, the gain dimensionless, the drift per s; t is
+    the time since the start of the log or rig. ``strain_lag``, s, is the delay of the strain
+    reading; if negative, the other channels are delayed.
     """
 
     force_bias: float = 0.0
@@ -121,14 +123,14 @@ class SensorError:
 @dataclass(frozen=True)
 class Pneumatics:
     """
-    Properties of a bundle's air that the plant needs.
+    Pneumatic properties of a bundle for the plant.
 
     Parameters
     ----------
     leak_rate : float, 1/s
-        Relative loss of gauge pressure of a closed chamber.
+        Relative loss of gauge pressure of a closed chamber per time.
     supply_resistance : float, Pa s/kg
-        Fall of the supply's pressure per mass flow.
+        Drop of the supply pressure per mass flow.
     """
 
     leak_rate: float = 0.0

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Air through a valve into a chamber: the equations that plant and controller share.
+Air flow through a valve into a chamber: equations for plant and controller.
 
-Kernels of plain floats (`fam_bundle_ros.kernels`): they run many times per control tick, as they
-are or compiled. A `valve` is a `ValveFlow`, any dataclass derived from it, or a record of either.
-Pressures here are ABSOLUTE, in Pa: what flows through an orifice depends on nothing else.
+Kernels on floats (`fam_bundle_ros.kernels`), which run many times per control tick, plain or
+compiled. A `valve` is a `ValveFlow`, a dataclass derived from it, or a record of either.
+Pressures here are ABSOLUTE, in Pa, as the flow through an orifice requires.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,8 @@ RT = GAS_CONSTANT * REFERENCE_TEMPERATURE
 ATMOSPHERE = 101325.0
 #: One exponent for filling, venting and compression: between isothermal (1) and adiabatic (1.4).
 POLYTROPIC = 1.2
-#: Above this pressure ratio the flow goes linearly to zero (ISO 6358 leaves an infinite slope).
+#: Above this pressure ratio the flow decreases linearly to zero (in ISO 6358 its slope there is
+#: infinite).
 LAMINAR_RATIO = 0.999
 
 
@@ -31,7 +32,7 @@ def mass_flow(conductance: float, critical_ratio: float, upstream: float, downst
               temperature: float = REFERENCE_TEMPERATURE,
               laminar_ratio: float = LAMINAR_RATIO) -> float:
     """
-    Return the mass flow through an orifice in kg/s, after ISO 6358; negative when it runs back.
+    Return the mass flow through an orifice in kg/s, after ISO 6358; negative for reverse flow.
 
     r = p2/p1 <= b: C p1 rho0 sqrt(T0/T1); above, times sqrt(1 - ((r - b)/(1 - b))^2), and
     linear in r from ``laminar_ratio`` to 1.
@@ -65,7 +66,7 @@ def mass_flow(conductance: float, critical_ratio: float, upstream: float, downst
 
 
 def valve_opening(valve: Any, command: float) -> float:
-    """Return the opening, -1 exhaust .. 1 fill, that a command or a spool position gives."""
+    """Return the opening, -1 exhaust .. 1 fill, for a command or a spool position."""
     dead = valve.dead_band
     if command > dead:
         opening = (command - dead) / (1.0 - dead)
@@ -103,7 +104,7 @@ def valve_flow(valve: Any, opening: float, pressure: float, supply: float,
 @dataclass(frozen=True)
 class ValveFlow:
     """
-    A 3-way proportional valve as its flow goes: conductance, critical ratio, dead band.
+    Flow properties of a 3-way proportional valve: conductance, critical ratio, dead band.
 
     The defaults are those of the Festo MPYE-5-M5-010-B (from memory of its data sheet: 100 l/min
     nominal, 0-10 V with 5 V closed, dead band 0.1-0.3 V).
@@ -115,7 +116,7 @@ class ValveFlow:
     critical_ratio : float
         b: below this ratio of absolute pressures the flow is choked.
     dead_band : float
-        Command (of 1) at which the valve begins to open, on either side.
+        Absolute value of the command, 0 to 1, at which the valve begins to open.
     """
 
     conductance: float = 3.93e-9

@@ -52,7 +52,7 @@ def state_pressures(bundle: Bundle, state: int, last: ArrayLike) -> np.ndarray:
 
 def overlap(bundle: Bundle, strain: float, state: int, points: int = 257) -> Overlap:
     """
-    Return the forces that RSk and RSk+1 can both give at a strain.
+    Return the range of forces that RSk and RSk+1 can both produce at a strain.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def overlap(bundle: Bundle, strain: float, state: int, points: int = 257) -> Ove
     state : int
         k, from 1 to n - 1.
     points : int
-        Pressures of motor unit k + 1 that are tried before the onset is refined.
+        Number of pressures at which the force is computed.
     """
     if not 1 <= state < bundle.n:
         raise InputError(f'overlap needs a recruitment state from 1 to {bundle.n - 1}, '
@@ -78,10 +78,20 @@ def overlap(bundle: Bundle, strain: float, state: int, points: int = 257) -> Ove
 
 def onset_pressure(bundle: Bundle, strain: float, unit: int, points: int = 257) -> float:
     """
-    Return the pressure at which motor unit ``unit`` (from 1) is back at its force for zero.
+    Return the pressure at which the force of a motor unit has recovered its value at zero, Pa.
 
-    Past it the unit helps the bundle; before it the unit pushes back more than when it is
-    off. 0 where it helps at once, NaN where it never does within its maximum pressure.
+    Above it the unit increases the force of the bundle; below it the unit's resistive force is
+    larger than when it is vented. 0 if there is no such dip; NaN if the force does not recover
+    within the maximum pressure.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    strain : float
+    unit : int
+        Number of the motor unit, from 1.
+    points : int
+        Number of pressures at which the force is computed before the result is refined.
     """
     index = unit - 1
 

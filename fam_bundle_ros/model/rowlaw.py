@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One law over many rows, with the slopes of what it gets carried through it.
+One law over many rows, with derivatives by the chain rule.
 
-Each law is compiled for itself, once for all models that it is part of: a search over sets of
-laws compiles nothing anew. Without numba a law runs on arrays; one with memory runs along time
-by its recurrences or, when it is written otherwise, sample by sample.
+Each law is compiled separately, once for all models that contain it, so that a search over sets
+of laws compiles nothing again. Without numba a law runs on arrays; a law with memory runs along
+time by its recurrences or, if it is not written with these, sample by sample.
 """
 
 from collections.abc import Callable, Iterable
@@ -24,22 +24,22 @@ from fam_bundle_ros.model.vocabulary import bound, runs_along_time
 
 #: Arguments that have a value for each row.
 _VARYING = {*FELT, *STEPPING} - {'unit'}
-#: Arguments that no parameter changes: a record gives them.
+#: Arguments from the record, which do not depend on parameters.
 _GIVEN = {'unit', 'strain_rate', 'time', *STEPPING, *TABLES}
 
 
-#: Rows that a law has computed on arrays before it is compiled: below, it is not worth the wait.
+#: Number of rows computed on arrays before a law is compiled, so that short work does not wait.
 _WORTH = 200_000
 
 
 @lru_cache(maxsize=1024)
 def row_law(function: Callable, fields: tuple[str, ...]) -> 'RowLaw':
-    """Return a law's function for rows, made once."""
+    """Return the `RowLaw` of a law's function; cached."""
     return RowLaw(function, fields)
 
 
 def prepare(laws: Iterable[Law]) -> None:
-    """Compile laws for rows, so that nobody waits for it later; does nothing without numba."""
+    """Compile laws for rows in advance; does nothing without numba."""
     for law in laws if kernels.numba() is not None else ():
         for part in law.parts:
             fields = tuple(name for name in part.arguments if name in law.memory)
@@ -51,20 +51,20 @@ def prepare(laws: Iterable[Law]) -> None:
 
 class RowLaw:
     """
-    A law's function for rows: takes and returns what the function does, arrays for numbers.
+    A law's function for rows: as the function itself, with arrays instead of numbers.
 
     Parameters
     ----------
     function : callable
-        Of one sample.
+        For one sample.
     fields : tuple of str
-        Memory fields among its arguments. They are numbers: the memory before the first row; what
-        comes back is the memory after the last row.
+        Memory fields among its arguments. As arguments they are the memory before the first row,
+        as results that after the last row; both are numbers.
     """
 
     def __init__(self, function: Callable, fields: tuple[str, ...]):
         self._names = arguments(function)
-        #: Places of the arguments that always have rows, and of those that may have.
+        #: Indices of the arguments that always are arrays of rows, and of those that may be.
         self._varying = tuple(k for k, name in enumerate(self._names) if name in _VARYING)
         self._ranged = tuple(k for k, name in enumerate(self._names) if name not in TABLES)
         self._function = function
@@ -83,7 +83,7 @@ class RowLaw:
         Raises
         ------
         NotImplementedError
-            When an input has slopes and the law's source cannot be differentiated.
+            If an input has slopes and the law's source cannot be differentiated.
         """
         slopes = {name: item.slopes for name, item in zip(self._names, inputs, strict=True)
                   if isinstance(item, Dual)}
@@ -108,7 +108,7 @@ class RowLaw:
     def prepare(self) -> None:
         """Compile the law and its partial derivatives now."""
         if not self._fields and not _VARYING & set(self._names):
-            return  # one number for all rows
+            return  # the value does not depend on the row
         table = np.array([2.0, 2.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
         exact: dict[str, Any] = {'unit': 0, 'tables': table, 'table': 0}
         inputs = [exact.get(name, _rows_of(name, 0.5, 2) if name in _VARYING else 0.5)
@@ -116,7 +116,7 @@ class RowLaw:
         self._compiled(self._function, 1, inputs, 2)
         self._compiled(self._partials.function, 1 + len(self._partials.entries), inputs, 2)
 
-    # --- ways to run ---------------------------------------------------------------------------
+    # --- methods of computation ----------------------------------------------------------------
 
     def _rows(self, function, count, inputs):
         """Return the value, or the value and the partial derivatives, and the memory after."""
@@ -131,7 +131,7 @@ class RowLaw:
         if self._compiles and self._rows_done > _WORTH and kernels.numba() is not None:
             try:
                 return self._compiled(function, count, inputs, size)
-            except Exception:  # numba raises many kinds; only a user's law comes here
+            except Exception:  # numba raises many types; happens only for a user's law
                 self._compiles = False
         with np.errstate(all='ignore'):
             if self._fields and not self._runs_along_time:
@@ -140,7 +140,7 @@ class RowLaw:
                 if self._fields:
                     return self._along_time(function, count, inputs, size)
                 return _on_arrays(function, inputs, size), ()
-            except (TypeError, ValueError):  # a user's law with an if: not for arrays
+            except (TypeError, ValueError):  # a user's law with an `if` does not take arrays
                 return self._sample_by_sample(function, count, inputs, size)
 
     def _compiled(self, function, count, inputs, size):
@@ -164,7 +164,7 @@ class RowLaw:
     def _sample_by_sample(self, function, count, inputs, size):
         with_rows = self._with_rows(inputs)
         inputs = [np.asarray(item) for item in inputs]
-        # plain numbers raise where those of arrays give nan or infinity
+        # floats raise an error where elements of arrays give nan or infinity
         for mode, number in (('floats', np.ndarray.tolist), ('arrays', lambda array: array[()])):
             loop = _loop(function, self._names, self._fields, count, with_rows, mode)
             given = [number(item) for item in inputs]
@@ -189,7 +189,7 @@ def _on_arrays(function, inputs, size):
 
 
 def _rows_of(name, item, size):
-    """Return an array (size,) of what may be one number."""
+    """Return an array (size,) from an array or one number."""
     if isinstance(item, np.ndarray):
         return np.ascontiguousarray(item)
     return np.full(size, item, bool if name in ('start', 'log_start') else float)
@@ -201,8 +201,17 @@ def _loop(function: Callable, names: tuple[str, ...], fields: tuple[str, ...], c
     """
     Return a loop over rows around a law's function, or around its partial derivatives.
 
-    The loop takes the function's arguments, some of them with rows, and ``out`` (count, T); it
-    returns the memory after the last row. ``mode`` is one of `fam_bundle_ros.model.vocabulary`.
+    The loop takes the function's arguments and ``out`` (count, T); it returns the memory after
+    the last row.
+
+    Parameters
+    ----------
+    names, fields, with_rows : tuple of str
+        All arguments, memory fields, and arguments that are arrays of rows.
+    count : int
+        Number of outputs.
+    mode : str
+        One of `fam_bundle_ros.model.vocabulary`.
     """
     inputs = ', '.join(f'{name}[row]' if name in with_rows else name for name in names)
     rows = [f'out_{number}' for number in range(count)]
@@ -228,7 +237,7 @@ class _Chain:
     fields : tuple of str
         Memory fields of the law.
     slopes : dict of str to Slopes
-        Of the inputs that have some; of memory fields before the first row.
+        Slopes of the inputs; those of memory fields are before the first row.
     rows : dict of (int, str) to array (T,)
         Partial derivatives of outputs by inputs.
     """
@@ -243,12 +252,12 @@ class _Chain:
         self.after: list[Slopes] = [after[field] for field in fields]
 
     def of_output(self, output: int) -> dict[int, Any]:
-        """Return the slopes of an output, by way of all inputs that have slopes by now."""
+        """Return the slopes of an output, from all inputs whose slopes are known."""
         return total(scaled(self._slopes[name], row) for (number, name), row in self._rows.items()
                      if number == output and name in self._slopes)
 
     def _carried(self, output, field, first):
-        """Carry the slopes of a memory field along time; return those after the last row."""
+        """Compute the slopes of a memory field along time; return those after the last row."""
         added, kept = self.of_output(output), self._rows.get((output, field))
         size = max((len(row) for row in self._rows.values()), default=1)
         before, after = {}, {}
@@ -262,7 +271,7 @@ class _Chain:
 
 
 def _in_order(fields, rows):
-    """Return memory fields, each after those that its slopes are made of."""
+    """Return memory fields, each after those on which its slopes depend."""
     waiting = {field: {name for number, name in rows
                        if number == 1 + index and name in fields and name != field}
                for index, field in enumerate(fields)}
@@ -271,7 +280,7 @@ def _in_order(fields, rows):
         ready = [field for field, needs in waiting.items() if not needs & set(waiting)]
         if not ready:
             raise NotImplementedError(
-                f'memory fields {", ".join(waiting)} depend on each other in a circle')
+                f'memory fields {", ".join(waiting)} depend on each other circularly')
         order += ready
         for field in ready:
             del waiting[field]
@@ -279,7 +288,7 @@ def _in_order(fields, rows):
 
 
 def _recurrence(gain, offset, start, size):
-    """Return y with y[k] = gain[k] y[k-1] + offset[k], y[-1] = start; no gain: the offset."""
+    """Return y with y[k] = gain[k] y[k-1] + offset[k], y[-1] = start; gain None is zero."""
     offset = np.broadcast_to(offset, (size,))
     if gain is None:
         return offset
@@ -291,7 +300,7 @@ def _recurrence(gain, offset, start, size):
 
 
 def affine_rows(gain, offset, value, out):
-    """Write y[k] = gain[k] y[k-1] + offset[k]; a gain of zero forgets all, also nan."""
+    """Write y[k] = gain[k] y[k-1] + offset[k]; a gain of zero resets y, even if it is nan."""
     for row in range(len(out)):
         value = offset[row] if gain[row] == 0.0 else gain[row] * value + offset[row]
         out[row] = value

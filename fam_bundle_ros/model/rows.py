@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A bundle over a long record, law by law: forces, and their derivatives by parameters.
+Forces of a bundle over a long record, and their derivatives with respect to parameters.
 
-The text of the bundle's `Composition` runs as it is, with arrays of rows for numbers and a
-`RowLaw` for each law: what acts where is said in one place. A record is computed in blocks, so
-that the space between laws does not grow with it; memory is carried from block to block.
+The generated text of the bundle's `Composition` is run with arrays of rows as numbers and a
+`RowLaw` for each law, so that the order of the laws is defined only there. A record is computed
+in blocks, so that the temporary arrays stay small; memory is carried from block to block.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,12 +25,12 @@ from fam_bundle_ros.model.rowlaw import row_law
 if TYPE_CHECKING:
     from fam_bundle_ros.model.muscles import Muscles
 
-#: Rows in a block: what stands between laws then stays in the processor's cache, and a call of a
-#: law costs less than its rows.
+#: Rows in a block: few enough that arrays between laws stay in the processor's cache, and enough
+#: that the overhead of a call is small.
 BLOCK = 8192
 #: Relative step of central differences: cube root of the rounding of a double.
 _STEP = 6e-6
-#: Dimensions of a muscle that a key ``geometry.radius`` ... may name.
+#: Dimensions of a muscle in keys such as ``geometry.radius``.
 DIMENSIONS = ('radius', 'length', 'braid_angle', 'wall_thickness')
 
 
@@ -38,7 +38,7 @@ def unit_forces(model: 'Muscles', motion: Motion) -> np.ndarray:
     """
     Return the tension of each motor unit over a record, N, shape (T, n).
 
-    Memory begins afresh where ``motion.start`` says so. Without time the static forces.
+    Memory is reset where ``motion.start`` is True. Without time these are the static forces.
     """
     force = np.empty((model.shape.shape[1], len(motion.strain)))
     for unit, rows, value in _blocks(_Numbers(model, ()), _floats(motion.strain),
@@ -50,15 +50,15 @@ def unit_forces(model: 'Muscles', motion: Motion) -> np.ndarray:
 def reading(model: 'Muscles', motion: Motion, keys: Sequence[str] = ()
             ) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return the force that the load cell would show over a record of readings, and its derivatives.
+    Return the reading of the load cell over a record, and its derivatives.
 
     Parameters
     ----------
     model : Muscles
     motion : Motion
-        Strain and pressure as the gauges show them.
+        Readings of strain and pressure.
     keys : sequence of str
-        ``effect.parameter`` or ``geometry.radius`` ..., as `Bundle.with_parameters` takes them.
+        ``effect.parameter`` or ``geometry.radius`` ..., as in `Bundle.with_parameters`.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def reading(model: 'Muscles', motion: Motion, keys: Sequence[str] = ()
     InputError
         For a key that the model does not have.
     NotImplementedError
-        When the source of a law cannot be differentiated.
+        If the source of a law cannot be differentiated.
     """
     numbers = _Numbers(model, keys)
     time = motion.clock
@@ -94,7 +94,7 @@ def reading(model: 'Muscles', motion: Motion, keys: Sequence[str] = ()
 
 
 def differences(bundle: Any, motion: Motion, keys: Sequence[str]) -> np.ndarray:
-    """Return central differences of `Bundle.predict` by keys, (T, K)."""
+    """Return the derivatives of `Bundle.predict` by central differences, (T, K)."""
     jacobian = np.empty((len(motion.strain), len(keys)))
     for column, key in enumerate(keys):
         owner, _, name = key.partition('.')
@@ -103,7 +103,7 @@ def differences(bundle: Any, motion: Motion, keys: Sequence[str]) -> np.ndarray:
             step = _STEP * value
         else:
             value = bundle.effect(owner).values[name]
-            # a parameter that is zero has no size of its own
+            # for a parameter of zero the step is relative to its upper bound
             step = _STEP * (abs(value) or abs(bundle.effect(owner).limits(name)[1]) or 1.0)
         above, below = (bundle.with_parameters({key: value + sign * step}).predict(motion)
                         for sign in (1.0, -1.0))
@@ -112,7 +112,7 @@ def differences(bundle: Any, motion: Motion, keys: Sequence[str]) -> np.ndarray:
 
 
 class _Numbers:
-    """The parameters and dimensions of a model, with a slope where they are a key."""
+    """The parameters and dimensions of a model; those named by keys are dual numbers."""
 
     def __init__(self, model, keys):
         self.model = model
@@ -135,7 +135,7 @@ class _Numbers:
             self.shape = [self._resized(one, dimensions) for one in self.shape]
 
     def _resized(self, one, dimensions):
-        """Return a unit's shape with slopes: dimensions keep their ratio to the first unit's."""
+        """Return a unit's shape with derivatives; its dimensions scale with the first unit's."""
         one = list(one)
         for name, key in dimensions.items():
             index = SHAPE.index(name)
@@ -147,7 +147,7 @@ class _Numbers:
         return one
 
     def error(self, quantity, time, rate):
-        """Return b and g of a gauge that shows g x + b; 0 and 1 for one without error."""
+        """Return b and g of a sensor whose reading is g x + b; 0 and 1 without error."""
         bias, gain = 0.0, 1.0
         for _, law, part in self.model.laws.at(Place.SENSOR):
             if part.changes != quantity:
@@ -162,7 +162,7 @@ class _Numbers:
         return bias, gain
 
     def true(self, quantity, shown, time, rate):
-        """Return what is there, for what a gauge shows; the laws of gauges are linear."""
+        """Return the true value for a reading; sensor laws are linear."""
         bias, gain = self.error(quantity, time, rate)
         return (shown - bias) / gain
 
@@ -172,7 +172,7 @@ def _blocks(numbers: _Numbers, strain: Any, pressure: Any, motion: Motion
     """
     Yield the force of each motor unit, block by block: unit, rows, force in N.
 
-    ``strain`` (T,) and ``pressure`` (n, T) are those that the muscles feel.
+    ``strain`` (T,) and ``pressure`` (n, T), Pa, are the true values, without sensor errors.
     """
     laws, tables = numbers.model.laws, numbers.model.tables
     functions = _functions(laws)

@@ -3,9 +3,9 @@
 """
 Recurrences over time, vectorised: the memory of friction, relaxation and line lag.
 
-Both recurrences are compositions of maps that are closed under composition, so a long record is
-cut into blocks of about sqrt(T) samples that advance side by side: cost linear in T, exact for
-any sampling, and the same call serves one control tick (T = 1).
+Each step of a recurrence is a map, and the composition of two such maps is again one of the same
+form. So a long record is split into blocks of about sqrt(T) samples that are computed in
+parallel: cost linear in T, exact for any sampling, also for one control tick (T = 1).
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def affine_scan(gain, offset, start):
         return np.where(gain == 0.0, 0.0, gain * start) + offset
     gains, offsets = _blocks(gain, 1.0), _blocks(offset, 0.0)
     for k in range(1, len(gains)):
-        # a reset (gain 0) forgets all, also what is not a number
+        # a reset (gain 0) clears the memory, even if it is nan
         offsets[k] += np.where(gains[k] == 0.0, 0.0, gains[k] * offsets[k - 1])
         gains[k] *= gains[k - 1]
     forgets = gains == 0.0

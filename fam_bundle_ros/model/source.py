@@ -3,8 +3,8 @@
 """
 Functions from generated source text.
 
-The text must be made of known names and numbers, never of what a user wrote. It stays readable:
-tracebacks show its lines.
+The text must contain only known names and numbers, never input of a user. Tracebacks show its
+lines.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,18 +18,18 @@ from fam_bundle_ros import kernels
 
 def defined(text: str, name: str, names: Mapping[str, Any], to_compile: bool = False) -> Callable:
     """
-    Return the function that a text defines.
+    Return the function defined in a text.
 
     Parameters
     ----------
     text : str
     name : str
-        Name of the function in it.
+        Name of the function.
     names : mapping
         Global names that it may use.
     to_compile : bool
-        Whether numba will compile it: the text is then kept in a file of the cache folder, where
-        numba looks for it.
+        Whether numba will compile it: the text is then written to a file in the cache folder,
+        which numba needs.
     """
     path = (to_compile and filed(text, name)) or f'<{name} {_digest(text)[:8]}>'
     linecache.cache[path] = (len(text), None, text.splitlines(True), path)
@@ -39,7 +39,7 @@ def defined(text: str, name: str, names: Mapping[str, Any], to_compile: bool = F
 
 
 def filed(text: str, name: str) -> str:
-    """Return the path of a file in the cache folder that holds a text; empty if it cannot be."""
+    """Write a text to a file in the cache folder; return its path, empty if that fails."""
     path = kernels.cache_root() / 'models' / f'{name}_{_digest(text)}.py'
     if not path.exists():
         draft = path.with_suffix(f'.{os.getpid()}')

@@ -1,17 +1,17 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The words in which laws are written, and their meaning for arrays, plain numbers and numba.
+The functions that laws may call, and their implementations for arrays, floats and numba.
 
 A law calls NumPy's `maximum, minimum, where, sqrt, exp, log, expm1, tanh, sin, cos, abs, sign`
-and `pi`, and for its memory the recurrences below. `bound` gives the same code object with these
-words bound for one way to run it:
+and `pi`, and for its memory the recurrences below. `bound` returns the same code object with
+these functions replaced for one mode:
 
 - ``'arrays'``: NumPy, element by element; recurrences are one step
 - ``'scans'``: as arrays, but axis 0 is time and a recurrence runs along it in one call
-- ``'floats'``: plain numbers. Where arrays give nan or infinity, `math` raises: the caller then
+- ``'floats'``: Python floats. Where arrays give nan or infinity, `math` raises: the caller then
   computes the value with arrays (`fam_bundle_ros.model.compose`)
-- ``'kernels'``: plain numbers, ready for `fam_bundle_ros.kernels` to be compiled
+- ``'kernels'``: floats, for compilation by `fam_bundle_ros.kernels`
 """
 
 from collections.abc import Callable
@@ -25,21 +25,21 @@ import numpy as np
 from fam_bundle_ros import kernels
 from fam_bundle_ros.model.scan import affine_scan, clamp_scan
 
-# --- words beyond NumPy's ----------------------------------------------------------------------
+# --- functions beyond NumPy's ------------------------------------------------------------------
 
 
 def affine(memory, gain, offset):
-    """Return gain * memory + offset; a gain of zero forgets all, also what is not a number."""
+    """Return gain * memory + offset; a gain of zero resets the memory, even if it is nan."""
     return np.where(gain == 0.0, 0.0, gain * memory) + offset
 
 
 def clamp(memory, lower, upper):
-    """Return memory, moved into [lower, upper]; where these are equal it is set (a reset)."""
+    """Return memory limited to [lower, upper]; where these are equal it is set (a reset)."""
     return np.where(lower == upper, lower, np.minimum(np.maximum(memory, lower), upper))
 
 
 def before(memory, signal):
-    """Return the signal at the sample before, which is in the memory."""
+    """Return the signal at the previous sample, which is the memory."""
     return memory
 
 
@@ -54,18 +54,29 @@ def cell(grid, first, count, value):
 
 
 def play(centre, signal, half, start):
-    """Return the centre of a backlash of so much to either side that a signal drags along."""
+    """
+    Return the output of a play operator (backlash).
+
+    Parameters
+    ----------
+    centre : number or array
+        Its output at the previous sample.
+    signal, half : number or array
+        Input, and half width of the play.
+    start : bool
+        Whether to reset the output to the input.
+    """
     return clamp(centre, np.where(start, signal, signal - half),
                  np.where(start, signal, signal + half))
 
 
 def dahl(centre, built_up, signal, dead, width, start):
     """
-    Return z in [-1, 1], which builds up along a signal, dz/du = (1 - z sgn(du))/w, and its path.
+    Return the state z of a Dahl model, dz/du = (1 - z sgn(du))/w, and the output of its play.
 
-    After Dahl (1968), first order. The signal is taken behind a play of half width ``dead``, so
-    that its noise at rest does not wear z away; the centre of that play and z are the memory. At
-    the start z is zero.
+    First order (Dahl 1968), z in [-1, 1]. The signal u first passes a play of half width
+    ``dead``, so that noise at rest does not change z. ``centre`` (output of the play) and
+    ``built_up`` (z) are the memory; at the start z is zero.
     """
     path = play(centre, signal, dead, start)
     moved = path - before(centre, path)
@@ -76,13 +87,13 @@ def dahl(centre, built_up, signal, dead, width, start):
 
 def lag(lagged, last, signal, time_constant, start, dt):
     """
-    Return a signal behind a first-order lag, tau dy/dt = u - y, at rest at the start.
+    Return the output of a first-order lag, tau dy/dt = u - y, at rest at the start.
 
     Exact for a signal that is linear between samples (first-order hold), for any sampling.
-    ``lagged`` and ``last`` are output and input at the sample before. A time constant of zero
-    gives the signal.
+    ``lagged`` and ``last`` are output and input at the previous sample. With a time constant of
+    zero the output is the signal.
     """
-    # in time constants per sample, so that the slope at a time constant of zero is finite
+    # time constant per sample time, so that the derivative at a time constant of zero is finite
     share = time_constant / np.maximum(dt, 1e-12)
     rate = 1.0 / np.maximum(share, 1e-3)
     decay = np.exp(-rate)
@@ -91,7 +102,7 @@ def lag(lagged, last, signal, time_constant, start, dt):
     return affine(lagged, np.where(start, 0.0, decay), np.where(start, signal, ramp))
 
 
-# --- the same words, one sample as plain numbers ----------------------------------------------
+# --- the same functions for one sample as floats ----------------------------------------------
 
 def _where(condition, one, other):
     return one if condition else other
@@ -126,12 +137,12 @@ _WORDS = {'where': _where, 'maximum': _maximum, 'minimum': _minimum, 'sign': _si
 
 
 class _CompiledWords:
-    """Stands for NumPy in a kernel; numba's own scalar `where` is slow."""
+    """Replaces NumPy in a kernel; numba's own scalar `where` is slow."""
 
     @staticmethod
     @cache
     def compiled_names(counted: bool = True) -> types.ModuleType:
-        """Return a module of the words, which numba compiles into the kernel."""
+        """Return a module of the functions, which numba compiles into the kernel."""
         module = types.ModuleType('words')
         for name, word in _WORDS.items():
             own = isinstance(word, types.FunctionType)
@@ -139,7 +150,7 @@ class _CompiledWords:
         return module
 
 
-# --- the same words along time -----------------------------------------------------------------
+# --- the same functions along time -------------------------------------------------------------
 
 def _clamp_scan(memory, lower, upper):
     return clamp_scan(lower, upper, memory)
@@ -151,7 +162,7 @@ def _affine_scan(memory, gain, offset):
 
 def _before_scan(memory, signal):
     signal = np.asarray(signal, float)
-    if not signal.ndim:  # it never changes
+    if not signal.ndim:  # constant
         return signal
     shifted = np.empty_like(signal)
     shifted[0], shifted[1:] = memory, signal[:-1]
@@ -169,7 +180,7 @@ _SWAPS: dict[str, dict[Any, Any]] = {
 @cache
 def bound(function: Callable, mode: str) -> Callable:
     """
-    Return a plain function with the words in it, and in the functions it calls, for one mode.
+    Return a plain function for one mode: it and the functions that it calls use that mode's.
 
     Examples
     --------
@@ -199,9 +210,9 @@ def bound(function: Callable, mode: str) -> Callable:
 
 def runs_along_time(function: Callable, fields: tuple[str, ...]) -> bool:
     """
-    Return whether ``'scans'`` computes a law with these memory fields over a record in one call.
+    Return whether ``'scans'`` can compute a law with these memory fields over a record.
 
-    Our own laws use their memory through `affine`, `clamp` and `before` alone, as that needs; a
-    user's law with memory is computed sample by sample.
+    This requires that memory is used only by `affine`, `clamp` and `before`, as in all laws of
+    this package. A user's law with memory is computed sample by sample.
     """
     return not fields or function.__module__.startswith(f'{kernels.PACKAGE}.')

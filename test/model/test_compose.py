@@ -85,7 +85,7 @@ def test_an_argument_that_no_law_gets_is_refused():
 
 def test_a_parameter_must_not_hide_what_a_law_feels():
     """`pressure` is felt; a parameter of that name is given under another argument."""
-    with pytest.raises(InputError, match="pressure has the name of what a law feels.*name='"):
+    with pytest.raises(InputError, match="pressure has the name of an input of a law.*name='"):
         @law('pressure', **FACTS, pressure=Parameter(1.0, 'Pa', 0.0, 2.0, 'lost'))
         def lost(pressure):
             return -pressure

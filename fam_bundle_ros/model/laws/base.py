@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a law is: one plain function, its parameters, where it acts, and what is known about it.
+Definition of a law: one plain function, its parameters, the place where it acts, and facts on it.
 
-The names of the function's arguments say what it gets (`FELT`, `SHAPE`, its parameters, and for a
-law with memory `STEPPING` and its memory fields). `fam_bundle_ros.model.compose` puts the laws of
-a model together by place. Within a place contributions add (limits: the highest floor holds), so
-their order never matters and no law can overwrite what another one contributed.
+The names of the function's arguments define its inputs (`FELT`, `SHAPE`, its parameters, and for
+a law with memory `STEPPING` and its memory fields). `fam_bundle_ros.model.compose` combines the
+laws of a model by place. Within a place contributions are added (of limits the largest is taken),
+so their order does not matter and no law can overwrite the contribution of another.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,14 +33,14 @@ class Place(Enum):
     FORCE = 'force'
     LIMIT = 'limit'
     LOSS = 'loss'
-    #: Added last; feels strain and pressure before any other law changed them.
+    #: Added last; its inputs are strain and pressure before other laws change them.
     RESIDUAL = 'residual'
 
 
-#: What a law may feel. ``strain``, ``pressure`` (gauge, of its own unit) and ``stretch``
-#: (1 - strain) are what reaches its place; ``braid`` is the square of the threads' stretch;
-#: ``force`` is the force so far, ``bladder`` the part of the bladder family (N per muscle);
-#: ``unit`` is the index of the motor unit. SI units.
+#: Inputs of a law, SI. ``strain``, ``pressure`` (gauge, of its own unit) and ``stretch``
+#: (1 - strain) as changed by the laws of earlier places; ``braid`` is the square of the threads'
+#: stretch; ``force`` is the sum of earlier places, ``bladder`` that of the bladder family (N per
+#: muscle); ``unit`` is the index of the motor unit.
 FELT = ('unit', 'strain', 'stretch', 'strain_rate', 'pressure', 'time', 'force', 'bladder',
         'braid')
 #: Geometry of the muscle: fields of `fam_bundle_ros.model.geometry.Geometry`.
@@ -48,14 +48,14 @@ SHAPE = ('radius', 'length', 'braid_angle', 'wall_thickness', 'cos2', 'sin2', 'c
          'wall_area')
 #: For memory: first sample of a trial, first sample of the whole log, s since the last sample.
 STEPPING = ('start', 'log_start', 'dt')
-#: For a measured table: all tables of the model in one array, and where the law's own begins.
+#: For a measured table: one array with all tables of the model, and the start of the law's own.
 TABLES = ('tables', 'table')
-#: What a law changes, at the places where that is not plain.
+#: Quantities that a law may change, at places with more than one.
 CHANGES = {Place.GEOMETRY: ('strain', 'braid', 'area'),
            Place.SENSOR: ('force', 'pressure', 'strain'),
            Place.PNEUMATICS: ('leak_rate', 'supply_resistance')}
-#: Kinds of shape that ``leaves`` may name: those that `fam_bundle_ros.discovery.templates` looks
-#: up. ``smooth0`` is a smooth function of strain, 1 and 2 the same times pressure and its square.
+#: Kinds of shape for ``leaves``, as in `fam_bundle_ros.discovery.templates`. ``smooth0`` is a
+#: smooth function of strain, ``smooth1`` and ``smooth2`` the same times pressure and its square.
 KINDS = ('smooth0', 'smooth1', 'smooth2', 'past_free', 'force', 'friction', 'speed', 'drift',
          'drift_trial', 'pressure_rate', 'decay')
 
@@ -63,10 +63,10 @@ KINDS = ('smooth0', 'smooth1', 'smooth2', 'past_free', 'force', 'friction', 'spe
 @dataclass(frozen=True)
 class Parameter:
     """
-    One number of a law: default and bounds in ``unit``, handled as SI everywhere else.
+    One parameter of a law: default and bounds in ``unit``; all other values are SI.
 
-    ``fitted`` is False for numbers that data can hardly tell (a smoothing width): discovery
-    leaves them where they are. ``name`` is by default that of the function's argument.
+    ``fitted`` is False for parameters that data hardly determine (a smoothing width): discovery
+    does not fit them. ``name`` is by default that of the function's argument.
     """
 
     default: float
@@ -83,7 +83,7 @@ class Parameter:
         return si_factor(self.unit, self.unit)
 
     def check(self, value: float) -> float:
-        """Return an SI value when it is within the bounds, else raise InputError."""
+        """Return an SI value if it is within the bounds, else raise InputError."""
         slack = 1e-9 * max(abs(self.lower), abs(self.upper), 1.0)
         if not (math.isfinite(value)
                 and self.lower - slack <= value / self.scale <= self.upper + slack):
@@ -102,11 +102,11 @@ class Part:
     ----------
     place : Place
     function : callable
-        Returns what it adds at its place: Pa (pressure), N per muscle (force, loss), a floor of
-        the force (limit), or a change of what ``changes`` names. With memory fields among its
-        arguments it returns a tuple (value, *these fields after the sample).
+        Returns the contribution at its place: Pa (pressure), N per muscle (force, loss), a lower
+        limit of the force (limit), or a change of the quantity ``changes``. With memory fields
+        among its arguments it returns a tuple (value, *these fields after the sample).
     changes : str
-        One of `CHANGES`; empty at the other places.
+        One of `CHANGES`; empty at other places.
     equilibrium : callable, optional
         The static value of a law with memory. By default its value at a first sample.
     """
@@ -138,9 +138,9 @@ class Law:
     name, summary, source : str
         ``source`` is the paper that the formula is from, or 'derived'.
     family : str
-        Laws of one family are look-alikes: the same physics in another shape.
+        Laws of one family describe the same physics in different shapes.
     signature : str
-        What a residual looks like when this effect is missing, in plain words.
+        Description of the residual when this effect is missing.
     parts : tuple of Part
         Most laws have one.
     parameters : tuple of Parameter
@@ -152,23 +152,23 @@ class Law:
         Names of the memory fields; empty when the law has none. They are zero before the first
         sample.
     variant_of : str
-        For a second shape: the name of the law whose physics it is, itself no variant.
+        For a second shape: the name of the law with the first shape, itself not a variant.
     across_trials : bool
-        True when it goes by what happened in all trials of a log, not afresh in each.
+        True if its state carries over from trial to trial of a log.
     per_unit : bool
-        True when it has a parameter for each motor unit after the first one.
+        True if it has a parameter for each motor unit after the first one.
     pushes_back : bool
-        True when it describes how a muscle resists compression.
+        True if it describes how a muscle resists compression.
     candidate : bool
-        False for what no diagnosis may add to a model.
+        False if a diagnosis may not add it to a model.
     needs_lengths : bool
-        True when muscles of one length cannot tell its parameters apart.
+        True if muscles of one length cannot determine its parameters.
     leaves : tuple of str
-        Kinds of shape (`KINDS`) that the law leaves in an error when a model lacks it.
+        Kinds of shape (`KINDS`) in the residual of a model without the law.
     remedy : str
-        What to measure with other means where no force test tells it from another effect.
+        Measurement to make if no force test separates it from another effect.
     look : tuple of str
-        Hue (`fam_bundle_ros.palette`) and dash of its line.
+        Hue (`fam_bundle_ros.palette`) and dash of its line in figures.
     load : callable, optional
         Reads the table that the law needs from a path.
     formula : str
@@ -207,7 +207,7 @@ class Law:
         """Check the arguments of every part, and the kinds of shape."""
         for part in self.parts:
             self._check(part)
-        leaves: Any = self.leaves  # a word alone is no tuple
+        leaves: Any = self.leaves  # may be a str by mistake
         for kind in (leaves,) if isinstance(leaves, str) else leaves:
             if kind not in KINDS or kind == leaves:
                 raise InputError(f"law {self.name}: leaves '{kind}'; expected a tuple of one or "
@@ -215,15 +215,15 @@ class Law:
 
     def __call__(self, **settings: Any) -> Effect:
         """
-        Return the effect with these SI values; parameters that are not named take their default.
+        Return the effect with these SI values; other parameters have their default.
 
-        A law that reads a table also takes ``table`` (the path as a model file gives it) and
-        ``folder`` (where a relative path is looked up).
+        A law that reads a table also takes ``table`` (its path, as in a model file) and
+        ``folder`` (the folder of a relative path).
 
         Raises
         ------
         InputError
-            For an unknown parameter, a value outside its bounds, or a table that is not there.
+            For an unknown parameter, a value outside its bounds, or a missing table.
         """
         return Effect(self, **settings)
 
@@ -245,11 +245,11 @@ class Law:
 
     @property
     def needs_time(self) -> bool:
-        """Whether the law says nothing about a map without time."""
+        """Whether the law has no effect on a static map, which has no time."""
         return bool(self.memory) or any('time' in part.arguments for part in self.parts)
 
     def parameter(self, name: str) -> Parameter:
-        """Return a parameter's description; InputError when there is none of that name."""
+        """Return a parameter by name; InputError if there is none."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
@@ -257,7 +257,7 @@ class Law:
                          f"{', '.join(p.name for p in self.parameters) or 'none'}")
 
     def active(self, units: int) -> tuple[Parameter, ...]:
-        """Return the parameters that matter for a bundle of so many motor units."""
+        """Return the parameters used in a bundle with ``units`` motor units."""
         return self.parameters[:max(units - 1, 0)] if self.per_unit else self.parameters
 
     def also(self, place: str, changes: str = '', equilibrium: Callable | None = None
@@ -290,11 +290,11 @@ class Law:
         if shadowed:
             raise InputError(
                 f"law {self.name}: parameter or memory field {', '.join(sorted(shadowed))} has "
-                "the name of what a law feels; name the argument otherwise and give the "
-                "parameter's own name as Parameter(..., name='...')")
+                "the name of an input of a law; rename the argument and give the parameter's "
+                "own name as Parameter(..., name='...')")
 
 
-#: Fields of a law that `law` does not take: it makes them itself, or others do.
+#: Fields of a law that are not arguments of `law`.
 _MADE = ('name', 'parts', 'parameters', 'names', 'formula', 'python_file', 'remake')
 _GIVEN = tuple(each.name for each in fields(Law) if each.name not in _MADE)
 

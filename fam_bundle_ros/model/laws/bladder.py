@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The rubber tube inside the braid: four shapes of one physics, elastic force in strain alone."""
+"""Elastic force of the rubber tube inside the braid, a function of strain: four shapes."""
 
 import math
 from typing import Any
@@ -38,7 +38,7 @@ def bladder_elasticity(stretch, braid, cos2, sin2, cot2, wall_area, c10, c01):
 
 
 @law('force', **_FAMILY, variant_of='bladder_elasticity', look=('green', 'dash'),
-     summary='rubber tube as a cubic in strain, no material law',
+     summary='rubber tube as a cubic in strain, without a material law',
      source='derived: third-order expansion of any elastic tube about its rest length',
      off={'k1': 0.0, 'k2': 0.0, 'k3': 0.0},
      k1=Parameter(200.0, 'N', 0.0, 2e4, 'linear coefficient'),
@@ -67,7 +67,7 @@ def bladder_ogden(stretch, braid, cos2, sin2, cot2, wall_area, modulus, exponent
 
 
 @law('force', **_FAMILY, variant_of='bladder_elasticity', look=('green', 'longdashdot'),
-     summary='rubber tube with a thick wall, softer or stiffer the more it is stretched (Yeoh)',
+     summary='rubber tube with a thick wall that stiffens or softens with stretch (Yeoh)',
      source='Yeoh 1993, Rubber Chem. Technol. 66, 754, first two terms; incompressible tube after '
             'Rivlin 1949, Phil. Trans. R. Soc. A 242, 173; c10 that of a small stretch of the '
             'latex of Klute and Hannaford 2000',
@@ -80,9 +80,9 @@ def bladder_thick(stretch, radius, wall_thickness, braid, cos2, sin2, cot2, wall
     Tube of incompressible rubber whose outside follows the braid, F = int dW/dl dA over its wall.
 
     W = C10 ((I1 - 3) + s (I1 - 3)^2), I1 = l^2 + q + 1/(l^2 q). A layer of radius R at rest
-    has the stretch around sqrt(q), q = 1/l + (r0/R)^2 (u - 1/l), with u as in
-    `bladder_elasticity`: the inside widens more than the threads do. Gauss's rule with three
-    points over R^2.
+    has the circumferential stretch sqrt(q), q = 1/l + (r0/R)^2 (u - 1/l), with u as in
+    `bladder_elasticity`: the inside widens more than the outside. Gauss's rule with three points
+    over R^2.
     """
     u, inner = (braid - stretch * stretch * cos2) / sin2, 1.0 - wall_thickness / radius
     middle, half = 0.5 * (1.0 + inner * inner), 0.5 * (1.0 - inner * inner)

@@ -18,9 +18,9 @@ def braid_elasticity(pressure, stretch, compliance):
     """
     Thread length b -> b (1 + s), s = c P l.
 
-    The hoop balance of a cylinder of n turns gives a thread tension of P b L0 l/(2 pi n^2) over
-    all threads: in proportion to P l. The stretched kinematics enter the mesh through B =
-    (1 + s)^2, so at e = 0 the force falls with P^2. Returns B - 1.
+    The hoop balance of a cylinder of n turns gives a tension of P b L0 l/(2 pi n^2) of all
+    threads together, in proportion to P l. The longer threads enter the mesh by B = (1 + s)^2, so
+    that at e = 0 the force falls with P^2. Returns B - 1.
     """
     longer = compliance * np.maximum(pressure, 0.0) * stretch
     return longer * (2.0 + longer)

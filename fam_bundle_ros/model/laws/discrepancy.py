@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The discrepancy: a smooth surface of the error left, as `fam_bundle diagnose` writes it."""
+"""The discrepancy: a smooth surface of the remaining error, from `fam_bundle diagnose`."""
 
 from pathlib import Path
 
@@ -11,12 +11,12 @@ from fam_bundle_ros.model.forcetable import ForceTable, interpolated, read_colum
 from fam_bundle_ros.model.laws.base import law
 from fam_bundle_ros.model.vocabulary import dahl
 
-#: Column: unit by default. `sd` is for readers; `motor_unit` counts from 1.
+#: Columns and their default units. `motor_unit` counts from 1.
 _NEEDED = {'strain': '1', 'pressure': 'kPa', 'force': 'N', 'odd': 'N'}
 _OPTIONAL = {'filling': 'N', 'motor_unit': '1'}
-#: 1/s: strain rate over which the sign of the motion is rounded, as in dry friction.
+#: Strain rate at which the sign of the motion is rounded, 1/s, as in dry friction.
 ROUNDING = 2e-3
-#: Share of a step of the table that the pressure may go to and fro in without a change of way.
+#: Half width of the play (dead zone) of the pressure, as a share of the table's pressure step.
 DEAD = 0.1
 
 
@@ -27,11 +27,11 @@ class Table(ForceTable):
     Parameters
     ----------
     path : Path
-        CSV with columns strain, pressure, force (even in the direction of motion), odd (while
-        shortening; its opposite while lengthening), if need be filling (after the pressure has
-        risen while the length is held; its opposite after it has fallen), and, where there are
-        several grids, motor_unit; other columns (``sd``) are for readers. The even surfaces come
-        first, then the odd ones, then those of filling.
+        CSV with columns strain, pressure, force (even in the direction of motion) and odd (while
+        shortening; with opposite sign while lengthening). Optional columns are filling (at rest
+        after the pressure has risen; with opposite sign after it has fallen) and, for several
+        grids, motor_unit; others (``sd``) are ignored. The surfaces are in the order even, odd,
+        filling.
     """
 
     def __init__(self, path: Path):
@@ -56,16 +56,16 @@ class Table(ForceTable):
 
 @law('residual', family='discrepancy', candidate=False, load=Table, look=('grey', 'dot'),
      memory=('centre', 'built_up'),
-     summary='what no law of the model explains: a smooth surface, not physics',
+     summary='error that no law of the model explains: a smooth surface, not physics',
      source="derived: mean of a Gaussian process (Kennedy and O'Hagan 2001), by diagnose",
-     signature='whatever is left, inside the range that was measured')
+     signature='the remaining error, within the measured range')
 def discrepancy_surface(unit, strain, strain_rate, pressure, start, centre, built_up, tables,
                         table):
     """
-    F(e, P) of a `Table`, its odd part by the direction of motion, and at rest that of filling.
+    F(e, P) of a `Table`: even part, odd part times the direction of motion, at rest filling part.
 
-    Bilinear between points, the nearest edge outside them. The sign of the rate is smoothed;
-    where the muscle rests the way of the pressure builds up over one step of the table.
+    Bilinear between points, constant outside them. The sign of the strain rate is smoothed; the
+    direction of the pressure builds up over one step of the table (Dahl model).
     """
     grids = int(tables[table])
     grid = np.minimum(unit, grids - 1)

@@ -19,12 +19,12 @@ _PRESLIDING: dict[str, Any] = {
     'signature': 'the residual splits by direction of motion, its corners are rounded over a '
                  'fixed strain after each reversal, minor loops are smaller',
     'width': Parameter(0.01, '1', 5e-4, 0.1, 'strain over which a reversal is rounded')}
-#: Half width of the play behind which `presliding_dahl` takes strain.
+#: Half width of the play (dead zone) of the strain in `presliding_dahl`.
 _NOISE = 2e-4
 
 
 @law('loss', **_FRICTION, look=('purple', 'solid'),
-     summary='dry friction of thread on thread, independent of speed',
+     summary='dry friction between threads, independent of speed',
      source='Chou and Hannaford 1996 (threads rub, width independent of speed); tanh smoothing',
      signature='the residual splits by direction of motion and not by speed: loops of a constant '
                'width',
@@ -36,10 +36,10 @@ def coulomb_friction(pressure, strain_rate, force_0, per_pressure, smoothing):
 
 
 @law('loss', **_FRICTION, variant_of='coulomb_friction', look=('purple', 'dash'),
-     summary='dry friction that is larger before it slides fast (Stribeck)',
+     summary='dry friction that is larger at low speed (Stribeck)',
      source='Stribeck term after Armstrong-Helouvry et al. 1994, Automatica 30; Gaussian form',
      signature='the residual splits by direction of motion, more so at low speeds',
-     rise=Parameter(0.5, '1', 0.0, 5.0, 'friction at rest over that at speed, less 1'),
+     rise=Parameter(0.5, '1', 0.0, 5.0, 'ratio of friction at rest to that at speed, minus 1'),
      speed=Parameter(0.02, '1/s', 1e-4, 2.0, 'strain rate over which it falls'),
      smoothing=Parameter(2e-3, '1/s', 1e-5, 1.0, 'strain rate at which the sign is rounded',
                          fitted=False))
@@ -79,8 +79,8 @@ def presliding_dahl(pressure, strain, start, centre, built_up, force_0, per_pres
     """
     Dahl friction: F = -(Fc + cP P) z, dz/de = (1 - z sgn(de))/w.
 
-    Strain is taken behind a play of half width 0.02 %, so that sensor noise at rest does not wear
-    the friction away. At the start of a trial z is zero.
+    The strain first passes a play of half width 0.02 %, so that sensor noise at rest does not
+    change z. At the start of a trial z is zero.
     """
     path = play(centre, strain, _NOISE, start)
     moved = path - before(centre, path)

@@ -3,8 +3,8 @@
 """
 Errors of the load cell.
 
-Sensor laws belong to the comparison with data and to a simulated rig's readings, never to the
-muscle that the controller inverts. They are linear in what is read.
+Sensor laws are used for the comparison with data and for the readings of a simulated rig, not for
+the muscle model that the controller inverts. They are linear in the measured quantity.
 """
 
 from typing import Any
@@ -36,10 +36,10 @@ def force_sensor_gain(force, gain):
 
 @law('sensor', **_INSTRUMENT, family='force_sensor_drift', across_trials=True,
      leaves=('drift',), off={'rate': 0.0}, look=('grey', 'longdash'),
-     summary='load cell whose zero drifts', signature='the error grows with the clock and is the '
-     'same at every strain and pressure at one time',
+     summary='load cell whose zero drifts',
+     signature='the error grows with time and is independent of strain and pressure',
      remedy='log the unloaded load cell before and after, and tare it in between',
      rate=Parameter(0.0, 'N/min', -60.0, 60.0, 'change of the reading at no load'))
 def force_sensor_drift(time, rate):
-    """Force reading = force + r t, t since the log began: a zero that wanders with temperature."""
+    """Force reading = force + r t, t since the start of the log: drift with temperature."""
     return rate * time

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Chambers that leak: the plant integrates it, so it shows where valves are logged."""
+"""Leaks of the chambers: integrated by the plant, visible in logs with valve commands."""
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 

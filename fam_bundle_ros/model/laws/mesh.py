@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The ideal braid: gas pressure turned into tension."""
+"""The ideal braid: conversion of gas pressure to tension."""
 
 from fam_bundle_ros.model.laws.base import law
 

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Muscles sold as equal that are not."""
+"""Differences between muscles that are nominally equal."""
 
 from typing import Any
 
@@ -9,20 +9,20 @@ import numpy as np
 from fam_bundle_ros.model.laws.base import law, Parameter
 
 _PARAMETERS: dict[str, Any] = {
-    f'mu{i}': Parameter(0.0, '1', -0.4, 0.4, f'relative cross-section of unit {i} against unit 1')
+    f'mu{i}': Parameter(0.0, '1', -0.4, 0.4, f'cross section of unit {i} over unit 1, minus 1')
     for i in range(2, 7)}
 
 
 @law('geometry', changes='area', family='mismatch', per_unit=True, leaves=('smooth1',),
      look=('indigo', 'dot'), summary='motor units of unequal strength',
-     source='up to 10 % between muscles sold as equal; relative cross-section derived',
+     source='up to 10 % between nominally equal muscles; relative cross section derived',
      signature='the error changes sign when the active motor unit changes',
      off=dict.fromkeys(_PARAMETERS, 0.0), **_PARAMETERS)
 def motor_unit_mismatch(unit, mu2, mu3, mu4, mu5, mu6):
     """
-    Cross-section of unit i times (1 + m_i), m_1 = 0: sizes relative to the first motor unit.
+    Cross section of unit i times (1 + m_i), m_1 = 0: relative to the first motor unit.
 
-    Bundles of more than six motor units keep the rest as they are.
+    Motor units after the sixth are unchanged.
     """
     later = np.where(unit == 4, mu5, np.where(unit == 5, mu6, 0.0))
     return np.where(unit == 1, mu2, np.where(unit == 2, mu3, np.where(unit == 3, mu4, later)))

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Slow relaxation of rubber and braid after each step."""
+"""Viscoelastic relaxation of rubber and braid after each step."""
 
 from typing import Any
 
@@ -20,9 +20,10 @@ _SIGNATURE = 'the residual decays after each step or reversal, over a fixed time
      time_constant=Parameter(5.0, 's', 0.1, 300.0, 'time constant of the decay'))
 def viscoelastic_relaxation(force, start, dt, slow_part, last, share, time_constant):
     """
-    Standard linear solid: a Maxwell arm of relative stiffness s beside the elastic muscle.
+    Standard linear solid: a Maxwell arm of relative stiffness s parallel to the elastic muscle.
 
-    F = s (F_el - y), tau dy/dt = F_el - y: a fast step shows (1 + s) F_el and relaxes to F_el.
+    F = s (F_el - y), tau dy/dt = F_el - y: after a fast step the total force is (1 + s) F_el and
+    relaxes to F_el.
     """
     slow = lag(slow_part, last, force, time_constant, start, dt)
     return share * (force - slow), slow, force
@@ -39,26 +40,26 @@ def viscoelastic_relaxation(force, start, dt, slow_part, last, share, time_const
      slow_time=Parameter(20.0, 's', 5.0, 300.0, 'slow time constant'))
 def relaxation_prony(force, start, dt, fast_part, slow_part, last,
                      fast_share, fast_time, slow_share, slow_time):
-    """Two Maxwell arms side by side, F = s1 (F_el - y1) + s2 (F_el - y2): two Prony terms."""
+    """Two parallel Maxwell arms, F = s1 (F_el - y1) + s2 (F_el - y2): two Prony terms."""
     fast = lag(fast_part, last, force, fast_time, start, dt)
     slow = lag(slow_part, last, force, slow_time, start, dt)
     return fast_share * (force - fast) + slow_share * (force - slow), fast, slow, force
 
 
 @law('loss', **_FAMILY, variant_of='viscoelastic_relaxation', look=('indigo', 'longdash'),
-     signature='the residual decays after each change of strain, over a fixed time and by the '
-               'same amount at every pressure',
+     signature='the residual decays after each change of strain, over a fixed time and equally '
+               'at every pressure',
      memory=('slow_part', 'last'), off={'stiffness': 0.0},
-     summary='rubber relaxes after a change of strain, at any pressure alike',
-     source='derived: one Maxwell arm beside the bladder',
+     summary='rubber relaxes after a change of strain, equally at every pressure',
+     source='derived: one Maxwell arm parallel to the bladder',
      stiffness=Parameter(60.0, 'N', 0.0, 5000.0, 'force of the arm per unit of strain'),
      time_constant=Parameter(3.0, 's', 0.1, 300.0, 'time constant of the decay'))
 def relaxation_rubber(strain, start, dt, slow_part, last, stiffness, time_constant):
     """
     A Maxwell arm in strain: F = -k (e - y), tau dy/dt = e - y.
 
-    Unlike `viscoelastic_relaxation`, whose arm carries a share of the whole force, a step of
-    pressure at a fixed strain leaves no trace.
+    Unlike in `viscoelastic_relaxation`, whose arm has a share of the whole force, a step of
+    pressure at a fixed strain has no effect.
     """
     slow = lag(slow_part, last, strain, time_constant, start, dt)
     return -stiffness * (strain - slow), slow, strain

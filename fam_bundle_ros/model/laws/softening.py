@@ -9,12 +9,12 @@ import numpy as np
 from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import affine, before, play
 
-#: Half width of the play behind which travel is counted.
+#: Half width of the play (dead zone) of the strain before travel is counted.
 _NOISE = 2e-3
 
 
 def _worn(bladder, depth):
-    """F = -d F_bladder: the value at equilibrium, after long travel."""
+    """F = -d F_bladder: the equilibrium value, after long travel."""
     return -depth * bladder
 
 
@@ -24,17 +24,17 @@ _FAMILY: dict[str, Any] = {
     'source': 'derived: exponential in strain travelled',
     'signature': 'the error shrinks from cycle to cycle at the same strain and pressure',
     'depth': Parameter(0.15, '1', 0.0, 0.8, 'share of the stiffness that is lost'),
-    'travel': Parameter(0.5, '1', 0.02, 10.0, 'strain travelled until 63 % are lost')}
+    'travel': Parameter(0.5, '1', 0.02, 10.0, 'strain travelled until 63 % of it is lost')}
 
 
 @law('force', **_FAMILY, look=('green', 'dashdot'),
      summary='Mullins softening: bladder loses stiffness over the first cycles')
 def softening(bladder, strain, start, centre, travelled, depth, travel):
     """
-    Bladder softer over the first cycles: F = -d F_bladder (1 - exp(-s/s0)), s = strain travelled.
+    Bladder softens over the first cycles: F = -d F_bladder (1 - exp(-s/s0)), s = strain travelled.
 
-    Travel is counted behind a play of half width 0.2 % strain, so that sensor noise does not
-    count as motion. The bladder recovers between trials; see `softening_lifetime`.
+    The strain first passes a play of half width 0.2 %, so that sensor noise does not count as
+    travel. The bladder recovers between trials; see `softening_lifetime`.
     """
     path = play(centre, strain, _NOISE, start)
     moved = np.where(start, 0.0, np.abs(path - before(centre, path)))

@@ -8,7 +8,7 @@ from fam_bundle_ros.model.laws.base import law, Parameter
 @law('sensor', changes='strain', family='strain_sensor', leaves=('smooth0', 'smooth1'),
      remedy='measure the rest length and the clamped ends with a calliper',
      off={'offset': 0.0}, look=('olive', 'dot'),
-     summary='rest length or zero of the displacement sensor is off',
+     summary='displacement sensor with an offset, or error of the rest length',
      source='instrument error model; sizes 1-5 N and 1-6 % as seen on rigs',
      signature='the error has the shape of dF/de at every pressure',
      offset=Parameter(0.0, '1', -0.05, 0.05, 'offset of the reading'))
@@ -20,10 +20,11 @@ def strain_sensor_offset(offset):
 @law('sensor', changes='strain', family='strain_sensor_lag', leaves=('speed',),
      remedy='log strain and force by one clock and with the same filters',
      off={'lag': 0.0}, look=('olive', 'longdash'),
-     summary='strain and force that are not logged at one time',
-     source='first-order lag of a gauge, y + tau dy/dt = u; exact for what is read',
-     signature='the error goes with the strain rate, and with the slope of the force over strain',
-     lag=Parameter(0.0, 's', -0.1, 0.1, 'of the strain reading; below zero the force is late'))
+     summary='delay between the readings of strain and force',
+     source='first-order lag of a sensor, y + tau dy/dt = u; exact for its reading y',
+     signature='the error is in proportion to the strain rate and to the slope of the force over '
+               'strain',
+     lag=Parameter(0.0, 's', -0.1, 0.1, 'lag of the strain reading; below zero of the force'))
 def strain_sensor_lag(strain_rate, lag):
     """Strain reading = strain - tau de/dt, with the rate of the reading."""
     return -lag * strain_rate

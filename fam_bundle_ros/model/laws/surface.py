@@ -19,8 +19,8 @@ class Table(ForceTable):
     A force table F(e, P) from a CSV with columns strain, pressure [unit], force [unit].
 
     Every isobar needs at least two strains. The table is refined eightfold along strain and then
-    along pressure by shape-preserving cubic (PCHIP) interpolation, so the measured points are
-    met exactly and no oscillation is added.
+    along pressure by shape-preserving cubic (PCHIP) interpolation, which passes through the
+    measured points without oscillation.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Table(ForceTable):
 
 @law('force', family='surface', candidate=False, load=Table, look=('indigo', 'dashdot'),
      summary="interpolates the user's own force table F(strain, pressure)",
-     source='the way Kim, Mazzoleni and Bryant 2021 simulate; PCHIP by scipy',
+     source='method of Kim, Mazzoleni and Bryant 2021; PCHIP by scipy',
      signature='a measured table replaces mesh and bladder')
 def measured_surface(strain, pressure, tables, table):
     """F(e, P) of a `Table`: bilinear between its refined points, the nearest edge outside it."""
@@ -44,7 +44,7 @@ def measured_surface(strain, pressure, tables, table):
 
 def _refine(strain, pressure, force):
     """Return the table on a grid eight times as fine in both directions."""
-    # here, not above: it takes 0.4 s, which every node would pay
+    # not at the top: the import takes 0.4 s, for every node
     from scipy.interpolate import PchipInterpolator
 
     isobars = np.unique(pressure)

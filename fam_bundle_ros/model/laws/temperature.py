@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Rubber that warms up."""
+"""Change of the bladder's elasticity with temperature."""
 
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
 
-#: Temperature at which the bladder's constants hold, K.
+#: Reference temperature of the bladder's constants, K.
 _REFERENCE = 293.15
 
 

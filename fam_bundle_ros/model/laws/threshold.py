@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pressure that is spent on seating the bladder before the braid pulls."""
+"""Pressure lost in pressing the bladder against the braid, before the braid pulls."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ _FAMILY: dict[str, Any] = {
 
 
 @law('pressure', **_FAMILY, look=('orange', 'solid'),
-     summary='no force below a threshold pressure, a shift above it',
+     summary='no force below a threshold pressure; above it the pressure is reduced by it',
      source='dead band of 20-90 kPa as reported for McKibben muscles; ramp form',
      signature='the error has the shape of dF/dP, is zero at zero pressure and the same above a '
                'threshold')
@@ -24,9 +24,9 @@ def threshold_pressure(pressure, lost):
 
 
 @law('pressure', **_FAMILY, variant_of='threshold_pressure', look=('orange', 'dash'),
-     summary='pressure lost on seating the bladder, gradually',
+     summary='threshold pressure that is lost gradually, while the bladder meets the braid',
      source='derived: smooth form of threshold_pressure',
      signature='the error has the shape of dF/dP and grows from zero to a constant with pressure')
 def soft_threshold(pressure, lost):
-    """P -> P - Pth (1 - exp(-P/Pth)): the bladder seats gradually."""
+    """P -> P - Pth (1 - exp(-P/Pth)): the bladder meets the braid gradually."""
     return lost * np.expm1(-np.maximum(pressure, 0.0) / np.maximum(lost, 1e-6))

@@ -16,7 +16,7 @@ _SPEED = 0.01
 
 
 @law('loss', **_FAMILY, off={'coefficient': 0.0, 'per_pressure': 0.0}, look=('sky', 'solid'),
-     summary='damping in proportion to the speed of shortening',
+     summary='viscous damping in proportion to the speed of shortening',
      source='size 10-300 N s/m as reported for McKibben muscles; linear law',
      coefficient=Parameter(100.0, 'N*s/m', 0.0, 1e5, 'damping per muscle'),
      per_pressure=Parameter(0.0, 'N*s/m/kPa', 0.0, 200.0, 'growth with gauge pressure'))
