@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Many recordings or runs on one machine or many: campaigns, and the pool that benchmarks share.
+Campaigns over many recordings, and the pool of processes that benchmarks use too.
 
     found = run_campaign('recordings', 'model.yaml', 'results')
 """
@@ -12,7 +12,7 @@ __all__ = ['Campaign', 'run_campaign']
 
 
 def __getattr__(name: str) -> Any:
-    # late: benchmarks need the pool alone
+    # imported on demand, as benchmarks need only the pool
     if name in __all__:
         from fam_bundle_ros.campaign import campaign
         return getattr(campaign, name)

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Import, compare and diagnose over a folder of recordings; what is done is kept.
+Import, compare and diagnose all recordings of a folder; results are stored and reused.
 
     found = run_campaign('recordings', 'model.yaml', 'results', specimens='specimens.csv')
     print(found)
@@ -47,13 +47,13 @@ class Campaign(Told):
     recordings, effects, parameters : list of dict
         The rows of the tables; see `campaign.tables`.
     facts : dict of str to dict
-        Numbers of the table of specimens, of each muscle: the mean of its recordings.
+        Numbers of the table of specimens for each muscle: the mean over its recordings.
     shares : list of Share
     contrasts : list of Contrast
     trends : list of Trend
-        All that could be asked; the clearest first.
+        Contrasts and trends are in the order of their p values, also those not significant.
     computed : int
-        Recordings that were worked on now; the others were found in the folder of results.
+        Recordings computed in this run; the others were found in the folder of results.
     """
 
     model: Bundle
@@ -68,40 +68,40 @@ class Campaign(Told):
 
     @property
     def failed(self) -> list[Row]:
-        """Rows of recordings that could not be worked on."""
+        """Rows of recordings with an error."""
         return [row for row in self.recordings if row['status'] == 'failed']
 
     @property
     def counted(self) -> list[Row]:
-        """Rows that the shares and trends are about: those done, each content once."""
+        """Rows used for shares and trends: recordings without error, without duplicates."""
         return [row for row in self.recordings if counts(row)]
 
     @property
     def muscles(self) -> dict[str, int]:
-        """How many recordings count, of each muscle."""
+        """Number of recordings that count, for each muscle."""
         return dict(Counter(row['muscle'] for row in self.counted))
 
     @property
     def verdicts(self) -> dict[str, int]:
-        """How many recordings have each verdict, the most frequent first."""
+        """Number of recordings with each verdict, the most frequent first."""
         return dict(Counter(row['verdict'] for row in self.counted).most_common())
 
     @property
     def clear_trends(self) -> list[Trend]:
-        """Trends that are significant (5 % for one false among all)."""
+        """Trends that are significant (5 % probability of any false one)."""
         return [trend for trend in self.trends if trend.p < CLEAR]
 
     @property
     def clear_contrasts(self) -> list[Contrast]:
-        """Contrasts that are significant (5 % for one false among all)."""
+        """Contrasts that are significant (5 % probability of any false one)."""
         return [contrast for contrast in self.contrasts if contrast.p < CLEAR]
 
     @property
     def summary(self) -> str:
-        """How many recordings failed, count, and have each verdict."""
+        """Numbers of recordings that failed, that count, and that have each verdict."""
         twice = sum(bool(row['duplicate_of']) for row in self.recordings)
-        return (f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} there '
-                f'twice; {len(self.counted)} count, of {len(self.muscles)} muscles: '
+        return (f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} '
+                f'duplicates; {len(self.counted)} count, of {len(self.muscles)} muscles: '
                 + ', '.join(f'{count} {name}' for name, count in self.verdicts.items()))
 
     def __str__(self) -> str:
@@ -113,7 +113,7 @@ class Campaign(Told):
 
 
 def counts(row: Row) -> bool:
-    """Return whether a row of the recordings counts: done, and no duplicate."""
+    """Return whether a recording counts: without error, and not a duplicate."""
     return row['status'] == 'done' and not row['duplicate_of']
 
 
@@ -124,39 +124,39 @@ def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
                  scheduler: str | None = None,
                  progress: Callable[[int, int, str], None] | None = None) -> Campaign:
     """
-    Work on all recordings of a folder, and write the tables.
+    Diagnose all recordings of a folder, and write the tables.
 
     Parameters
     ----------
     folder : path
     model : path
-        Model file, or the name of one that ships.
+        Model file, or the name of a model of this package.
     out : path
-        Folder of results; what is in it is not computed again. Written there are
+        Folder of results; existing results are not computed again. It gets
         ``recordings.parquet``, ``effects.parquet``, ``parameters.parquet`` and one JSON for each
         recording.
     recipe : Recipe or path, optional
-        How the recordings are to be read.
+        How to read the recordings.
     specimens : path, optional
-        Table of dimensions and further numbers; see `read_specimens`. A text column ``muscle``
-        says which recordings are of one muscle.
+        Table of dimensions and further numbers; see `read_specimens`. Recordings with the same
+        text in a column ``muscle`` are of one muscle.
     choices : Choices, optional
     pattern : str
-        Names of files that are wanted.
+        Pattern of the file names, such as ``'*.csv'``.
     allow_python : bool
         Whether Python files of effects that the model names may be run.
     workers, scheduler
         See `campaign.pool.each`.
     progress : callable, optional
-        Called with how many are done, of how many, and the file.
+        Called with the number of finished recordings, the number of all, and the file.
 
     Raises
     ------
     InputError
-        For a folder without recordings, a bad model, recipe or table, a scheduler that does not
-        answer. What is wrong with one recording is in its row.
+        For a folder without recordings, a bad model, recipe or table, or a scheduler that does
+        not answer. Errors of single recordings are in their rows.
     """
-    import pandas  # noqa: F401  # before hours of work, not after
+    import pandas  # noqa: F401  # imported here to fail before hours of work
     import pyarrow  # noqa: F401
     folder, out = Path(folder), Path(out)
     if folder.resolve().is_relative_to(out.resolve()):
@@ -195,11 +195,11 @@ def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
 
 def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str], store: Store,
               computed: int) -> Campaign:
-    """Return the tables of all results, and what they say together."""
+    """Return the campaign: tables of all results, and their statistics."""
     rows: list[Row] = []
     effects: list[Row] = []
     parameters: list[Row] = []
-    # of equal files the one in the table of specimens is the original
+    # of files with equal content, one in the table of specimens is the original
     first: dict[str, str] = {}
     for recording in sorted(recordings, key=lambda each: each.specimen is None):
         first.setdefault(recording.sha256, recording.file)
@@ -222,7 +222,7 @@ def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str],
 
 
 def _facts(recordings: list[Recording]) -> dict[str, dict[str, float]]:
-    """Return the mean of each number of the table, of each muscle."""
+    """Return for each muscle the mean of each number of the table over its recordings."""
     found: dict[str, dict[str, list[float]]] = {}
     for recording in recordings:
         for name, value in tables.facts_of(recording.specimen).items():

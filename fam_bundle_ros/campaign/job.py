@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One recording of a campaign: import, compare, diagnose; the result is plain, also an error."""
+"""Import, compare and diagnose one recording of a campaign; results and errors are plain dicts."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.jsonfile import plain
 from fam_bundle_ros.model import Bundle, loads_model
 
-#: Format of a result; a change of it makes all of them anew.
+#: Format of a result; if it changes, all results are computed again.
 FORMAT = 'fam-bundle-campaign-result/1'
 
 
 @dataclass(frozen=True)
 class Model:
     """
-    A model file as it is read: its text, and where files that it names are looked up.
+    The text of a model file, with its name and the folder of relative paths in it.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Model:
 
     @classmethod
     def of(cls, path: Path, allow_python: bool = False) -> Model:
-        """Return the model of a file (InputError when it cannot be read)."""
+        """Return the model of a file; InputError if it cannot be read."""
         try:
             text = path.read_text(encoding='utf-8')
         except (OSError, UnicodeDecodeError) as error:
@@ -52,12 +52,12 @@ class Model:
         return cls(text, path.name, str(path.parent.resolve()), allow_python)
 
     def bundle(self) -> Bundle:
-        """Return the model itself."""
+        """Return the model as a `Bundle`."""
         return _bundle(self)
 
     @property
     def digest(self) -> str:
-        """Hash of the text and of the content of every table and Python file in it."""
+        """Hash of the text and of the content of every table and Python file that it names."""
         whole = hashlib.sha256(self.text.encode())
         for effect in self.bundle().effects:
             named = (effect.python_file, effect.options().get('table'))
@@ -75,15 +75,15 @@ def _bundle(model: Model) -> Bundle:
 @dataclass(frozen=True)
 class Job:
     """
-    Work on one recording, as it is sent to a worker. It can be pickled.
+    All data for the diagnosis of one recording by a worker process; picklable.
 
     Attributes
     ----------
     file, path, sha256 : str
     model : Model
-        Nominal.
+        With nominal dimensions.
     dimensions : tuple of (str, float)
-        Those of this specimen.
+        Known dimensions of this specimen, SI.
     recipe : Recipe
     choices : Choices
     """
@@ -105,10 +105,10 @@ class Job:
 
     def address(self, model_digest: str) -> str:
         """
-        Return the hash of all that the result depends on, and of nothing else.
+        Return the hash of everything on which the result depends.
 
-        Those are the data, the model, the specimen's dimensions, the recipe, the choices and the
-        code; not the file's name or place.
+        This is the data, the model, the specimen's dimensions, the recipe, the choices and the
+        code, but not the name or folder of the file.
         """
         parts = {'format': FORMAT, 'data': self.sha256, 'model': model_digest,
                  'dimensions': self.dimensions, 'recipe': plain(self.recipe),
@@ -118,14 +118,14 @@ class Job:
 
 def run(job: Job) -> dict[str, Any]:
     """
-    Return what a recording says of the model, as plain values.
+    Return the result of a recording as plain values.
 
     Returns
     -------
     dict
-        ``error`` (empty where it worked), ``passing`` (True where the error is one of the machine
-        and not of the data: the next run tries again), ``data``, ``compare`` and ``diagnose``
-        as the commands of these names write them.
+        ``error`` (empty if it succeeded), ``passing`` (True if the error is due to the machine,
+        not to the data: the next run tries again), ``data``, ``compare`` and ``diagnose`` (the
+        JSON of the commands of these names).
     """
     try:
         return _done(job)
@@ -133,12 +133,12 @@ def run(job: Job) -> dict[str, Any]:
         return _failed(str(error), passing=False)
     except OSError as error:
         return _failed(str(error), passing=True)
-    except Exception as error:  # one bad recording must not end the others
+    except Exception as error:  # one bad recording must not stop the campaign
         return _failed(f'unexpected {type(error).__name__}: {error}', passing=True)
 
 
 def lost(job: Job) -> dict[str, Any]:
-    """Return the result of a recording whose worker died again and again."""
+    """Return the result of a recording whose worker process died at every attempt."""
     return _failed('the process that worked on it died each time: out of memory, or '
                    'a crash', passing=True)
 
@@ -151,13 +151,13 @@ def _done(job: Job) -> dict[str, Any]:
     model = job.model.bundle()
     if job.dimensions:
         model = model.with_parameters({f'geometry.{k}': value for k, value in job.dimensions})
-    # checked before it is read: a result must not be kept under the hash of other data
+    # a result must not be stored under the hash of other data
     if file_digest(path) != job.sha256:
         raise OSError('it was changed while the campaign ran')
     measured = read_measurement(path, recipe=recipe_for(model, job.recipe))
     result = diagnose(model, measured, choices=job.choices)
     compared, said = result.comparison.to_dict(), result.to_dict()
-    # results are kept small: no tables by trial, no matrix of correlations
+    # large parts are omitted from stored results
     for tree, heavy in ((compared, ('tables', 'noise')), (said, ('confounding',))):
         for key in heavy:
             del tree[key]

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Many independent tasks: in this process, in processes of this machine, or on a Dask cluster.
+Run independent tasks in this process, in processes of this machine, or on a Dask cluster.
 
-No process is left when it ends, also after Ctrl-C, SIGTERM or a kill.
+All processes on this machine end with the call, also after Ctrl-C, SIGTERM or SIGKILL.
 """
 
 import asyncio
@@ -37,36 +37,37 @@ from fam_bundle_ros.extras import library
 from fam_bundle_ros.processes import variables
 
 Progress = Callable[[int, int], None] | None
-#: What stands for the result of a task whose process died (default: `WorkerDied` is raised).
+#: Returns a substitute for the result of a task whose process died; None: raise `WorkerDied`.
 Lost = Callable[[Any], Any] | None
-#: Linear algebra on one core each: the processes are the parallelism.
+#: Set to 1, as several processes with several threads each would compete for the cores.
 _ONE_CORE = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
 #: Signals that end a command.
 _ENDS = (signal.SIGINT, signal.SIGTERM)
-#: s until a scheduler has to answer.
+#: Timeout of the scheduler, s.
 _ANSWER = 10.0
 
 
 class WorkerDied(RuntimeError):
-    """The process that worked on a task was killed or crashed, also when it was tried again."""
+    """The process of a task was killed or crashed, also at the second attempt."""
 
 
 def each(function: Callable[[Any], Any], tasks: Iterable[Any], workers: int | None = None,
          progress: Progress = None, scheduler: str | None = None) -> list[Any]:
     """
-    Return the result of every task, in their order.
+    Return the results of all tasks, in their order.
 
     Parameters
     ----------
     function : callable
-        Of a module, so that a fresh process finds it; tasks and results can be pickled.
+        Defined in a module, so that a new process can import it; tasks and results must be
+        picklable.
     tasks : iterable
     workers : int, optional
-        Processes; all cores by default. With 1 it is done here.
+        Number of processes; by default that of cores. 1: run in this process.
     progress : callable, optional
-        Called with how many are done, and of how many.
+        Called with the number of finished tasks and the number of all tasks.
     scheduler : str, optional
-        Address of a Dask scheduler, ``tcp://HOST:8786``: the work is done by its workers.
+        Address of a Dask scheduler, ``tcp://HOST:8786``, whose workers run the tasks.
     """
     todo = list(tasks)
     results: list[Any] = [None] * len(todo)
@@ -80,24 +81,24 @@ def each(function: Callable[[Any], Any], tasks: Iterable[Any], workers: int | No
 def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | None = None,
             scheduler: str | None = None, lost: Lost = None) -> Iterator[tuple[int, Any]]:
     """
-    Yield the place of each task and its result as it is done; see `each`.
+    Yield the index and the result of each task when it is finished; see `each`.
 
-    An error, Ctrl-C or SIGTERM ends the processes at once. On a cluster what has not begun is
-    cancelled; its processes stay.
+    After an error, Ctrl-C or SIGTERM the processes are terminated. On a cluster, tasks that have
+    not started are cancelled; its workers keep running.
 
     Parameters
     ----------
     lost : callable, optional
-        Given a task whose process died, returns what stands for its result. On this machine such
-        a task is tried once more, alone; a cluster tries it as often as its option
+        Takes a task whose process died and returns a substitute for its result. On this machine
+        such a task is first tried once more, alone; on a cluster, as often as its option
         ``distributed.scheduler.allowed-failures`` says.
 
     Raises
     ------
     InputError
-        Where the scheduler does not answer, its workers have other code, or Dask is not there.
+        If the scheduler does not answer, its workers have other code, or Dask is not installed.
     WorkerDied
-        Without ``lost``.
+        If a process dies and ``lost`` is None.
     """
     if scheduler is not None:
         if workers is not None:
@@ -112,7 +113,7 @@ def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | 
     with variables(**dict.fromkeys(_ONE_CORE, '1')):
         suspects = yield from _in_processes(function, dict(enumerate(todo)), count)
         while suspects:
-            # one at a time, so that it is known which of them kills its process
+            # one at a time, to find the task that kills its process
             place, task = suspects.popitem()
             died = yield from _in_processes(function, {place: task}, 1)
             if died:
@@ -122,16 +123,16 @@ def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | 
 def _in_processes(function: Callable[[Any], Any], todo: dict[int, Any], count: int,
                   ) -> Generator[tuple[int, Any], None, dict[int, Any]]:
     """
-    Yield places and results; return the tasks that were under way when a process died.
+    Yield indices and results; return the tasks that were running when a process died.
 
-    What had not begun by then is done by new processes.
+    Tasks that had not started then are run by new processes.
     """
     suspects: dict[int, Any] = {}
     while todo:
         before = set(active_children())
-        # not forked: a fork keeps the threads' locks, and linear algebra that uses every core
+        # not forked: a fork inherits locks of threads, and linear algebra set up for all cores
         with ProcessPoolExecutor(count, get_context('spawn'), _begin_worker) as pool:
-            # as many as there are processes, not more: what is under way when one dies is known
+            # no more tasks than processes, so that the running ones are known if a process dies
             under_way: dict[Future, int] = {}
             waiting = iter(list(todo))
             try:
@@ -161,12 +162,12 @@ def _in_processes(function: Callable[[Any], Any], todo: dict[int, Any], count: i
 
 
 def _can_start() -> None:
-    """Raise WorkerDied where processes end before any task: no task is to blame, none can run."""
+    """Raise WorkerDied if a new process dies without a task: then the cause is not a task."""
     try:
         with ProcessPoolExecutor(1, get_context('spawn'), _begin_worker) as pool:
             pool.submit(os.getpid).result()
     except BrokenProcessPool as error:
-        raise WorkerDied('processes end as they start; expected a script that calls this below '
+        raise WorkerDied('processes die at their start; expected a script that calls this below '
                          "`if __name__ == '__main__':`, since each process imports it, and enough "
                          'memory') from error
 
@@ -181,10 +182,10 @@ def _told_lost(lost: Lost, task: Any) -> Any:
 @contextmanager
 def _signals_wait() -> Iterator[None]:
     """
-    Hold Ctrl-C and SIGTERM back while processes are started.
+    Block Ctrl-C and SIGTERM while processes are started.
 
-    A process that has half of what it needs would end with a traceback. It starts with both held
-    back, until `_begin_worker`.
+    A process interrupted during its start would print a traceback. It inherits the blocked
+    signals, until `_begin_worker`.
     """
     resource_tracker.ensure_running()  # its start unblocks signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
@@ -195,7 +196,7 @@ def _signals_wait() -> Iterator[None]:
 
 
 def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, and end when it is gone: a killed parent cannot say so."""
+    """Ignore Ctrl-C, which the parent handles, and exit when the parent process has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
     parent = parent_process()
@@ -220,7 +221,7 @@ def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: st
                 except distributed.CancelledError as error:
                     raise InputError(f'scheduler {address}: the connection was lost; expected it '
                                      'to run until the end') from error
-                future.release()  # its result need not stay in the cluster's memory
+                future.release()  # frees the result in the cluster's memory
                 yield place, result
         except BaseException:
             client.cancel(list(places), force=True)
@@ -230,7 +231,7 @@ def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: st
 @contextmanager
 def _client(distributed: Any, address: str) -> Iterator[Any]:
     """Yield a client of a scheduler whose workers have the code of this process."""
-    # asked first: a client that could not connect takes 20 s to close
+    # checked before a client is made, which takes 20 s to close if it cannot connect
     with ThreadPoolExecutor(1) as alone:
         try:
             kind = alone.submit(asyncio.run, _kind(distributed, address)).result()
@@ -253,8 +254,8 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
 
 
 async def _kind(distributed: Any, address: str) -> str:
-    """Return what answers at an address: 'Scheduler', 'Worker', ..."""
-    security = distributed.Security()  # as the configuration of Dask says
+    """Return the type of the server at an address: 'Scheduler', 'Worker', ..."""
+    security = distributed.Security()  # from the configuration of Dask
     server = distributed.rpc(address, timeout=_ANSWER,
                              connection_args=security.get_connection_args('client'))
     try:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of a campaign: the files of a folder and the lines of a table."""
+"""Find the recordings of a campaign: files of a folder and rows of a table of specimens."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from fam_bundle_ros.data.measurement import file_digest
 from fam_bundle_ros.discovery.specimens import read_specimens, Specimen
 from fam_bundle_ros.errors import InputError
 
-#: File that says that a folder holds the results of a campaign: nothing in it is a recording.
+#: File that marks a folder of results, which has no recordings.
 MARK = 'campaign.json'
-#: File of a folder that is a ROS 2 bag.
+#: File that marks a folder as a ROS 2 bag.
 _BAG = 'metadata.yaml'
 
 
@@ -27,15 +27,15 @@ class Recording:
     Attributes
     ----------
     file : str
-        Its path in the folder, absolute for one elsewhere: the key of every table.
+        Path relative to the folder, absolute if it is elsewhere: the key of every table.
     path : Path
-        Absolute.
+        Absolute path.
     sha256 : str
-        Of its bytes; empty where it cannot be read.
+        Hash of its content; empty if it cannot be read.
     specimen : Specimen or None
-        Its line in the table of specimens.
+        Its row in the table of specimens.
     problem : str
-        Why it cannot be read; empty where it can.
+        Why it cannot be read; empty if it can.
     """
 
     file: str
@@ -46,7 +46,7 @@ class Recording:
 
     @property
     def muscle(self) -> str:
-        """Name of the muscle: what the table has in a column ``muscle``, else the file."""
+        """Name of the muscle: from the column ``muscle`` of the table, else the file."""
         if self.specimen is None:
             return self.file
         facts, remarks = self.specimen.facts, self.specimen.remarks
@@ -57,24 +57,24 @@ class Recording:
 def find(folder: Path, table: Path | None = None, pattern: str = '*',
          skip: tuple[Path, ...] = ()) -> list[Recording]:
     """
-    Return the recordings below a folder, and those of a table, by their names.
+    Return the recordings in a folder and in a table, in the order of their names.
 
     Parameters
     ----------
     folder : Path
-        Searched with all folders in it, but for hidden ones and results of campaigns. A ROS 2
-        bag (a folder) is one recording.
+        Searched recursively, except hidden folders and results of campaigns. A ROS 2 bag (a
+        folder) is one recording.
     table : Path, optional
-        Table of specimens; a file in it that is not there is a recording with a problem.
+        Table of specimens; a missing file in it is a recording with a problem.
     pattern : str
-        Names of files that are wanted, ``'*.csv'``.
+        Pattern of the file names, such as ``'*.csv'``.
     skip : tuple of Path
-        Files that are no recordings: recipes, tables.
+        Files that are not recordings: recipes, tables.
 
     Raises
     ------
     InputError
-        For a folder without recordings, a bad table, or two lines about one file.
+        For a folder without recordings, a bad table, or two rows with the same file.
     """
     if not folder.is_dir():
         raise InputError(f'{folder}: no such folder; expected one with recordings')
@@ -86,7 +86,7 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
                              'line for each recording')
         told[path] = specimen
     left = {path.resolve() for path in (*skip, *([table] if table is not None else []))}
-    # by the name in the folder, which may be a link; the table may name it by another way
+    # by the name in the folder, which may be a link; the table may have another path to the file
     names = {str(path.relative_to(folder)): path for path in _files(folder, pattern)
              if path.resolve() not in left}
     there = {path.resolve() for path in names.values()}

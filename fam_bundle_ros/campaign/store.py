@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of results: one small JSON for each recording, found by its address."""
+"""The folder of results: one small JSON file for each recording, named by its address."""
 
 from dataclasses import dataclass
 import json
@@ -14,12 +14,12 @@ from fam_bundle_ros.errors import InputError
 @dataclass(frozen=True)
 class Store:
     """
-    Results by address; a kill while writing leaves the old state.
+    Results by address (`job.Job.address`); files are written atomically.
 
     Attributes
     ----------
     folder : Path
-        Made if it is not there.
+        Made if it does not exist.
     """
 
     folder: Path
@@ -36,7 +36,7 @@ class Store:
         return self.folder / f'{address}.json'
 
     def read(self, address: str) -> dict[str, Any] | None:
-        """Return a result; None where there is none that can be used."""
+        """Return a result; None if there is no valid one."""
         try:
             result = json.loads(self.path(address).read_text(encoding='utf-8'))
         except (OSError, ValueError):
@@ -44,10 +44,10 @@ class Store:
         return result if isinstance(result, dict) and 'passing' in result else None
 
     def is_done(self, address: str) -> bool:
-        """Return whether a result is there that another run would not change."""
+        """Return whether there is a final result: not an error of the machine."""
         result = self.read(address)
         return result is not None and not result['passing']
 
     def write(self, address: str, result: dict[str, Any]) -> None:
-        """Write a result, whole or not at all."""
+        """Write a result atomically."""
         write_whole(self.path(address), json.dumps(result, indent=1, allow_nan=False))

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Results of recordings as tidy tables: a row for each recording, effect, and parameter.
+Results of recordings as tidy tables: one row for each recording, effect, or parameter.
 
-Columns carry their unit in the name; what the table of specimens says of a recording comes last.
+Column names have the unit; columns of the table of specimens come last.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from fam_bundle_ros.discovery.specimens import Specimen
 
 Row = dict[str, Any]
 _TEXT, _NUMBER, _COUNT, _BOOL = 'string', 'float64', 'Int64', 'bool'
-#: Columns of each table with their types in pandas; further ones are from the table of specimens.
+#: Columns of each table and their pandas types; further columns are from the table of specimens.
 COLUMNS: dict[str, dict[str, str]] = {
     'recordings': {
         **dict.fromkeys(('file', 'muscle', 'status', 'error', 'duplicate_of'), _TEXT),
@@ -36,12 +36,12 @@ COLUMNS: dict[str, dict[str, str]] = {
         **dict.fromkeys(('file', 'muscle', 'parameter'), _TEXT), 'value': _NUMBER, 'unit': _TEXT,
         'low': _NUMBER, 'high': _NUMBER, 'flag': _TEXT, 'tolerances_moved': _NUMBER,
         'sure': _BOOL, **dict.fromkeys(('data_value', 'data_low', 'data_high'), _NUMBER)}}
-#: Flags of a parameter whose value is not that of the data.
+#: Flags of parameters whose value is not determined by the data.
 UNSURE = ('at bound',)
 
 
 def facts_of(specimen: Specimen | None) -> Row:
-    """Return what the table of specimens says of a recording: ``{'length [mm]': 127.0, ...}``."""
+    """Return a specimen's row in the table of specimens: ``{'length [mm]': 127.0, ...}``."""
     if specimen is None:
         return {}
     units = specimen.units
@@ -58,10 +58,11 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
     ----------
     recording : Recording
     result : mapping
-        See `job.run`.
+        From `job.run`.
     address : str
+        Hash of the job, see `job.Job.address`.
     duplicate_of : str
-        First file with the same bytes; empty for none.
+        First file with the same content; empty if there is none.
     """
     row: Row = {'file': recording.file, 'muscle': recording.muscle,
                 'status': 'failed' if result['error'] else 'done',
@@ -90,7 +91,7 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
 
 
 def effect_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
-    """Return a row for each effect that was weighed for a recording, added or in the model."""
+    """Return a row for each effect in the ranking of a recording."""
     said = result.get('diagnose', {})
     tied = {name for group in said.get('tied', []) for name in group}
     named = {*said.get('effects', []), *said.get('replaced', {}).values(),
@@ -109,7 +110,7 @@ def effect_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
 
 
 def parameter_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
-    """Return a row for each fitted parameter of the model that explains a recording best."""
+    """Return a row for each fitted parameter of a recording's best model."""
     return [{'file': recording.file, 'muscle': recording.muscle, 'parameter': key,
              'value': each['value'], 'unit': each['unit'], 'low': each['interval'][0],
              'high': each['interval'][1], 'flag': each['flag'],
@@ -121,10 +122,15 @@ def parameter_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]
 
 def write_parquet(name: str, rows: list[Row], path: Path) -> None:
     """
-    Write rows as a Parquet table (pandas and pyarrow), whole or not at all.
+    Write rows as a Parquet table (pandas and pyarrow), atomically.
 
-    The columns and their types are those of `COLUMNS`, also where all recordings failed. A column
-    of the table of specimens is one of numbers where any of its cells is one.
+    The columns and their types are those of `COLUMNS`, also if all recordings failed. A column of
+    the table of specimens has numbers if any of its cells is a number.
+
+    Parameters
+    ----------
+    name : str
+        Key of `COLUMNS`.
     """
     import pandas
     types = COLUMNS[name]

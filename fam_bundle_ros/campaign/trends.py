@@ -3,9 +3,9 @@
 """
 Statistics over many muscles: how often an effect is missing, and which numbers correlate.
 
-Counts have Wilson's interval. A parameter over a number of the table of specimens is a
-meta-regression of logarithms: each muscle has the error of its fit, and muscles differ beyond it.
-Probabilities are corrected for how many questions were asked (Holm).
+Shares have Wilson's interval. The dependence of a parameter on a number of the table of specimens
+is a meta-regression of logarithms: each muscle has the error of its fit, plus a scatter between
+muscles. p values are corrected for the number of tests (Holm).
 
 References
 ----------
@@ -22,11 +22,11 @@ import numpy as np
 
 from fam_bundle_ros.discovery.specimens import DIMENSIONS
 
-#: Muscles that a trend needs at least: two fix a line, a third one says little of scatter.
+#: Least number of muscles for a trend: two determine a line, a third hardly the scatter.
 LEAST = 4
 #: Standard deviations of a 95 % interval.
 _95 = 1.96
-#: Least relative error of a fitted parameter; some intervals are empty at a bound.
+#: Least relative error of a fitted parameter; at a bound an interval may have no width.
 _LEAST_ERROR = 1e-3
 
 Row = Mapping[str, Any]
@@ -41,13 +41,13 @@ class Share:
     ----------
     effect : str
     muscles : int
-        With it: it is named in at least half of the muscle's recordings.
+        Number of muscles for which it is named in at least half of the recordings.
     of : int
-        Muscles in all.
+        Number of all muscles.
     low, high : float
         95 % interval of the share.
     tied : int
-        Muscles where it is tied with another effect in at least half of the recordings.
+        Number of muscles for which it is in a tie in at least half of the recordings.
     """
 
     effect: str
@@ -67,11 +67,11 @@ class Contrast:
     ----------
     effect, fact : str
     lacking, others : int
-        Muscles.
+        Numbers of muscles.
     median_lacking, median_others : float
-        Of the fact.
+        Medians of the fact.
     p : float
-        Mann-Whitney, corrected for the number of questions.
+        p value of the Mann-Whitney test, corrected for the number of tests.
     """
 
     effect: str
@@ -90,21 +90,20 @@ class Contrast:
 @dataclass(frozen=True)
 class Trend:
     """
-    A parameter over a number of the table, value = factor * fact ** power.
+    A power law of a parameter in a number of the table, value = factor * fact ** power.
 
     Attributes
     ----------
     parameter, unit, fact : str
     fact_values, values, low, high : tuple of float
-        Of each muscle; 95 % intervals.
+        For each muscle, with 95 % intervals of the values.
     power, power_low, power_high : float
-        95 % interval.
+        Exponent with 95 % interval.
     factor : float
     scatter : float
-        Standard deviation of the muscles about the line beyond the errors of their fits, as a
-        share of the value.
+        Relative standard deviation of the muscles about the line beyond the errors of their fits.
     p : float
-        That the power is zero, corrected for the number of questions.
+        p value of the hypothesis that the power is zero, corrected for the number of tests.
     """
 
     parameter: str
@@ -128,14 +127,14 @@ class Trend:
 
 def shares(effects: Sequence[Row], muscles: Mapping[str, int]) -> list[Share]:
     """
-    Return how many muscles lack each effect, the most frequent first.
+    Return the share of muscles that lack each effect, the most frequent first.
 
     Parameters
     ----------
     effects : sequence of dict
-        `tables.effect_rows` of every recording that counts.
+        `tables.effect_rows` of all recordings that count.
     muscles : dict of str to int
-        Recordings of each muscle that count.
+        Number of recordings that count, for each muscle.
     """
     from scipy import stats
     named, tied = (_lacking(effects, muscles, kind) for kind in ('named', 'tied'))
@@ -151,19 +150,19 @@ def shares(effects: Sequence[Row], muscles: Mapping[str, int]) -> list[Share]:
 def contrasts(effects: Sequence[Row], muscles: Mapping[str, int],
               facts: Mapping[str, Mapping[str, float]]) -> list[Contrast]:
     """
-    Return for each effect and each number of the table whether the two go together.
+    Compare each number of the table between muscles with and without each effect.
 
     Parameters
     ----------
     effects, muscles
         As in `shares`.
     facts : dict of str to dict
-        Numbers of the table, of each muscle.
+        Numbers of the table for each muscle.
 
     Returns
     -------
     list of Contrast
-        The clearest first; only where both kinds of muscles are at least `LEAST`.
+        In the order of p; only if both groups have at least `LEAST` muscles.
     """
     from scipy import stats
     found = []
@@ -182,15 +181,16 @@ def contrasts(effects: Sequence[Row], muscles: Mapping[str, int],
 
 def trends(parameters: Sequence[Row], facts: Mapping[str, Mapping[str, float]]) -> list[Trend]:
     """
-    Return how each parameter goes with each number of the table, the clearest first.
+    Return the power law of each parameter in each number of the table, in the order of p.
 
     Parameters
     ----------
     parameters : sequence of dict
-        `tables.parameter_rows` of every recording that counts; those that the data do not move
-        are left out, and so are dimensions over dimensions: the table gave both.
+        `tables.parameter_rows` of all recordings that count. Parameters that the data do not
+        determine are omitted, and dimensions as a function of dimensions, as both are in the
+        table.
     facts : dict of str to dict
-        Numbers of the table, of each muscle; a power law needs them above 0.
+        Numbers of the table for each muscle; only values above 0 are used.
     """
     from scipy import stats
     found = []
@@ -219,12 +219,12 @@ def trends(parameters: Sequence[Row], facts: Mapping[str, Mapping[str, float]]) 
 
 def per_muscle(rows: Sequence[Row]) -> dict[str, tuple[float, float]]:
     """
-    Return the logarithm of a parameter and its standard error, of each muscle.
+    Return the logarithm of a parameter and its standard error for each muscle.
 
-    What the data alone say: a prior, the same for all, would draw muscles together. Recordings
-    of one muscle are averaged by their errors; where they differ by more than those, the error is
-    what they differ by. Values that are not above 0 have no logarithm: then the whole parameter
-    is left out.
+    The estimates are those without the prior, which would reduce the differences between muscles.
+    Recordings of one muscle are averaged, weighted by their errors; the error of the mean is the
+    larger of the propagated error and that from their scatter. If any value is not above 0, the
+    parameter is omitted: the result is empty.
     """
     sure = [row for row in rows if row['sure']]
     if any(row['data_value'] <= 0.0 for row in sure):
@@ -246,10 +246,10 @@ def per_muscle(rows: Sequence[Row]) -> dict[str, tuple[float, float]]:
 def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
               ) -> tuple[float, float, float, float, float]:
     """
-    Fit y = a + b x with errors s and a scatter of the muscles beyond them.
+    Fit y = a + b x with errors s and an additional scatter of the muscles.
 
-    The scatter is DerSimonian and Laird's (moments), the error of b Knapp and Hartung's: right
-    for few muscles, and for errors s that are all too small or too large.
+    The scatter is estimated by moments (DerSimonian and Laird), the error of b after Knapp and
+    Hartung: valid for few muscles, and if all errors s are too small or too large by a factor.
 
     Parameters
     ----------
@@ -259,8 +259,7 @@ def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
     Returns
     -------
     power, error, scatter, start, p : float
-        b, its standard error (n - 2 degrees of freedom), the scatter, a, and the probability of
-        such a b where the true one is 0.
+        b, its standard error (n - 2 degrees of freedom), the scatter, a, and the p value of b = 0.
     """
     from scipy import stats
     design = np.stack([np.ones(len(x)), x], -1)
@@ -275,8 +274,8 @@ def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
     trace = weight.sum() - np.trace(inverse @ (design.T * weight ** 2 @ design))
     between = max(0.0, (q - (len(x) - 2)) / trace)
     beta, inverse, q = fit(1.0 / (s ** 2 + between))
-    # from the residuals about the line, not from the errors of the fits: an error that all fits
-    # share (a tie, correlated parameters) shifts the line and does not change its slope
+    # from the residuals about the line, not from the errors of the fits: an error common to all
+    # fits (a tie, correlated parameters) shifts the line but does not change its slope
     error = float(np.sqrt(inverse[1, 1] * max(q / (len(x) - 2), _LEAST_ERROR ** 2)))
     p = 2.0 * float(stats.t.sf(abs(beta[1]) / error, len(x) - 2))
     return float(beta[1]), error, float(np.sqrt(between)), float(beta[0]), p
@@ -284,7 +283,7 @@ def power_law(x: np.ndarray, y: np.ndarray, s: np.ndarray
 
 def holm(p: Sequence[float]) -> list[float]:
     """
-    Return probabilities corrected for how many there are.
+    Return p values corrected for their number (Holm's method).
 
     Examples
     --------
@@ -301,7 +300,7 @@ def holm(p: Sequence[float]) -> list[float]:
 
 def _lacking(effects: Sequence[Row], muscles: Mapping[str, int], kind: str
              ) -> dict[str, set[str]]:
-    """Return the muscles where an effect is named (or tied) in half of the recordings or more."""
+    """Return by effect the muscles with it named (or tied) in at least half of the recordings."""
     count = Counter((row['effect'], row['muscle']) for row in effects if row[kind])
     found: dict[str, set[str]] = {}
     for (effect, muscle), many in count.items():
@@ -319,6 +318,6 @@ def _log_error(row: Row) -> float:
 
 
 def _clearest_first(found: list[Any]) -> list[Any]:
-    """Return contrasts or trends by their probability, which is corrected for their number."""
+    """Return contrasts or trends in the order of p, which is corrected for their number."""
     return sorted((replace(each, p=p) for each, p in zip(found, holm([e.p for e in found]))),
                   key=lambda each: (each.p, str(each)))

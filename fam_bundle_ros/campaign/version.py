@@ -9,7 +9,7 @@ from pathlib import Path
 
 import fam_bundle_ros
 
-#: What a diagnosis is computed by.
+#: Sources on which a diagnosis depends.
 _SOURCES = ('model', 'data', 'discovery', 'kernels.py', 'units.py')
 _LAWS = 'fam_bundle_ros.effects'
 
@@ -17,14 +17,14 @@ _LAWS = 'fam_bundle_ros.effects'
 @cache
 def code_version(whole: bool = False) -> str:
     """
-    Return the version and a hash of the sources: a tree that is worked on keeps its version.
+    Return the version and a hash of the sources, which also change between releases.
 
-    Laws that other packages bring (entry points) change it too.
+    The hash includes the laws of other packages (entry points).
 
     Parameters
     ----------
     whole : bool
-        Of the whole package, not only of what a diagnosis is computed by.
+        Hash the whole package, not only the sources on which a diagnosis depends.
     """
     root = Path(fam_bundle_ros.__file__).parent
     digest = hashlib.sha256()
