@@ -117,7 +117,7 @@ def as_done(function: Callable[[Any], Any], todo: Sequence[Any], workers: int | 
             place, task = suspects.popitem()
             died = yield from _in_processes(function, {place: task}, 1)
             if died:
-                yield place, _told_lost(lost, task)
+                yield place, _substitute(lost, task)
 
 
 def _in_processes(function: Callable[[Any], Any], todo: dict[int, Any], count: int,
@@ -172,7 +172,7 @@ def _can_start() -> None:
                          'memory') from error
 
 
-def _told_lost(lost: Lost, task: Any) -> Any:
+def _substitute(lost: Lost, task: Any) -> Any:
     if lost is None:
         raise WorkerDied(f'the process that worked on {task!r} died twice: killed, out of memory, '
                          'or a crash')
@@ -217,7 +217,7 @@ def _on_cluster(function: Callable[[Any], Any], todo: Sequence[Any], address: st
                 try:
                     result = future.result()
                 except distributed.KilledWorker:
-                    result = _told_lost(lost, todo[place])
+                    result = _substitute(lost, todo[place])
                 except distributed.CancelledError as error:
                     raise InputError(f'scheduler {address}: the connection was lost; expected it '
                                      'to run until the end') from error

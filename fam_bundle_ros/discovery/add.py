@@ -32,7 +32,7 @@ from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, us
 from fam_bundle_ros.discovery.predict import matched, predict
 from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.settings import Choices
-from fam_bundle_ros.discovery.verdict import what_is_left
+from fam_bundle_ros.discovery.verdict import remaining_discrepancy
 from fam_bundle_ros.discovery.words import renamed
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.jsonfile import to_json
@@ -207,7 +207,7 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
     physics, joint : Fit
         Fitted without and with a discrepancy.
     """
-    left = what_is_left(fitter.covariance, joint, physics).smooth
+    left = remaining_discrepancy(fitter.covariance, joint, physics).smooth
     surface = (joint.hyper.fits_a_table and held.discrepancy < held.physics
                and left > settings.VISIBLE * fitter.cells.noise)
     leftover = Leftover.of(fitter, physics, joint.hyper) if surface else None

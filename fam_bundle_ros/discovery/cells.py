@@ -146,7 +146,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     if len(data) <= most:
         label = np.arange(len(data))
     else:
-        label = (_places if data.is_static else _stays)(
+        label = (_places if data.is_static else _visits)(
             data, data.direction, strain_range, pressure_range, most)
     label = _at_most(most, np.where(
         spikes(data, residual, noise) | unknown_direction(data), -1, label))
@@ -226,8 +226,8 @@ def _places(data: Measurement, direction: np.ndarray, strain_range: float,
     return label
 
 
-def _stays(data: Measurement, direction: np.ndarray, strain_range: float,
-           pressure_range: np.ndarray, most: int) -> np.ndarray:
+def _visits(data: Measurement, direction: np.ndarray, strain_range: float,
+            pressure_range: np.ndarray, most: int) -> np.ndarray:
     """
     Return the number of the visit that each row of a log belongs to, (T,) int.
 
@@ -241,12 +241,12 @@ def _stays(data: Measurement, direction: np.ndarray, strain_range: float,
     label = np.zeros(len(data), int)
     for bins in _BINS:
         scaled = (columns / np.maximum(size / bins, _STILL * noise)).tolist()
-        first, stay = scaled[0], -1
+        first, visit = scaled[0], -1
         for k, row in enumerate(scaled):
             if fresh[k] or any(abs(a - b) > 1.0 for a, b in zip(row, first)):
-                first, stay = row, stay + 1
-            label[k] = stay
-        if stay < most:
+                first, visit = row, visit + 1
+            label[k] = visit
+        if visit < most:
             break
     return label
 

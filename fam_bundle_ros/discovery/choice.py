@@ -28,12 +28,12 @@ from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
+    evidence_of_structure,
     implausible_constants,
     implausible_geometry,
     is_structured,
-    need_of_structure,
     negligible,
-    what_is_left,
+    remaining_discrepancy,
 )
 from fam_bundle_ros.model import Bundle
 
@@ -66,7 +66,7 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     if not found:
         return chosen, found
     physics = fitter.without_discrepancy(chosen)
-    if what_is_left(fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
+    if remaining_discrepancy(fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
         return plainest(search, chosen, found, choices)
     near = _near(search, chosen.posterior, choices)
     # remove the weak effects of each set, as was done for the chosen set
@@ -76,9 +76,9 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     alone = [physics, *(fitter.without_discrepancy(fit) for fit in tried[1:])]
     squares = [squares_of_folds(fitter, fit) for fit in alone]
     least = min(squares, key=np.sum)
-    alike = [k for k, each in enumerate(squares) if as_good(each, least)]
-    away = away_from_all(fitter.cells, [alone[k].model for k in alike],
-                         softmax([tried[k].posterior for k in alike]))
+    alike = [k for k, each in enumerate(squares) if within_standard_error(each, least)]
+    away = mean_square_distance(fitter.cells, [alone[k].model for k in alike],
+                                softmax([tried[k].posterior for k in alike]))
     best = next(tried[k] for k, square in zip(alike, away)
                 if square <= away.min() + fitter.cells.noise ** 2)
     order = changes(search.options, best.names)
@@ -125,7 +125,7 @@ def _near(search: Search, posterior: float, choices: Choices) -> list[Fit]:
             if fit.posterior > posterior - np.log(choices.odds)][:_TRIED]
 
 
-def away_from_all(cells: Cells, models: list[Bundle], weights: np.ndarray) -> np.ndarray:
+def mean_square_distance(cells: Cells, models: list[Bundle], weights: np.ndarray) -> np.ndarray:
     """
     Return the weighted mean square distance of each model's force to the others', (k,), N^2.
 
@@ -155,7 +155,7 @@ def predictive(search: Search, chosen: Fit, physics: Fit, choices: Choices) -> F
         The answer, fitted with and without a discrepancy.
     """
     fitter = search.fitter
-    if not splits(fitter.cells) or what_is_left(
+    if not splits(fitter.cells) or remaining_discrepancy(
             fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
         return physics
     near = _near(search, search.best.posterior, choices)
@@ -176,8 +176,9 @@ def likelier_than_not(search: Search, choices: Choices) -> tuple[Fit, list[Chang
     without a discrepancy.
     """
     fitter, null = search.fitter, search.null
-    left = what_is_left(fitter.covariance, null, fitter.without_discrepancy(null))
-    if not is_structured(fitter.cells, need_of_structure(fitter, null), left, choices.inclusion):
+    left = remaining_discrepancy(fitter.covariance, null, fitter.without_discrepancy(null))
+    need = evidence_of_structure(fitter, null)
+    if not is_structured(fitter.cells, need, left, choices.inclusion):
         return null, []
     posterior = Posterior.of(search)
     for fit in posterior.fits:
@@ -199,8 +200,8 @@ def _explains_alone(search: Search, fit: Fit, inclusion: float) -> bool:
     alone = fitter.without_discrepancy(fit)
     hyper, evidence = fitter.best_hyper(fit.hyper, alone.linear)
     beside = replace(alone, hyper=hyper, evidence=evidence)
-    left = what_is_left(fitter.covariance, beside, beside)
-    return not is_structured(fitter.cells, need_of_structure(fitter, beside), left, inclusion)
+    left = remaining_discrepancy(fitter.covariance, beside, beside)
+    return not is_structured(fitter.cells, evidence_of_structure(fitter, beside), left, inclusion)
 
 
 def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics: Fit,
@@ -229,15 +230,16 @@ def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics:
     """
     fitter = search.fitter
     held = held_out(fitter, physics, chosen)
-    left = what_is_left(fitter.covariance, chosen, physics)
-    structured = is_structured(fitter.cells, need_of_structure(fitter, chosen), left, inclusion)
+    left = remaining_discrepancy(fitter.covariance, chosen, physics)
+    need = evidence_of_structure(fitter, chosen)
+    structured = is_structured(fitter.cells, need, left, inclusion)
     while found:
         for change in reversed(found):
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
             error = held_out(fitter, without, fewer)
             if structured:
-                goes = as_good(error.squares, held.squares) or (
+                goes = within_standard_error(error.squares, held.squares) or (
                     len(found) > 1 and _is_implausible(physics, change)
                     and not implausible_geometry(physics))
             else:
@@ -256,7 +258,7 @@ def _is_implausible(physics: Fit, change: Change) -> bool:
     return any(key.startswith(f'{change.new}.') for key in implausible_constants(physics))
 
 
-def as_good(squares: np.ndarray, best: np.ndarray) -> bool:
+def within_standard_error(squares: np.ndarray, best: np.ndarray) -> bool:
     """Return whether mean squares of folds, (k,), are within a standard error of the best."""
     more = squares - best
     return bool(more.sum() <= np.sqrt(len(more)) * np.std(more, ddof=len(more) > 1))

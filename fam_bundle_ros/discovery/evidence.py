@@ -37,7 +37,7 @@ _ROUGH = 0.2
 #: Hyperparameters are final when another place on the grid gains less, in log units.
 _SETTLED = 0.3
 #: Log units below which two places on the grid count as equal.
-_ALIKE = 1e-3
+_EQUAL = 1e-3
 #: Most grid places of an amplitude per place of a length: 2^(5/2) in quarter decades.
 _RIDGE = 3
 #: Step from an amplitude of zero: the first places on the grid hardly change the evidence.
@@ -391,7 +391,7 @@ class Fitter:
                                 abs(place - getattr(first, axis)) > reach):
                             break
                         q = h._replace(**{axis: place})
-                        if value(q) <= value(h) + _ALIKE:
+                        if value(q) <= value(h) + _EQUAL:
                             break
                         h = q
             if h == before:
@@ -417,7 +417,7 @@ class Fitter:
         places = [q for q in places if all(0 <= place < size for place, size in zip(q, GRID))]
         values = [self.log_evidence(q, at, reached) for q in (h, *places)]
         # the first of equal places, so that the choice does not depend on rounding
-        best = next(k for k, value in enumerate(values) if value >= max(values) - _ALIKE)
+        best = next(k for k, value in enumerate(values) if value >= max(values) - _EQUAL)
         return (h, *places)[best], values[best]
 
     def first_hyper(self) -> Hyper:
@@ -442,7 +442,7 @@ class Fitter:
         given = start or {}
         u = np.array([np.clip(given.get(p.key, p.start), *p.limits) for p in priors])
         first = (u, *self.linearised(model, priors, u))
-        white, point, _ = self._cooled(model, priors, first, 12, _ROUGH)
+        white, point, _ = self._annealed(model, priors, first, 12, _ROUGH)
         tries = [self._climb(model, priors, point, self.first_hyper(), 2)]
         if hyper is not None:
             tries.append(self._climb(model, priors, first, hyper, 99))
@@ -456,13 +456,13 @@ class Fitter:
 
         A discrepancy biases the physical parameters (Brynjarsdottir and O'Hagan 2014).
         """
-        value, (u, residual, slopes), h = self._cooled(
+        value, (u, residual, slopes), h = self._annealed(
             fit.model, fit.priors, (fit.u, fit.residual, fit.slopes), 25)
         return self._finished(fit.names, fit.model, fit.priors, u, h, residual, slopes, value,
                               value, fit.log_prior)
 
-    def _cooled(self, model: Bundle, priors: Sequence[Prior], point: Point, iterations: int,
-                tolerance: float = 0.05) -> tuple[float, Point, Hyper]:
+    def _annealed(self, model: Bundle, priors: Sequence[Prior], point: Point, iterations: int,
+                  tolerance: float = 0.05) -> tuple[float, Point, Hyper]:
         """Fit without discrepancy: reduce the white misfit as long as the evidence grows."""
         best: tuple[float, Point, Hyper] | None = None
         for place in COOLING:

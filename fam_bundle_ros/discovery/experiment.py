@@ -32,20 +32,20 @@ from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
 from fam_bundle_ros.model import Bundle, catalogue, Motion
 
 #: An experiment of a smaller chi2 (three noise standard deviations) does not separate the models.
-_USELESS = 9.0
+_LEAST_SEPARATION = 9.0
 _PLAIN = 'sweep each isobar up and down, with the time logged'
 #: A more difficult experiment is preferred to the plain sweep if its chi2 is larger by this
 #: factor: otherwise another speed could win for effects that do not depend on the speed.
-_WORTH = 1.1
+_ADVANTAGE = 1.1
 #: Samples of a sweep in one direction, of a hold, and of a step: equal for all durations, so that
 #: experiments of different length are comparable.
 _SWEEP, _HOLD, _STEP = 25, 60, 3
 #: A leg of the protocol that takes a smaller share of its course is a step.
 _SHORT = 0.05
 #: Force limit of an experiment, as a multiple of the largest force in the data.
-_BEARS = 1.5
+_FORCE_MARGIN = 1.5
 #: Relative tolerance of chi2 in the refit.
-_ALIKE = 1e-2
+_TOLERANCE = 1e-2
 #: Least range of strain (1) and least top pressure (Pa) of an experiment.
 _RANGE, _PRESSURE = 0.05, 20e3
 #: Proposed strains, and pressures (Pa), are multiples of this.
@@ -53,7 +53,7 @@ _STRAINS, _PRESSURES = 1e-3, 100.0
 #: Largest change of pressure during a stroke on an isobar, as a share of the pressure range.
 _ISOBAR = 0.2
 #: Readings up to this multiple of a motor unit's pressure limit are noise about the limit.
-_OVER = 1.05
+_NOISE_MARGIN = 1.05
 
 
 @dataclass(frozen=True)
@@ -75,16 +75,16 @@ class _Range:
     def __init__(self, cells: Cells, model: Bundle):
         data = cells.data
         # rounded to the inside, so that the protocol stays within the range of the data
-        low, high = _inwards(float(data.strain.min()), float(data.strain.max()), _STRAINS)
+        low, high = _rounded_inwards(float(data.strain.min()), float(data.strain.max()), _STRAINS)
         self.low = min(max(low, LEAST_STRAIN), MOST_STRAIN - _RANGE)
         self.high = min(max(high, self.low + _RANGE), MOST_STRAIN)
         top, limit = np.maximum(data.pressure.max(axis=0), 0.0), model.max_pressure
-        top = np.where((top > limit) & (top < _OVER * limit), limit, top)
+        top = np.where((top > limit) & (top < _NOISE_MARGIN * limit), limit, top)
         self.top = top if top.max() > _PRESSURE else np.full(model.n, _PRESSURE)
         usual = (0.0 if data.is_static
                  else float(np.percentile(np.abs(data.strain_rate), 75)))
         self.rate = float(f'{usual or 0.02:.2g}')
-        self._force = float(f'{_BEARS * max(float(np.abs(data.force).max()), 1.0):.3g}')
+        self._force = float(f'{_FORCE_MARGIN * max(float(np.abs(data.force).max()), 1.0):.3g}')
 
     def protocol(self, words: str, *steps: Step) -> Protocol:
         """Return a protocol with its limits of strain, pressure and force."""
@@ -115,8 +115,8 @@ class _Range:
 
     @staticmethod
     def _pressures(levels: np.ndarray, top: np.ndarray) -> tuple[Pressures, ...]:
-        return tuple(tuple(_inwards(0.0, float(value), _PRESSURES)[1] for value in level * top)
-                     for level in levels)
+        return tuple(tuple(_rounded_inwards(0.0, float(value), _PRESSURES)[1]
+                           for value in level * top) for level in levels)
 
 
 def menu(cells: Cells, model: Bundle) -> list[Protocol]:
@@ -216,9 +216,9 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
         if np.isfinite(separation):
             ranked.append(Experiment(protocol, separation))
     plain = max((item.separation for item in ranked if item.words == _PLAIN), default=0.0)
-    ranked.sort(key=lambda item: (-item.separation if item.separation > _WORTH * plain
+    ranked.sort(key=lambda item: (-item.separation if item.separation > _ADVANTAGE * plain
                                   else -plain, item.words != _PLAIN))
-    top = ranked[0] if ranked and ranked[0].separation > _USELESS else None
+    top = ranked[0] if ranked and ranked[0].separation > _LEAST_SEPARATION else None
     return top, ranked
 
 
@@ -241,7 +241,7 @@ def _separation(test: Motion, truth: Bundle, rival: Fit, noise: float) -> float:
     if not np.isfinite(off(rival.u)).all():
         return np.nan
     low, high = np.transpose([prior.limits for prior in rival.priors])
-    return float(2.0 * least_squares(off, rival.u, slopes, (low, high), ftol=_ALIKE).cost)
+    return float(2.0 * least_squares(off, rival.u, slopes, (low, high), ftol=_TOLERANCE).cost)
 
 
 def _is_swept(data: Measurement) -> bool:
@@ -254,7 +254,7 @@ def _is_swept(data: Measurement) -> bool:
     return bool(change < _ISOBAR * np.ptp(data.pressure[:, varying_unit(data)]))
 
 
-def without_force(first: str, second: str) -> str:
+def remedy_of(first: str, second: str) -> str:
     """Return the remedy of one of two effects, for when no force test separates them."""
     laws = catalogue.available()
     for name in (first, second):
@@ -263,13 +263,13 @@ def without_force(first: str, second: str) -> str:
     return 'with the fitted values both give the same force: within the measured range use either'
 
 
-def _inwards(low: float, high: float, step: float) -> tuple[float, float]:
+def _rounded_inwards(low: float, high: float, step: float) -> tuple[float, float]:
     """
     Return the smallest and the largest multiple of a step within a range.
 
     Examples
     --------
-    >>> _inwards(-6e-5, 0.20007, 1e-3)
+    >>> _rounded_inwards(-6e-5, 0.20007, 1e-3)
     (0.0, 0.2)
     """
     rounding = 1e-6

@@ -17,7 +17,7 @@ from fam_bundle_ros.data.folds import fold_labels, KINDS
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
-from fam_bundle_ros.discovery.rivals import BLIND, missed, RIVALS
+from fam_bundle_ros.discovery.rivals import BLIND, rival_error, RIVALS
 from fam_bundle_ros.discovery.surface import Surface
 from fam_bundle_ros.model import Bundle
 
@@ -182,7 +182,8 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         if hyper is not None:
             model = with_coordinates(physics.model, physics.priors, u)
             with_table = alone - _on_a_table(fitter, model, hyper, train, test)
-        errors = [alone, with_table, *(missed(rival, cells, train, test) for rival in names[2:])]
+        errors = [alone, with_table,
+                  *(rival_error(rival, cells, train, test) for rival in names[2:])]
         force = cells.force[test]
         seen.setdefault(kind, []).append(
             np.stack([force, *(force - errors[place] for place in shown)]))

@@ -110,7 +110,7 @@ class Options:
             if kind.needs_lengths and lengths < 2:
                 continue
             effect = usual(kind, model)
-            if not _without_numbers(effect) and not _is_silent(model, effect, cells):
+            if not _has_no_parameters(effect) and not _has_no_influence(model, effect, cells):
                 effects[name] = effect
         return cls(model, cells, choices, effects)
 
@@ -123,7 +123,7 @@ class Options:
     def fixed(self) -> frozenset[str]:
         """Effects of the model that are never removed: pneumatics, forces without parameters."""
         return frozenset(e.name for e in self.model.effects
-                         if e.place is Place.PNEUMATICS or _without_numbers(e))
+                         if e.place is Place.PNEUMATICS or _has_no_parameters(e))
 
     @cached_property
     def _shapes(self) -> dict[str, list[str]]:
@@ -244,12 +244,12 @@ def without(names: Names, name: str) -> Names:
     return tuple(other for other in names if other != name)
 
 
-def _without_numbers(effect: Effect) -> bool:
+def _has_no_parameters(effect: Effect) -> bool:
     """Return whether an effect is a force without parameters to fit."""
     return effect.place in (Place.FORCE, Place.RESIDUAL) and not effect.parameters
 
 
-def _is_silent(model: Bundle, effect: Effect, cells: Cells) -> bool:
+def _has_no_influence(model: Bundle, effect: Effect, cells: Cells) -> bool:
     """Return whether an effect with nonzero sizes does not change the force in these data."""
     if effect.parameters and not effect.active(model.n):
         return True

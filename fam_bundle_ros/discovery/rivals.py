@@ -81,7 +81,7 @@ def strain_alone(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
     return _linear(columns, strain, pressure, force, weight)
 
 
-def missed(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+def rival_error(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -> np.ndarray:
     """
     Return measured minus predicted force of a rival on test cells, N.
 

@@ -245,7 +245,7 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
         cells = reduce(own, comparison.measurement)
         fitter = Fitter(cells, Covariance(cells, choices.unexplained))
         searches.append(Search(Options.of(own, cells, choices, lengths), fitter).run())
-    weighed = _Weighed(searches)
+    weighed = _JointPosterior(searches)
     names, answer = weighed.named()
     fits = [search.fitter.without_discrepancy(search.fit(names)) for search in searches]
     nulls = [search.fitter.without_discrepancy(search.null) for search in searches]
@@ -261,7 +261,7 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
                     weighed.probability(), tuple(constants(fits, facts)), models, errors)
 
 
-class _Weighed:
+class _JointPosterior:
     """Log posteriors of sets of effects on all specimens."""
 
     def __init__(self, searches: list[Search]):

@@ -68,7 +68,7 @@ class Left:
         return float(np.hypot(self.smooth, self.rough))
 
 
-def what_is_left(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
+def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
     """
     Return the size of the discrepancy that a set needs.
 
@@ -118,7 +118,7 @@ def negligible(cells: Cells) -> float:
     return max(cells.noise, settings.SMALL * cells.largest_force)
 
 
-def need_of_structure(fitter: Fitter, fit: Fit) -> float:
+def evidence_of_structure(fitter: Fitter, fit: Fit) -> float:
     """Return the log Bayes factor of the smooth discrepancy against white and slow misfit."""
     best = -np.inf
     h = fit.hyper._replace(even=0, odd=0, speed=0)
@@ -193,9 +193,9 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         removed all effects, the verdict is `unexplained`, not `adequate`.
     """
     cells = fitter.cells
-    before = what_is_left(fitter.covariance, null, base)
-    after = what_is_left(fitter.covariance, chosen, physics)
-    still = need_of_structure(fitter, chosen)
+    before = remaining_discrepancy(fitter.covariance, null, base)
+    after = remaining_discrepancy(fitter.covariance, chosen, physics)
+    still = evidence_of_structure(fitter, chosen)
     explained = _explained(base, physics) if found else 0.0
     structured = is_structured(cells, still, after, inclusion)
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
@@ -234,7 +234,7 @@ def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bo
     Parameters
     ----------
     need : float
-        Log Bayes factor of `need_of_structure`.
+        Log Bayes factor of `evidence_of_structure`.
     inclusion : float
         Prior probability that something is missing.
     """
@@ -264,9 +264,10 @@ def _needs_recalibration(fitter: Fitter, null: Fit, inclusion: float) -> bool:
                        slopes=np.zeros((len(residual), 0)))
     hyper, evidence = fitter.best_hyper(null.hyper, as_given.linear)
     as_given = replace(as_given, hyper=hyper, evidence=evidence)
-    left = what_is_left(fitter.covariance, as_given, as_given)
+    left = remaining_discrepancy(fitter.covariance, as_given, as_given)
     return (null.evidence - evidence > settings.LEAST_LOSS
-            or is_structured(fitter.cells, need_of_structure(fitter, as_given), left, inclusion))
+            or is_structured(fitter.cells, evidence_of_structure(fitter, as_given), left,
+                             inclusion))
 
 
 def _effect_of_pressure(fitter: Fitter, null: Fit) -> float:

@@ -17,7 +17,7 @@ from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.evidence import Fit, Fitter
-from fam_bundle_ros.discovery.experiment import best_experiment, finer, plain, without_force
+from fam_bundle_ros.discovery.experiment import best_experiment, finer, plain, remedy_of
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import head
 from fam_bundle_ros.discovery.posterior import Change, Posterior, Trade
@@ -131,7 +131,7 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
             best, _ = best_experiment(fitter, chosen, rival)
             if best is None and ties:
                 return Next(f'no force test of the menu separates {tie[0]} from {other}; '
-                            + without_force(tie[0], other))
+                            + remedy_of(tie[0], other))
             if best is not None:
                 why = (f'separates {tie[0]} from {other} '
                        f'(by {np.sqrt(best.separation):.0f} noise sd)')

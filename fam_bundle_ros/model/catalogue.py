@@ -51,7 +51,7 @@ def check_variants(laws: Mapping[str, Law], known: Mapping[str, Law]) -> None:
     for law in laws.values():
         first = known.get(law.variant_of)
         if law.variant_of and (first is None or first.variant_of):
-            why = 'is not known' + _meant(law.variant_of, known) if first is None else (
+            why = 'is not known' + _did_you_mean(law.variant_of, known) if first is None else (
                 f"is itself a variant of '{first.variant_of}'")
             raise InputError(f"law {law.name}: variant_of '{law.variant_of}' {why}; expected the "
                              'name of a law that is not a variant (fam_bundle effects lists them)')
@@ -66,12 +66,12 @@ def get(name: str) -> Law:
     """Return a law by name; InputError with similar names if there is none."""
     laws = built_in() if name in built_in() else available()
     if name not in laws:
-        raise InputError(f"effect '{name}' is not known{_meant(name, laws)} (fam_bundle effects "
-                         'lists them)')
+        raise InputError(f"effect '{name}' is not known{_did_you_mean(name, laws)} (fam_bundle "
+                         'effects lists them)')
     return laws[name]
 
 
-def _meant(name: str, laws: Mapping[str, Law]) -> str:
+def _did_you_mean(name: str, laws: Mapping[str, Law]) -> str:
     """Return '; did you mean ...?' with similar names; empty if there are none."""
     from difflib import SequenceMatcher
 

@@ -79,7 +79,7 @@ class _Reader:
                 if not isinstance(key, yaml.ScalarNode):
                     raise self.error(line, 'a key must be a word')
                 if key.value in result:
-                    raise self.error(line, f"'{key.value}' stands twice")
+                    raise self.error(line, f"'{key.value}' is given twice")
                 result[key.value] = self._plain(value)
                 result.lines[key.value] = line
             return result
@@ -362,7 +362,7 @@ def dumps_model(bundle: Bundle, folder: str | Path | None = None) -> str:
          'max_pressure': express(unit.max_pressure, 'kPa', 9)} for unit in bundle.motor_units]
     files = dict.fromkeys(e.python_file for e in bundle.effects if e.python_file)
     if files:
-        tree['effect_files'] = [_seen_from(folder, file) for file in files]
+        tree['effect_files'] = [_relative_to(folder, file) for file in files]
     tree['effects'] = [_effect_entry(effect, bundle.n, folder) for effect in bundle.effects]
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=99)
 
@@ -387,13 +387,13 @@ def _effect_entry(effect: Effect, units: int, folder: str | Path | None) -> Any:
                                          for v in effect.intervals[key]]
     options = effect.options()
     if 'table' in options:
-        options['table'] = _seen_from(folder, options['table'])
+        options['table'] = _relative_to(folder, options['table'])
     if effect.law.formula:
         return {effect.name: {**options, 'parameters': settings}}
     return {effect.name: {**options, **settings}} if options or settings else effect.name
 
 
-def _seen_from(folder: str | Path | None, file: str) -> str:
+def _relative_to(folder: str | Path | None, file: str) -> str:
     """Return a path relative to a folder if the file is in it, else unchanged."""
     if folder is not None and Path(file).is_relative_to(Path(folder).resolve()):
         return str(Path(file).relative_to(Path(folder).resolve()))

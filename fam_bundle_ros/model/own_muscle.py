@@ -236,7 +236,7 @@ def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, 
     def told(key: str, indent: int, last: str = '') -> list[str]:
         entry = next(entry for entry in ENTRIES if entry.key == key)
         meaning = entry.meaning.partition(';')[0] if key == 'muscles' else entry.meaning
-        said = f'{meaning}. Source: {sources.get(key, "as told")}.'
+        said = f'{meaning}. Source: {sources.get(key, "the user")}.'
         return [*_comment(said, indent),
                 f'{" " * indent}{key}: {last or " ".join(spaced(values[key]).split())}']
 

@@ -29,7 +29,7 @@ _GIVEN = {'unit', 'strain_rate', 'time', *STEPPING, *TABLES}
 
 
 #: Number of rows computed on arrays before a law is compiled, so that short work does not wait.
-_WORTH = 200_000
+_COMPILE_AFTER = 200_000
 
 
 @lru_cache(maxsize=1024)
@@ -128,7 +128,7 @@ class RowLaw:
         for k in self._varying:
             inputs[k] = _rows_of(self._names[k], inputs[k], size)
         self._rows_done += size
-        if self._compiles and self._rows_done > _WORTH and kernels.numba() is not None:
+        if self._compiles and self._rows_done > _COMPILE_AFTER and kernels.numba() is not None:
             try:
                 return self._compiled(function, count, inputs, size)
             except Exception:  # numba raises many types; happens only for a user's law

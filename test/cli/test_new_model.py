@@ -21,7 +21,7 @@ def test_options_make_a_model_that_the_other_commands_take(fam_bundle, tmp_path)
     assert made.returncode == 0, made.stderr
     assert json.loads((tmp_path / 'made.json').read_text())['name'] == 'mine'
     text = (tmp_path / 'mine.yaml').read_text()
-    assert '# wall of the bladder, at rest. Source: as told.' in text
+    assert '# wall of the bladder, at rest. Source: the user.' in text
     assert load_model(tmp_path / 'mine.yaml').max_pressure[1] == pytest.approx(344737.9, rel=1e-5)
     drawn = fam_bundle('map', 'mine.yaml', '--json', 'map.json')
     head = 'mine: mu1, mu2 of 1 muscle, radius 6.35 mm, length 127 mm, braid angle 33 deg'
@@ -43,7 +43,7 @@ def test_a_part_needs_its_length_only_and_says_where_the_rest_is_from(fam_bundle
     assert mine.splitlines()[0].startswith('mine: ')
     fam_bundle('new-model', 'other.yaml', '--part', 'dmsp-20', '--length', '296 mm', '--wall',
                '2 mm')
-    assert '# wall of the bladder, at rest. Source: as told.' in (tmp_path / 'other.yaml'
+    assert '# wall of the bladder, at rest. Source: the user.' in (tmp_path / 'other.yaml'
                                                                   ).read_text()
 
 

@@ -13,8 +13,8 @@ from fam_bundle_ros.discovery.cells import (
     _at_most,
     _places,
     _renumbered,
-    _stays,
     _stretches,
+    _visits,
     _widest_block,
     averaged,
     averages,
@@ -82,7 +82,7 @@ def test_stays_end_with_trial_direction_and_distance(sweeps):
     """They follow each other in time; within one the muscle has moved by less than a bin."""
     data = sweeps(cycles=2)
     span = np.ptp(data.strain), np.ptp(data.pressure, axis=0)
-    label = _stays(data, data.direction, *span, 300)
+    label = _visits(data, data.direction, *span, 300)
     assert label[0] == 0
     assert set(np.diff(label)) == {0, 1}
     assert label.max() < 300

@@ -12,12 +12,12 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import add_effect, Choices, compare, diagnose
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.choice import (
-    as_good,
-    away_from_all,
     best_of_ties,
     likelier_than_not,
+    mean_square_distance,
     plainest,
     predictive,
+    within_standard_error,
 )
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.evidence import Fitter
@@ -87,10 +87,10 @@ def test_of_models_that_disagree_the_middle_one_is_nearest_to_all(search, thick)
     """Alike at the strains of the cells: by weight the mean square to all is least in between."""
     soft, middle, hard = (thick.with_effect('saturating_sheath', size=size, width=0.03)
                           for size in (50.0, 100.0, 150.0))
-    away = away_from_all(search.fitter.cells, [soft, middle, hard], np.full(3, 1 / 3))
+    away = mean_square_distance(search.fitter.cells, [soft, middle, hard], np.full(3, 1 / 3))
     assert away[1] < away[0] == pytest.approx(away[2])
     assert away[0] == pytest.approx(2.5 * away[1])
-    sure = away_from_all(search.fitter.cells, [soft, middle, hard], np.array([0, 0, 1.0]))
+    sure = mean_square_distance(search.fitter.cells, [soft, middle, hard], np.array([0, 0, 1.0]))
     assert sure[2] == 0.0
     assert sure[0] == pytest.approx(4.0 * sure[1])
 
@@ -104,7 +104,7 @@ def test_a_shape_that_is_far_from_all_others_between_the_strains_is_not_chosen(s
     assert {change.name for change in kept} <= set(chosen.names)
     squares = [squares_of_folds(search.fitter, search.fitter.without_discrepancy(each))
                for each in (fit, chosen)]
-    assert as_good(squares[0], squares[1])
+    assert within_standard_error(squares[0], squares[1])
 
 
 def test_the_set_to_predict_with_is_the_best_on_folds_of_those_as_probable(search):
@@ -128,9 +128,9 @@ def test_folds_are_as_good_within_a_standard_error_in_any_unit(unit):
     spread = (spread - spread.mean()) / spread.std(ddof=1)
     for behind in (0.8, 1.2):
         worse = best + 0.1 * (spread + behind / np.sqrt(8))
-        assert as_good(unit * worse, unit * best) == (behind < 1.0)
-    assert as_good(unit * best, unit * best)
-    assert not as_good(unit * best[:1] + unit, unit * best[:1])
+        assert within_standard_error(unit * worse, unit * best) == (behind < 1.0)
+    assert within_standard_error(unit * best, unit * best)
+    assert not within_standard_error(unit * best[:1] + unit, unit * best[:1])
 
 
 def test_smaller_sets_are_fitted_again_from_those_that_beat_them():

@@ -27,7 +27,7 @@ from fam_bundle_ros.discovery.experiment import (
     finer,
     menu,
     motion,
-    without_force,
+    remedy_of,
 )
 from fam_bundle_ros.discovery.priors import own_priors, Prior
 from fam_bundle_ros.model import Bundle, load_model
@@ -138,8 +138,8 @@ def test_other_speeds_are_multiples_of_that_of_the_data(bundle, log):
 
 def test_a_calliper_is_asked_for_only_where_it_tells_something():
     """Dead ends can be measured; two laws of friction with one force cannot."""
-    assert 'calliper' in without_force('bladder_elasticity', 'end_caps')
-    assert 'same force' in without_force('coulomb_friction', 'viscous_power')
+    assert 'calliper' in remedy_of('bladder_elasticity', 'end_caps')
+    assert 'same force' in remedy_of('coulomb_friction', 'viscous_power')
 
 
 STROKE = np.linspace(0.0, 0.2, 50)

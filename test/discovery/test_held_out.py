@@ -139,4 +139,4 @@ def test_at_a_constant_force_rivals_are_polynomials_of_the_pressure(rival, degre
     train = np.arange(40) < 30
     best = np.polynomial.Polynomial.fit(x[train], strain[train], degree)
     expected = stiffness[~train] * (best(x[~train]) - strain[~train])
-    assert_allclose(rivals.missed(rival, cells, train, ~train), expected, atol=1e-6)
+    assert_allclose(rivals.rival_error(rival, cells, train, ~train), expected, atol=1e-6)

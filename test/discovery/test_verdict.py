@@ -28,7 +28,7 @@ from fam_bundle_ros.discovery.verdict import (
     Artefact,
     implausible_constants,
     judge,
-    what_is_left,
+    remaining_discrepancy,
 )
 
 GOOD = HeldOut(1.0, 1.0, {'mean': 9.0, 'plane': 5.0, 'empirical': 2.0}, {})
@@ -61,15 +61,15 @@ def test_what_effects_explain_alone_is_not_left_to_a_discrepancy(search):
     joint = replace(made.null, hyper=Hyper(even=12, strain=3, pressure=1), residual=wave)
     alone = replace(made.null, residual=0.1 * wave)
     covariance = made.fitter.covariance
-    assert what_is_left(covariance, joint, joint).total > 10.0
-    assert what_is_left(covariance, joint, alone).total == pytest.approx(
+    assert remaining_discrepancy(covariance, joint, joint).total > 10.0
+    assert remaining_discrepancy(covariance, joint, alone).total == pytest.approx(
         np.sqrt(np.mean(alone.residual ** 2)))
     # what stood beside it is told all the same
-    assert what_is_left(covariance, joint, alone).beside > 10.0
+    assert remaining_discrepancy(covariance, joint, alone).beside > 10.0
     # nothing is explained by a muscle of half the radius
     other = replace(alone, u=np.where([p.key == 'geometry.radius' for p in alone.priors], -12.0,
                                       alone.u))
-    assert what_is_left(covariance, joint, other).total > 10.0
+    assert remaining_discrepancy(covariance, joint, other).total > 10.0
 
 
 @pytest.mark.parametrize(('u', 'doubted'), [(0.0, False), (1.0, False), (4.0, True)])
@@ -184,7 +184,7 @@ def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, mo
     """A smooth discrepancy that is nearly as probable is a reason for doubt, not for silence."""
     made = search(nothing=0.0, coulomb_friction=1.5, coulomb_friction__end_caps=0.5,
                   end_caps=-2.0)
-    monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(choice, 'evidence_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
     assert [str(change) for change in choice.likelier_than_not(made, Choices())[1]] == names
 
@@ -196,7 +196,7 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
     made = search(nothing=0.0, coulomb_friction=30.0)
     better = made.best
     off = {made.null.names: [9.0, 4.0], better.names: [8.0, 4.1]}
-    monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(choice, 'evidence_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
     monkeypatch.setattr(choice, 'held_out', lambda fitter, physics, joint: replace(
         GOOD, physics=sum(off[physics.names]), squares=np.array(off[physics.names])))
@@ -223,7 +223,7 @@ def test_beside_a_bent_law_others_are_named(search, monkeypatch, structured, ang
     fit = replace(made.best, u=np.array([4.0, angle]), priors=(
         Prior('end_caps.dead_length', 1e-3, 1e3, 1.0, 1.2, 'log'),
         Prior('geometry.braid_angle', 0.1, 1.0, 0.5, 0.02, 'normal')))
-    monkeypatch.setattr(choice, 'need_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(choice, 'evidence_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
     monkeypatch.setattr(choice, 'held_out', lambda fitter, _, other: replace(
         GOOD, physics=1.0 if other is fit else 9.0, squares=np.full(

@@ -97,7 +97,7 @@ def test_a_model_is_written_whole_or_not_at_all(tmp_path):
     ('{k: {value: 5 N*s, lower: 0 N*s,\n           upper: 100 N*s}}', '[k]',
      'line 15: parameters of drag must be a mapping'),
     ('- mesh', '- mesh\n  - mesh', 'line 12: effect mesh is named twice'),
-    ('name: small', 'name: small\nname: big', "line 3: 'name' stands twice"),
+    ('name: small', 'name: small\nname: big', "line 3: 'name' is given twice"),
     ('name: small', 'name: [a', 'line 3: is not YAML|line 4: is not YAML'),
 ])
 def test_a_bad_file_is_refused_with_line_and_key(old, new, message):

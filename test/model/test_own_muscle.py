@@ -88,8 +88,8 @@ def test_the_file_says_what_each_value_means():
     """In whole, but without what only helps to fill in a form: counts that stand in one line."""
     text = own_muscle.model_text(own_muscle.new_bundle('m', OWN), OWN, {})
     flat = ' '.join(text.replace('#', '').split())
-    assert 'equal muscles on one valve. Source: as told.' in flat
-    assert 'gauge; the controller never asks for more. Source: as told.' in flat
+    assert 'equal muscles on one valve. Source: the user.' in flat
+    assert 'gauge; the controller never asks for more. Source: the user.' in flat
 
 
 @pytest.mark.parametrize('part', own_muscle.PARTS, ids=lambda part: part.name)

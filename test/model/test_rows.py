@@ -46,7 +46,7 @@ def way(request, monkeypatch):
     """Run laws compiled from the first row on, then on arrays."""
     if request.param == 'compiled' and kernels.numba() is None:
         pytest.skip('numba is not installed')
-    monkeypatch.setattr(rowlaw, '_WORTH', 0 if request.param == 'compiled' else 10 ** 12)
+    monkeypatch.setattr(rowlaw, '_COMPILE_AFTER', 0 if request.param == 'compiled' else 10 ** 12)
     return request.param
 
 
@@ -239,7 +239,7 @@ def test_compiled_laws_and_arrays_agree(monkeypatch):
     bundle, motion = whole_catalogue(rng), record(rng, samples=300)
     found = []
     for worth in (0, 10 ** 12):
-        monkeypatch.setattr(rowlaw, '_WORTH', worth)
+        monkeypatch.setattr(rowlaw, '_COMPILE_AFTER', worth)
         found.append(bundle.jacobian(motion, keys_of(bundle)))
     assert_allclose(found[0][0], found[1][0], rtol=1e-12)
     size = np.abs(found[1][1]).max(axis=0)
@@ -351,7 +351,7 @@ def test_what_is_prepared_is_what_runs(monkeypatch):
     """Laws that were compiled at installation are not compiled again for a record."""
     bundle = bundle_with(*(random_effect(name, np.random.default_rng(16)) for name in (
         'presliding_dahl', 'softening', 'motor_unit_mismatch', 'braid_elasticity')))
-    monkeypatch.setattr(rowlaw, '_WORTH', 0)
+    monkeypatch.setattr(rowlaw, '_COMPILE_AFTER', 0)
     for made in (rowlaw.row_law, rowlaw._loop):
         made.cache_clear()  # other tests compile loops for inputs of other kinds
     loops, make = [], rowlaw._loop
@@ -393,7 +393,7 @@ def test_what_was_used_on_arrays_is_compiled_when_it_pays(monkeypatch):
     """A law that has computed many rows is compiled; the numbers stay the same."""
     if kernels.numba() is None:
         pytest.skip('numba is not installed')
-    monkeypatch.setattr(rowlaw, '_WORTH', 100)
+    monkeypatch.setattr(rowlaw, '_COMPILE_AFTER', 100)
     calls = []
     compiled = rowlaw.RowLaw._compiled
     monkeypatch.setattr(rowlaw.RowLaw, '_compiled', lambda *a: calls.append(1) or compiled(*a))
