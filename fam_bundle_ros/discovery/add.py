@@ -359,6 +359,13 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
 
     The improvement by an effect depends on the effects added before it; the final error does not.
 
+    Parameters
+    ----------
+    model : Bundle
+    effects : sequence of str
+        Names in the catalogue.
+    measurement : Measurement, path, or DataFrame
+
     Returns
     -------
     dict of str to list of float

@@ -52,8 +52,8 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     (Breiman et al. 1984), but their predictions between the measured strains may differ. Of these
     sets, take the most probable one whose distance to their weighted average is the smallest, up
     to the noise of a row: the single set closest to the average predicts best (Barbieri and
-    Berger 2004). Where no structure is left in the residual, folds add nothing to the evidence:
-    return the `plainest` set.
+    Berger 2004). If no structure is left in the residual, folds give no information beyond the
+    evidence: return the `plainest` set.
 
     Parameters
     ----------
@@ -170,7 +170,8 @@ def likelier_than_not(search: Search, choices: Choices) -> tuple[Fit, list[Chang
 
     It is used where the residual has structure but no set beats the model as given: if the error
     is small, a smooth discrepancy is nearly as probable as an effect, though both say that
-    something is missing. One half is the limit of the median model (Barbieri and Berger 2004).
+    something is missing. One half is the limit of the median probability model (Barbieri and
+    Berger 2004).
     Similar effects share the probability, so none may reach one half: then return the most
     probable set, within the odds of the model as given, whose effects explain the structure
     without a discrepancy.
@@ -205,7 +206,7 @@ def _explains_alone(search: Search, fit: Fit, inclusion: float) -> bool:
 
 
 def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics: Fit,
-                 inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
+                      inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
     """
     Return the chosen set without effects that do not improve the prediction of held-out folds.
 

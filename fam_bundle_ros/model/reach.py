@@ -20,7 +20,12 @@ def free_strain(bundle: Bundle, pressure: ArrayLike, highest: float = 0.45) -> n
     """
     Return the strain at which the bundle's force first falls to zero, shape (...).
 
-    ``pressure`` has shape (..., n). NaN where the force is still positive at ``highest``.
+    Parameters
+    ----------
+    bundle : Bundle
+    pressure : array_like (..., n), Pa (gauge)
+    highest : float
+        Largest strain; the result is NaN if the force is still positive there.
     """
     pressure = np.asarray(pressure, float)
     grid = np.linspace(-0.02, highest, 471)
@@ -40,8 +45,15 @@ def state_pressures(bundle: Bundle, state: int, last: ArrayLike) -> np.ndarray:
     """
     Return pressures (..., n) of recruitment state RSk in orderly recruitment.
 
-    Motor units before the k-th are at their maximum, those after it at zero, the k-th at
-    ``last`` (...), Pa.
+    Motor units before the k-th are at their maximum pressure, those after it at zero.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    state : int
+        k, from 1 to n.
+    last : array_like (...), Pa (gauge)
+        Pressure of motor unit k.
     """
     last = np.asarray(last, float)
     pressure = np.zeros(last.shape + (bundle.n,))
