@@ -65,7 +65,7 @@ def residual_maps(result: Comparison, model: Bundle | None = None) -> go.Figure:
     maps = result.maps()
     odd = not result.measurement.is_static and bool(np.isfinite(maps['odd']).any())
     parts = ['even', 'odd'] if odd else ['even']
-    titles = ('even part: the same both ways',
+    titles = ('even part: equal in both directions',
               f'odd part: half of {" minus ".join(result.measurement.ways)}')
     drawing = make_subplots(1, len(parts), shared_yaxes=True, horizontal_spacing=0.05,
                             subplot_titles=titles[:len(parts)] if odd else None)

@@ -186,7 +186,7 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
     below = np.minimum(force, 0.0)
     if (below < 0).mean() > 0.01:
         resistive = makers('past_free')
-        add(below, 'past free strain, with the push-back', '', resistive, None, 'past_free')
+        add(below, 'past free strain, with the resistive force', '', resistive, None, 'past_free')
         add((below < 0).astype(float), 'past free strain, constant', 'N', resistive, None,
             'past_free')
         add((below < 0) * total, 'past free strain, with pressure', 'N/Pa', resistive, None,

@@ -283,13 +283,13 @@ def _refusals(physics: Fit, held: HeldOut, pressure: float) -> tuple[str, ...]:
     found = []
     for name, words in (('mean', 'the mean force'), ('plane', 'a plane')):
         if held.physics >= held.rivals[name]:
-            found.append(f'on held-out folds its error is {held.physics:.3g} N, that of {words} '
-                         f'{held.rivals[name]:.3g} N')
+            found.append(f'on held-out folds the error of the effects is {held.physics:.3g} N, '
+                         f'that of {words} {held.rivals[name]:.3g} N')
     if pressure > held.blind <= held.physics:
         found.append(f'the pressures in the data change the force of the model by {pressure:.3g} '
                      f'N, but on held-out folds the error of a curve of the strain alone is '
-                     f'{held.blind:.3g} N, that of the effects {held.physics:.3g} N: is it the '
-                     'pressure of this muscle?')
+                     f'{held.blind:.3g} N, that of the effects {held.physics:.3g} N: check that '
+                     'the pressure is that of this muscle')
     return (*found, *_impossible(physics))
 
 

@@ -133,7 +133,7 @@ def check_division(effect: Effect, strain: float, pressure: float, geometry: Any
                           if name in used or name == 'strain' and 'stretch' in used)
         raise InputError(f"{effect.name}: '{effect.law.formula}' divides by zero: "
                          f"'{ast.unparse(node)}' is zero {f'near {where}' if where else 'always'}"
-                         ', where the model works')
+                         ', within the range of the model')
 
 
 def _divisor(node):
@@ -175,7 +175,7 @@ def _check(name, node, names, depth):
             with np.errstate(all='ignore'):
                 if _walk(divisor, {}) == 0.0:
                     raise InputError(f'{name}: the expression divides by zero: '
-                                     f"'{ast.unparse(divisor)}' is zero always")
+                                     f"'{ast.unparse(divisor)}' is always zero")
     elif isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
         _check(name, node.operand, names, depth - 1)
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:

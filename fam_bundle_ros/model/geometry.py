@@ -95,5 +95,5 @@ def geometry_problem(radius: float, length: float, braid_angle: float, wall_thic
     if wall_thickness >= radius:
         return 'wall_thickness', 'must be below the radius'
     if not 5.0 < np.degrees(braid_angle) < 54.7:
-        return 'braid_angle', 'must lie between 5 and 54.7 deg: a muscle that contracts'
+        return 'braid_angle', 'must lie between 5 and 54.7 deg, so that the muscle contracts'
     return None

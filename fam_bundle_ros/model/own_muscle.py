@@ -61,7 +61,7 @@ ENTRIES = (
           '33 deg'),
     Entry('wall_thickness', 'Wall', 'mm', 'wall of the bladder, at rest', '1.59 mm'),
     Entry('muscles', 'Muscles', '', 'equal muscles on one valve; one number for each motor unit, '
-          'the unit that is recruited first comes first', '1, 2'),
+          'in the order of recruitment', '1, 2'),
     Entry('max_pressure', 'Highest pressure', 'kPa', 'gauge; the controller never asks for more',
           '400 kPa'),
 )
@@ -96,8 +96,9 @@ def _festo(size: int, pressure: str, shortest: float, geometry: str) -> Part:
         MappingProxyType({'radius': f'{size // 2} mm', 'braid_angle': '28.53 deg',
                           'wall_thickness': '1.8 mm', 'max_pressure': pressure}),
         MappingProxyType({
-            'radius': f'half the inner diameter of {size} mm ({_SHEET}); the threads lie in the '
-            'wall, so up to a wall more', 'braid_angle': geometry, 'wall_thickness': geometry,
+            'radius': f'half the inner diameter of {size} mm ({_SHEET}); the threads are in the '
+            'wall, so the radius may be larger by up to one wall thickness',
+            'braid_angle': geometry, 'wall_thickness': geometry,
             'max_pressure': f'highest operating pressure ({_SHEET})'}), (shortest, 9.0))
 
 

@@ -114,7 +114,7 @@ def test_shapes_of_pressure_and_force_are_what_their_words_say(two_speeds, paper
     assert_allclose(shapes['in proportion to the force'][:, 0], force)
     assert_allclose(shapes['with the square of the force'][:, 0], force ** 2)
     past = force < 0.0
-    assert_allclose(shapes['past free strain, with the push-back'][:, 0], force * past)
+    assert_allclose(shapes['past free strain, with the resistive force'][:, 0], force * past)
     assert_allclose(shapes['past free strain, constant'][:, 0], past)
     assert_allclose(shapes['past free strain, with pressure'][:, 0], past * p)
 

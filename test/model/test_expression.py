@@ -47,7 +47,7 @@ def test_a_parameter_may_not_have_the_name_of_something_known(name):
 
 
 @pytest.mark.parametrize(('formula', 'told'), [
-    ('k / 0', "'0' is zero always"), ('k / (1 - 1)', "'1 - 1' is zero always"),
+    ('k / 0', "'0' is always zero"), ('k / (1 - 1)', "'1 - 1' is always zero"),
     ('k / strain', "'strain' is zero near strain 0"),
     ('k * strain ** -1', "'strain' is zero near strain 0"),
     ('k / (strain - 0.1234)', "'strain - 0.1234' is zero near strain 0.112"),
