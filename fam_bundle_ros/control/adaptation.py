@@ -45,7 +45,7 @@ _PULLING, _PUSHING = (0.08, 0.7), (0.16, 0.2)
 _LEAST = 0.05
 #: Limit of the estimates, in prior sd.
 _BOUND = 2.7
-#: N: a change of the model's force by this size may be noise, whatever was seen before.
+#: N: a change of the model's force by this size may be noise, whatever the estimate.
 _USUAL_CHANGE = 0.1
 
 
@@ -144,7 +144,7 @@ class AdaptationState:
 
 def adaptation_settings(config: AdaptationConfig, bundle: Any, feedback: bool = True
                         ) -> AdaptationSettings:
-    """Return the record that `adaptation_step` takes; ``feedback``: of the force loop."""
+    """Return the record that `adaptation_step` takes; ``feedback``: used by the force loop."""
     usual = USUAL_FORCE * float(bundle.force(0.0, bundle.max_pressure))
     pull, push = config.pull_error, config.push_error
     if pull is None:
@@ -175,7 +175,7 @@ def _known_error(bundle, where):
 
 
 def adaptation_state(n: int) -> AdaptationState:
-    """Return an empty state; `forget_adaptation` makes it begin."""
+    """Return an empty state, to be initialised by `forget_adaptation`."""
     def zeros(count=n + 3):
         return [0.0] * count
     return AdaptationState(zeros(), [zeros() for _ in range(n + 3)], zeros(), zeros(), zeros(),
@@ -301,7 +301,7 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
     for i in range(count):
         known += f[i] * product[i]
     seen += known
-    take_noise(state, share, known / seen)
+    noise_bias(state, share, known / seen)
     for i in range(count):
         step = product[i] * left
         for j in range(count):
@@ -314,7 +314,7 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
             covariance[i][j] -= product[i] * product[j] / seen
 
 
-def take_noise(state: Any, share: float, follows: float) -> None:
+def noise_bias(state: Any, share: float, follows: float) -> None:
     """
     Compute the mean effect of reading noise on each product of regressor and error: ``taken``.
 

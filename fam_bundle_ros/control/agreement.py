@@ -133,7 +133,17 @@ class ForceWatch:
 
     def see(self, now: float, force: float, strain: float, pressure: Any,
             off_target: bool = False) -> str:
-        """Check readings (N, 1, Pa gauge); return the fault as text, empty if there is none."""
+        """
+        Check one sample of the readings; return the fault as text, empty if there is none.
+
+        Parameters
+        ----------
+        now : float, s
+        force, strain : float, N and 1
+        pressure : sequence of float (n,), Pa (gauge)
+        off_target : bool
+            Whether a force that is too low is a fault as well.
+        """
         low = high = 0.0
         for unit, shown in enumerate(pressure):
             ends = [self._unit_force(unit, strain, max(end, 0.0)) for end in (

@@ -167,7 +167,7 @@ def baseline_step(settings: Any, state: Any, equal: bool, order: Any, limits: An
     command.state, command.demand = state.state, value
     if before != state.state and not equal:
         command.reason.why, command.reason.state = FULL if state.state > before else EMPTY, before
-    tell(state, order, limits, answer, error, command)
+    write_state(state, order, limits, answer, error, command)
 
 
 def highest(values: Any) -> float:
@@ -188,7 +188,17 @@ def pi_answer(state: Any, proportional: float, step: float) -> float:
 
 def in_turn(settings: Any, state: Any, order: Any, limits: Any, proportional: float, step: float,
             dt: float) -> float:
-    """Switch if needed; return the output for the unit that is being filled, 0..1."""
+    """
+    Switch if needed; return the output for the unit that is being filled, 0..1.
+
+    Parameters
+    ----------
+    settings, state : BaselineSettings, BaselineState
+    order, limits : vector (n,) of int, and of Pa (gauge)
+    proportional, step : float
+        Proportional part for all units, and change of the integral, in largest pressures.
+    dt : float, s
+    """
     n = len(limits)
     if state.state == 0 and step > 0.0:
         state.state, state.integral, state.since = 1, 0.0, math.inf
@@ -217,7 +227,8 @@ def play(command: Any, unit: int, pressure: float, limit: float, still: float) -
     command.pressure[unit] = pressure
 
 
-def tell(state: Any, order: Any, limits: Any, answer: float, error: float, command: Any) -> None:
+def write_state(state: Any, order: Any, limits: Any, answer: float, error: float, command: Any
+                ) -> None:
     """Write the active units, and whether the demand is out of reach."""
     n, total = len(limits), 0.0
     for k in range(n):

@@ -100,9 +100,19 @@ def crossing_pace(table: Any, unit: int, rate: float, spare: float, usual: float
     """
     Return the pressure rate of a unit's crossing, Pa/s.
 
-    Slow enough for the feedback where there is time; faster where the demand (rising by ``rate``,
-    N/s) would meanwhile use up the reserve ``spare`` (N) of the others. ``usual`` is
-    `SwitchingConfig.crossing_rate`, ``patience`` (s) from `hand_over_time`.
+    Slow enough for the feedback where there is time; faster where the demand would meanwhile use
+    up the reserve of the other units.
+
+    Parameters
+    ----------
+    table : CurveTable
+    unit : int
+    rate, spare : float, N/s and N
+        Rate of the demand; reserve of the other units.
+    usual : float, Pa/s
+        `SwitchingConfig.crossing_rate`.
+    patience : float, s
+        From `hand_over_time`.
     """
     bottom = table.bottom_pressure[unit]
     hurry = bottom * max(rate, 0.0) / max(spare, 0.1)
@@ -141,7 +151,7 @@ def doubt_of(state: Any) -> float:
 
 
 def crossing_time(table: Any, unit: int, rate: float, usual: float, patience: float) -> float:
-    """Return the approximate time to fill a unit to the bottom of its curve, s."""
+    """Return the approximate time to fill a unit to its bottom, s; see `crossing_pace`."""
     slope = 0.0
     for other in range(len(table.order)):
         if other != unit:

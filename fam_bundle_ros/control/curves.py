@@ -5,7 +5,7 @@ Force over pressure of every motor unit at one instant, as kernels.
 
 At one strain the force of a motor unit over its own pressure first falls (it pushes back more
 and more) and then rises (Kim, Mazzoleni and Bryant 2021, SPIE 11586: free strain gradient
-reversal). `tabulate` and `find_branches` make the curves of one tick; `inverse` answers with
+reversal). `tabulate` and `find_branches` make the curves of one tick; `inverse` computes
 pressures on their rising branches. `allocation` has the same as objects.
 """
 
@@ -144,7 +144,7 @@ def _by_unit(table: Any, model: Any) -> None:
 
 
 def _by_rows(table: Any, model: Any) -> None:
-    """Do the same by one call on arrays, where the model has one."""
+    """Fill the table by one call on arrays, for plain Python."""
     force = model.rows(table.moment, model.memory)
     push = np.array(table.push) if table.pushes_back else 0.0
     force = np.where(force > 0.0, np.array(table.pull), push) * force

@@ -40,7 +40,7 @@ def rest_at(heading: Any, k: int, value: float) -> None:
 
 def follow_heading(heading: Any, k: int, value: float, dt: float, bandwidth: float) -> None:
     """
-    Advance signal k by one sample; ``bandwidth`` in rad/s.
+    Advance signal k by one sample (``value``, after ``dt`` s); ``bandwidth`` in rad/s.
 
     Three first-order lags in series, x' = w (u - x), solved exactly for a signal that is linear
     between two samples (first-order hold: Franklin, Powell and Workman 1998, ch. 6): exact for

@@ -54,7 +54,7 @@ def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: fl
     return low + (high - low) * (wanted - low_force) / (high_force - low_force)
 
 
-def begin(table: Any, model: Any, fixed: Any, shares: Any) -> None:
+def set_fixed(table: Any, model: Any, fixed: Any, shares: Any) -> None:
     """Set the prescribed pressures (not nan in ``fixed``), and all others to zero."""
     for unit in range(len(table.order)):
         if math.isnan(fixed[unit]):
@@ -92,7 +92,7 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
     shares : Shares
         Output.
     """
-    begin(table, model, fixed, shares)
+    set_fixed(table, model, fixed, shares)
     pressure, force = shares.pressure, shares.force
     for k in range(count):
         unit = units[k]
@@ -152,7 +152,7 @@ def share(table: Any, model: Any, demand: float, units: Any, count: int, fixed: 
 
     Batch recruitment (Jenkins, Chapman and Bryant 2016). ``units`` is reordered.
     """
-    begin(table, model, fixed, shares)
+    set_fixed(table, model, fixed, shares)
     used = 0
     for k in range(count):
         if table.useful[units[k]] > 0:

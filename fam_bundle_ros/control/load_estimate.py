@@ -126,7 +126,7 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
     most : float, N
         Largest stiffness that a load may have.
     usual : float, N s^2
-        Inertia before anything is known.
+        Prior inertia.
     time, dt : float, s
         Time constant of each filter; time since the reading before.
 

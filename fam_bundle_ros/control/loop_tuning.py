@@ -244,7 +244,7 @@ def _strain_step(ct, control, dead, plant):
     """
     Return times and strain of a reference that steps by 1.
 
-    Feed-forward takes the force of the step at once, as with a large `strain_reach`.
+    Feed-forward adds the static force of the step at once, with the muscles' own stiffness.
     """
     ahead = 1.0 / ct.dcgain(plant)
     closed = (ahead + control * dead) * plant / (1.0 + control * dead * plant)

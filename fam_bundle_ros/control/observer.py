@@ -40,7 +40,7 @@ _BANK = 4
 _FADES = 0.5 * PATIENT_TIME
 #: Prior log odds against each: one false lead in a thousand, shared by all of them.
 _ODDS = math.log(1000.0 * _BANK)
-#: N: a change of this size may be noise, whatever was seen before.
+#: N: a change of this size may be noise, whatever the estimate.
 _USUAL = 0.1
 
 
@@ -128,7 +128,7 @@ def low_pass(dt: float, time: float) -> float:
     return 1.0 - math.exp(-dt / time)
 
 
-def behind_lag(share: float) -> float:
+def noise_gain(share: float) -> float:
     """Return output over input sd of white noise, for a low-pass filter with `low_pass` share."""
     return math.sqrt(share / (2.0 - share))
 
@@ -155,8 +155,8 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     noise = noise_of(state)
     noise *= noise
     gain, slow = low_pass(dt, time), low_pass(dt, PATIENT_TIME)
-    compare(state, error, noise, dt)
-    follow(state, error, time, dt)
+    update_odds(state, error, noise, dt)
+    update_bank(state, error, time, dt)
     state.patient += slow * (error - state.patient)
     state.patient_power += low_pass(dt, _LONG * PATIENT_TIME) * (
         state.patient * state.patient - state.patient_power)
@@ -181,7 +181,7 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
         state.short * state.short - state.short_power)
     # Where the model error is known to vary, the shrinkage threshold is low.
     doubt = _SURELY * (1.0 - state.weight) * noise * gain / (2.0 - gain)
-    found = towards(average(state), quick_of(state), doubt)
+    found = shrink(average(state), quick_of(state), doubt)
     state.bias = found - state.short * beyond_noise(
         state.short_power, noise * gain / (2.0 - gain))
 
@@ -191,7 +191,7 @@ def quick_of(state: Any) -> float:
     return state.bank[_BANK - 1]
 
 
-def compare(state: Any, error: float, noise: float, dt: float) -> None:
+def update_odds(state: Any, error: float, noise: float, dt: float) -> None:
     """
     Update the log odds of each faster observer against ``steady`` with an error (N).
 
@@ -208,7 +208,7 @@ def compare(state: Any, error: float, noise: float, dt: float) -> None:
         state.lead[k] -= max(best - 2.0 * _ODDS, 0.0)
 
 
-def follow(state: Any, error: float, time: float, dt: float) -> None:
+def update_bank(state: Any, error: float, time: float, dt: float) -> None:
     """Update the faster observers with an error (N); ``time`` (s): constant of the fastest."""
     ratio = (time / PATIENT_TIME) ** (1.0 / _BANK)
     span = PATIENT_TIME
@@ -227,7 +227,7 @@ def average(state: Any) -> float:
     return mean / total
 
 
-def towards(value: float, other: float, noise: float) -> float:
+def shrink(value: float, other: float, noise: float) -> float:
     """
     Return a value (N) moved towards another by the part of their difference beyond noise.
 
@@ -285,7 +285,7 @@ def learn_noise(state: Any, value: float, usual: float, dt: float) -> None:
     """
     Update the mean size of a signal's second differences, 0 for a signal of constant rate.
 
-    A change of the size ``usual`` may be noise, whatever was seen before.
+    A change of the size ``usual`` may be noise, whatever the estimate.
     """
     change = second_difference(state, value)
     state.before, state.last = state.last, value
@@ -306,7 +306,7 @@ def mean_change(mean: float, change: float, usual: float, seen: int, dt: float) 
 
 def quick_noise(state: Any, time: float, dt: float) -> float:
     """Return the standard deviation of noise in the fastest observer, N; ``time`` (s): its own."""
-    return noise_of(state) * behind_lag(low_pass(dt, time))
+    return noise_of(state) * noise_gain(low_pass(dt, time))
 
 
 def noise_of(state: Any) -> float:

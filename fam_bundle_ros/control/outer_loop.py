@@ -17,9 +17,9 @@ from fam_bundle_ros.control.friction import forget_friction, FrictionState
 from fam_bundle_ros.control.load_estimate import forget_load, LoadEstimate
 from fam_bundle_ros.control.observer import (
     begin_at,
-    behind_lag,
     forget_observer,
     low_pass,
+    noise_gain,
     noise_of,
     NoiseState,
     observe,
@@ -255,7 +255,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
     if kind == FORCE:
         # Pressures always lag a moving reference: widen the allowed difference by that.
-        coming = on_its_way(asked - believed, reach + abs(rate) * slowest)
+        coming = force_in_transit(asked - believed, reach + abs(rate) * slowest)
         before = settings.lead_time + settings.delay + lag + lead - state.behind
         known, correction = force_loop(settings, state, force, value, rate, saturated, before,
                                        slowest, coming, dt)
@@ -279,7 +279,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     target.force = state.demand = known + state.fade + correction
 
 
-def on_its_way(missing: float, reach: float) -> float:
+def force_in_transit(missing: float, reach: float) -> float:
     """Return the force (N) that pressures in transit will add: ``missing`` beyond ``reach``."""
     return math.copysign(max(abs(missing) - reach, 0.0), missing)
 
@@ -298,7 +298,7 @@ def force_loop(settings: Any, state: Any, force: float, value: float, rate: floa
     before, slowest : float, s
         Time by which the reference must be advanced; lag of the loop with its uncertainty.
     coming : float, N
-        Force that pressures in transit will add, see `on_its_way`.
+        Force that pressures in transit will add, see `force_in_transit`.
     dt : float, s
     """
     known, correction = 0.0, 0.0
@@ -316,14 +316,14 @@ def force_loop(settings: Any, state: Any, force: float, value: float, rate: floa
         correction = settings.force_gain * state.observer.weight * state.late
         correction -= state.observer.bias
         gain = (1.0 + settings.force_gain) * state.observer.weight
-        noise = noise_of(state.observer) * behind_lag(share)
+        noise = noise_of(state.observer) * noise_gain(share)
         # The bias beyond its steady part may be noise of the fastest observer.
         moving = abs(state.observer.bias - state.observer.steady)
         state.noise = max(gain * noise, min(moving / 3.0, noise))
     elif settings.feedback:
         error = value - state.filtered
         correction = settings.force_gain * error
-        state.noise = settings.force_gain * noise_of(state.observer) * behind_lag(
+        state.noise = settings.force_gain * noise_of(state.observer) * noise_gain(
             low_pass(dt, settings.filter_time))
         integrate_error(state, settings.force_integral * error * dt, saturated)
         known = state.integral

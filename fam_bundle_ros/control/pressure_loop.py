@@ -247,7 +247,16 @@ def forget(state: Any, command: float) -> None:
 
 def start(settings: Any, state: Any, pressure: float, source: float, volume: float,
           volume_rate: float) -> None:
-    """Start from the present pressure (Pa), with the rate that continues the last command."""
+    """
+    Start from the present pressure, with the rate that continues the last command.
+
+    Parameters
+    ----------
+    settings, state : PidSettings, PidState
+    pressure, source : float, Pa (gauge) and Pa (absolute)
+        Reading, and supply.
+    volume, volume_rate : float, m^3 and m^3/s
+    """
     state.started = True
     state.followed = state.filtered = pressure
     state.past_time[0] = state.past_sent[0] = state.past_open[0] = state.past_flow[0] = 0.0
@@ -266,6 +275,14 @@ def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: floa
     Move the followed setpoint within valve and rate limits; return its rate, Pa/s.
 
     First-order, x' = w (setpoint - x), limited: a reference governor for the feed-forward.
+
+    Parameters
+    ----------
+    settings, state : PidSettings, PidState
+    setpoint, pressure : float, Pa (gauge)
+    dt : float, s
+    fastest, slowest : float, Pa/s
+        Pressure rates with the valve fully open to fill and to exhaust.
     """
     # At most half of the distance per sample: the filter must not ring at low rates.
     bandwidth = min(settings.setpoint_bandwidth, 0.7 / dt)
@@ -280,10 +297,15 @@ def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: floa
 
 def send(state: Any, change: float, shown: float, passed: float) -> None:
     """
-    Record the pressure change (Pa) that the command of this tick will cause.
+    Record the pressure change that the command of this tick will cause.
 
-    ``shown`` and ``passed`` (s) are its opening times, negative to exhaust, weighted by how well
-    the reading will show the dead band and the flow.
+    Parameters
+    ----------
+    state : PidState
+    change : float, Pa
+    shown, passed : float, s
+        Opening times, negative to exhaust, weighted by how well the reading will show the dead
+        band and the flow.
     """
     state.sent += change
     state.learnt.open += shown
@@ -370,7 +392,7 @@ def integrate(settings: Any, state: Any, error: float, rate: float, excess: floa
         state.integral *= math.exp(-dt / 0.1)
         return
     if abs(rate) > 4.0 * settings.p * settings.quiet_error:
-        # The integral learns leaks and slow errors, not what the flow model misses in a step.
+        # The integral compensates leaks and slow errors, not errors of the flow model in a step.
         return
     step = settings.i * error * dt
     if settings.anti_windup == _NONE:

@@ -171,17 +171,17 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
 
 def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command: Any) -> None:
     """
-    Start from the pressures as they are (bumpless transfer): see `RecruitmentController.enable`.
+    Start from the present pressures (bumpless transfer): see `RecruitmentController.enable`.
 
     The arguments are those of `recruitment_step`.
     """
     start_recruitment(settings, state, command)
     table = state.table
     if settings.scheme != ALL_ON:
-        ask(table, measurement.strain, 0.0, 0.0, 0.0, True)
+        set_moment(table, measurement.strain, 0.0, 0.0, 0.0, True)
         tabulate(table, model)
         find_branches(table, state.asleep)
-        # A unit on its falling branch is not on: it will be vented or crossed anew.
+        # A unit on its falling branch counts as off: it will be vented or crossed again.
         on = 0
         for k in range(len(table.order)):
             unit = table.order[k]
@@ -240,9 +240,9 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     turned = state.rate.direction != direction
     known = 0.0
     if turned:
-        ask(table, measurement.strain, before, state.clock, dt, start)
+        set_moment(table, measurement.strain, before, state.clock, dt, start)
         known = believed_force(table, model, measurement.pressure, state.adaptation.force)
-    ask(table, measurement.strain, strain_rate, state.clock, dt, start)
+    set_moment(table, measurement.strain, strain_rate, state.clock, dt, start)
     force = believed_force(table, model, measurement.pressure, state.adaptation.force)
     if turned:
         jump = force - known
@@ -252,8 +252,8 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     adapt(settings.adaptation, state, measurement.force, dt, settings.outer.feedback)
     learnt = state.adaptation
     outer_step(settings.outer, outer, measurement, believed,
-               outer.demand - state.shares.missing, reach_of(table, command.pressure), kind, value,
-               rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+               outer.demand - state.shares.missing, loop_error(table, command.pressure), kind,
+               value, rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
     learn_friction(outer.friction, state.rate.direction, quick_of(outer.observer),
                    quick_noise(outer.observer, outer.lag, dt), outer.lag, dt)
     # The tracking error during a crossing is not due to the lag.
@@ -270,20 +270,20 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     elif kind != STRAIN:
         outer.target.strain = coming
         strain_rate = rate_ahead(state.rate, ahead)
-    ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
+    set_moment(table, outer.target.strain, strain_rate, state.clock, dt, start)
     if follows:
-        outer.target.force -= driven_away(table, model, command.pressure, coming)
+        outer.target.force -= destabilising_force(table, model, command.pressure, coming)
     tabulate(table, model)
     find_branches(table, state.asleep)
     if settings.scheme != ALL_ON:
-        see_demand(settings, model, state, kind, rate, dt)
+        set_demand(settings, model, state, kind, rate, dt)
         switch_units(settings, state, dt, command)
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     keep_memory(model)
 
 
-def reach_of(table: Any, pressure: Any) -> float:
+def loop_error(table: Any, pressure: Any) -> float:
     """Return the force error (N) due to usual pressure-loop errors at ``pressure`` (n,), Pa."""
     force = 0.0
     for unit in range(len(table.order)):
@@ -291,7 +291,7 @@ def reach_of(table: Any, pressure: Any) -> float:
     return force
 
 
-def driven_away(table: Any, model: Any, pressure: Any, strain: float) -> float:
+def destabilising_force(table: Any, model: Any, pressure: Any, strain: float) -> float:
     """
     Return the destabilising change of force from the table's strain to ``strain``, N.
 
@@ -309,7 +309,7 @@ def driven_away(table: Any, model: Any, pressure: Any, strain: float) -> float:
     return push if push * (strain - wanted) > 0.0 else 0.0
 
 
-def ask(table: Any, strain: float, strain_rate: float, time: float, dt: float, start: bool
+def set_moment(table: Any, strain: float, strain_rate: float, time: float, dt: float, start: bool
         ) -> None:
     """Set the operating point (1, 1/s, s, s) at which the model is evaluated."""
     now = table.moment
@@ -357,7 +357,7 @@ def keep_memory(model: Any) -> None:
             model.memory[unit][k] = model.next[unit][k]
 
 
-def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt: float) -> None:
+def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt: float) -> None:
     """Compute the state machine's input: demand, and its rates relative to the force limits."""
     wanted, limits, top = state.wanted, state.limits, state.table.top
     target = state.outer.target
@@ -435,7 +435,7 @@ def show_state(state: Any, command: Any) -> None:
 
 
 def saturation(table: Any, missing: float, demand: float) -> int:
-    """Say whether the demand is out of reach of every state, or of this one only."""
+    """Return whether the demand is out of reach of all states, or only of the present one."""
     highest, lowest = table.top[0], table.floor[0]
     for k in range(len(table.top)):
         highest, lowest = max(highest, table.top[k]), min(lowest, table.floor[k])

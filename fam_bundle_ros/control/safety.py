@@ -7,7 +7,7 @@ Used by the recruitment controller and by the pressure loops alike. `plausibilit
 of readings against each other. Pressure limits, lowest first: the controllers trip
 at `trip_pressure` (``over_pressure_factor`` times a motor unit's largest pressure: 396 kPa for the
 paper's bundle); the simulated rig trips at 450 kPa (`RigConfig.trip_pressure`), and its relief
-valves begin to open at 480 kPa and are open at 500 kPa (`ChamberConfig.relief_pressure`).
+valves begin to open at 500 kPa (`ChamberConfig.relief_pressure`) and are open at 520 kPa.
 
 Independent of ROS. Times are in s, on one clock of the caller.
 """
@@ -28,7 +28,7 @@ UNEXPLAINED_PRESSURE = 'UNEXPLAINED_PRESSURE'
 SUPPLY = 'SUPPLY'
 #: The force contradicts the pressures.
 FORCE = 'FORCE'
-#: Readings are older than `max_latency` when they come.
+#: Readings are older than `max_latency` on arrival.
 LATE = 'LATE'
 #: A reading repeats exactly although it must move.
 FROZEN = 'FROZEN'
@@ -38,13 +38,13 @@ LOST = 'LOST'
 PID_LOST = 'PID_LOST'
 #: Another controller acts on the same rig.
 OTHER = 'OTHER'
-#: The process itself stood still.
+#: The process itself was stalled.
 STOPPED = 'STOPPED'
 
 #: Default of ``over_pressure_factor``.
 OVER_PRESSURE_FACTOR = 1.15
 #: s: default of ``hold_time``. At 100 Hz and faster valves exhaust within 50 ms of the first bad
-#: reading; shorter losses cost no pressure.
+#: reading; after shorter losses the pressures are unchanged.
 HOLD_TIME = 0.04
 #: s: late stamps or a wrong supply for longer latch the node until `enable`; a computer that was
 #: busy for less has only lost some readings.
@@ -317,7 +317,7 @@ class SensorWatch:
 
     @property
     def cause(self) -> str:
-        """Why a channel that is out must not come back by itself; empty where it may."""
+        """Cause for which a channel that is out must not recover by itself; empty if it may."""
         if self.health != Health.VENT:
             return ''
         if self._late_since is not None and self._seen is not None and (

@@ -29,7 +29,7 @@ def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> N
     while k < crossings.count:
         unit = crossings.unit[k]
         count = solve(settings, model, state, demand, True, state.shares)
-        ratio = ratio_of(settings, state, unit, count)
+        ratio = compensation_ratio(settings, state, unit, count)
         short = crossings.up[unit] > 0 and state.shares.missing > TOLERANCE
         if advance(crossings, unit, dt, state.final.pressure[unit], ratio, short):
             end_crossing(crossings, k)
@@ -63,7 +63,7 @@ def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, 
     return count
 
 
-def ratio_of(settings: Any, state: Any, unit: int, count: int) -> float:
+def compensation_ratio(settings: Any, state: Any, unit: int, count: int) -> float:
     """Return the pressure change of the compensating units per change of the crossing unit."""
     table, helping, chosen = state.table, 0.0, 0
     for k in range(count):

@@ -44,6 +44,16 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
 
     The load's inverse dynamics plus PID on the strain (computed torque: Siciliano et al. 2009,
     Robotics, ch. 8); the correction passes a dead zone as wide as its noise.
+
+    Parameters
+    ----------
+    settings, state : OuterSettings, OuterState
+    measurement : record with force (N), strain, strain_rate (1/s), pressure (n,) (Pa)
+    value, rate : float, and 1/s
+        Strain reference and its rate.
+    saturated : int
+        Saturation of the last command.
+    dt : float, s
     """
     known, correction = 0.0, 0.0
     strain, target = measurement.strain, state.target

@@ -182,7 +182,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
     shown = machine.margins
     shown.recruit, shown.release, shown.limit = recruit, release, table.top[state]
     shown.width, shown.uncertainty = width, demand.uncertainty
-    watch(settings, machine, table, demand, release, dt)
+    update_times(settings, machine, table, demand, release, dt)
     free = neglect or machine.since >= settings.dwell
     # A reference beyond the limit is free of noise: no dwell time.
     sure = (settings.policy == REVERSAL_AWARE
@@ -228,7 +228,7 @@ def release_level(settings: Any, table: Any, state: int, margin: float, band: fl
     return table.crossing[state - 1] - margin - band
 
 
-def watch(settings: Any, machine: Any, table: Any, demand: Any, release: float, dt: float
+def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: float, dt: float
           ) -> None:
     """Update the times of the demand below the release level, and at rest there."""
     below = machine.state > 0 and demand.force < release

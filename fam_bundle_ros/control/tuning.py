@@ -168,6 +168,15 @@ def open_loop_response(result: TuneResult, spool_damping: float = 0.7,
     """
     Return frequency (Hz), magnitude (dB) and phase (deg) of the open loop, for a Bode plot.
 
+    Parameters
+    ----------
+    result : TuneResult
+    spool_damping : float
+    config : PidConfig
+    gain : float
+        Gain of the true chamber over the controller's model.
+    frequencies : array_like, Hz, optional
+
     Raises
     ------
     InputError
