@@ -142,7 +142,7 @@ class ForceWatch:
         force, strain : float, N and 1
         pressure : sequence of float (n,), Pa (gauge)
         off_target : bool
-            Whether a force that is too low is a fault as well.
+            Controlled variable misses its target: only then a force too low is a fault.
         """
         low = high = 0.0
         for unit, shown in enumerate(pressure):

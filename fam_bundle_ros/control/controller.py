@@ -75,7 +75,8 @@ class ControllerConfig:
     adaptation : AdaptationConfig
         Online adaptation of the gains and the bias of the model.
     still : float, Pa
-        Half-width of the backlash of the pressures, so that no air is used for sensor noise.
+        Backlash of the pressures: a pressure is held while it would change by less than this, so
+        that no air is used for sensor noise.
     hold_time : float, s
         Readings that are not finite hold the pressures for this time, then all units are vented.
     """

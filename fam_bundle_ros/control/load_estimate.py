@@ -35,7 +35,7 @@ _REACH = 0.1
 _INERTIAS = 100.0
 #: 1/s: damping of guides over the usual inertia.
 _DRAG = 30.0
-#: Steps over which the variances of damping and inertia grow by their own size.
+#: Steps in which the random walk of damping and inertia reaches their own size.
 _MEMORY = 1000.0
 #: Clipping threshold of a change of the force, in standard deviations.
 _CLIP = 3.0

@@ -86,8 +86,8 @@ class OuterConfig:
     strain_damping : float, N s, optional
         Gain on the error of the strain rate.
     still : float, N
-        Dead zone of the strain loop's correction; widened to its noise, so that no air is used
-        for sensor noise.
+        Backlash of the strain loop's correction: it is held while it would change by less than
+        this, or by less than its noise, so that no air is used for sensor noise.
     filter_time : float, s
         Low-pass filter of the force reading.
     strain_reach : float

@@ -113,7 +113,7 @@ class OuterState:
     late : float, N
         Force error, filtered with the lag of the loop.
     integral, kept : float, N
-        Integral of the error; correction of the strain loop after its dead zone.
+        Integral of the error; correction of the strain loop after its backlash.
     filtered : float, N
         Force reading, filtered.
     taken, fade : float, N
@@ -121,9 +121,9 @@ class OuterState:
     demand : float, N
         Last force demand.
     noise : float, N
-        Standard deviation of the correction due to sensor noise (strain: before the dead zone).
+        Standard deviation of the correction due to sensor noise (strain: before the backlash).
     wanted : NoiseState
-        Noise of the strain loop's correction before its dead zone.
+        Noise of the strain loop's correction before its backlash.
     rate, bend : float
         First and second derivative of a strain reference, 1/s and 1/s^2.
     kind : int

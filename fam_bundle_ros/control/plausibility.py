@@ -5,7 +5,7 @@ Check of a pressure reading against the air that the valve lets in.
 
 Valve and commands bound the possible pressure (ISO 6358). A reading outside the bounds by more
 than the margin between largest pressure and trip could hide a pressure above the trip. Slow
-changes are left to leaks, temperature and an inexact dead band: they are checked by the force
+changes may come from leaks, temperature or an inexact dead band: they are checked by the force
 (`agreement`). Nothing here depends on the setpoint. Above the largest pressure, an unexplained
 rise is extrapolated to the time at which the valve can react: what would be above the trip by
 then is a fault now. Pressures are gauge; independent of ROS.

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Why the controller switched: a number in the loop, a sentence outside."""
+"""Reasons for switching: codes in the kernels, sentences for the user."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

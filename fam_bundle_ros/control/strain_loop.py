@@ -21,7 +21,7 @@ _PERIOD = 4e-3
 _USUAL_INERTIA = 0.3
 #: s: filter of the acceleration of a reference.
 _BEND_TIME = 0.01
-#: Half-width of the strain correction's dead zone, in standard deviations of its noise.
+#: Half-width of the strain correction's backlash, in standard deviations of its noise.
 _QUIET = 2.0
 #: While friction holds the strain, the integral adds the force for its error in this many lags:
 #: the excess force at release then corresponds to half of the error.
@@ -43,7 +43,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
     Return feed-forward and correction of the strain loop, N; set the target strain and its rate.
 
     The load's inverse dynamics plus PID on the strain (computed torque: Siciliano et al. 2009,
-    Robotics, ch. 8); the correction passes a dead zone as wide as its noise.
+    Robotics, ch. 8); the correction passes a backlash as wide as its noise.
 
     Parameters
     ----------
