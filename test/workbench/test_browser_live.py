@@ -49,7 +49,7 @@ def test_a_hidden_effect_is_noticed_named_and_brought_into_the_model(watched, pi
             break
         # the controller still compiles the new model
         page.wait_for_timeout(1000)
-    assert 'in use since now' in told.inner_text()
+    assert 'is in use now' in told.inner_text()
     sees('The model holds')
     for key, most in (('error', 0.6 * wrong), ('tracking', tracked)):
         page.wait_for_function(
