@@ -87,7 +87,7 @@ class Air:
 
     def impossible(self, time: float, pressure: float, gap: float) -> tuple[str, str]:
         """
-        Return cause and reason where a pressure (Pa) cannot be; see `InflowWatch.see`.
+        Return cause and reason if a pressure (Pa) is implausible; see `InflowWatch.see`.
 
         ``time`` is its stamp, ``gap`` the time between its arrival and the previous one, s.
         """
