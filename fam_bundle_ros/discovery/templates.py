@@ -24,7 +24,7 @@ from fam_bundle_ros.discovery.evidence import Fit
 from fam_bundle_ros.discovery.options import makers
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect, Parameter
-from fam_bundle_ros.model.expression import expression_law
+from fam_bundle_ros.model.expression import expression_law, usual_place
 from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 
 
@@ -93,8 +93,8 @@ class Template:
                                 self.words, name='k')
         others = (Parameter(value, of, 0.1 * value, 10.0 * value, 'of the shape', fitted=False,
                             name=key) for key, value, of in self.constants)
-        place = 'loss' if 'strain_rate' in self.expression else 'force'
-        return expression_law(name, self.expression, place, (coefficient, *others))()
+        return expression_law(name, self.expression, usual_place(self.expression),
+                              (coefficient, *others))()
 
 
 @dataclass(frozen=True)

@@ -181,7 +181,7 @@ class Composition:
         used = self._used(Place.PRESSURE, Place.GEOMETRY, Place.FORCE, Place.LIMIT, Place.LOSS,
                           Place.RESIDUAL)
         lines = [f'{name} = shape[{SHAPE.index(name)}]' for name in SHAPE if name in used]
-        lines += ['braid = 1.0', 'bladder = 0.0', 'force = 0.0', 'stretch = 1.0 - strain']
+        lines += ['braid = 1.0', 'bladder = 0.0', 'stretch = 1.0 - strain']
         residual = self._parts[Place.RESIDUAL]
         lines += self._calls(residual, static)
         lines += self._felt_pressure(static)
@@ -220,8 +220,7 @@ class Composition:
         used = self._used(Place.PRESSURE, Place.GEOMETRY) | {
             'length', 'area', 'wall_area', 'cos2', 'sin2', 'cot2'}
         lines = [f'{name} = shape[{SHAPE.index(name)}]' for name in SHAPE if name in used]
-        lines += ['braid = 1.0', 'bladder = 0.0', 'force = 0.0', 'strain_rate = 0.0',
-                  'stretch = 1.0 - strain', *self._felt_pressure(True)]
+        lines += ['strain_rate = 0.0', 'stretch = 1.0 - strain', *self._felt_pressure(True)]
         lines += self._calls(self._changing('braid') + self._changing('area'))
         for name, quantity in (('stretched', 'braid'), ('grown', 'area')):
             change = self._changing(quantity)

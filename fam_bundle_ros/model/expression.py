@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 import linecache
 import operator
+import re
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,11 @@ _UNARY: dict[Any, tuple[Callable, str]] = {ast.USub: (operator.neg, '-'),
                                            ast.UAdd: (operator.pos, '+')}
 
 
+def usual_place(formula: str) -> str:
+    """Return where a formula acts unless told: only there force and rate make sense."""
+    return 'loss' if {'force', 'strain_rate'} & set(re.findall(r'\w+', formula)) else 'force'
+
+
 @lru_cache(maxsize=256)
 def expression_law(name: str, formula: str, place: str, parameters: tuple[Parameter, ...]) -> Law:
     """
@@ -67,8 +73,8 @@ def expression_law(name: str, formula: str, place: str, parameters: tuple[Parame
     ------
     InputError
         When the formula has anything else in it, a parameter has the name of something that a
-        formula knows, the formula divides by a number that is zero, or its unit does not fit the
-        place.
+        formula knows, the formula divides by a number that is zero, its unit does not fit the
+        place, or it asks for what is not known there.
     """
     if place not in RESULTS:
         raise InputError(f"{name}: place '{place}' is not one of {', '.join(RESULTS)}")
