@@ -237,9 +237,9 @@ def towards(value: float, other: float, noise: float) -> float:
     return value + way * max(1.0 - noise / (way * way), 0.0) if way != 0.0 else value
 
 
-def hand_over(state: Any, error: float, jump: float) -> float:
+def take_out_late(state: Any, error: float, jump: float) -> float:
     """
-    Hand over to the model what it explains late; return the share of the jump that it was late.
+    Take out what the model explains late; return the share of the jump that it was late.
 
     The believed force has jumped since a direction of motion was seen. As far as the quick part
     had made up for that already, it need not any more.

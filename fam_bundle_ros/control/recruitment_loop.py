@@ -52,7 +52,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
-from fam_bundle_ros.control.observer import hand_over, quick_noise, quick_of
+from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -245,7 +245,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     force = believed_force(table, model, measurement.pressure, state.adaptation.force)
     if turned:
         jump = force - known
-        state.adaptation.believed += jump * hand_over(
+        state.adaptation.believed += jump * take_out_late(
             outer.observer, measurement.force - force, jump)
     believed = lagged(state.adaptation, force, dt)
     adapt(settings.adaptation, state, measurement.force, dt, settings.outer.feedback)
