@@ -128,16 +128,14 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
     pressures = [(np.ones_like(total), '', '', '', 0),
                  (total, ' times pressure', '/Pa', ' * pressure', 1),
                  (total ** 2, ' times pressure squared', '/Pa**2', ' * pressure**2', 2)]
-    if not single:
-        pressures = [(g, w, u, None, k) for g, w, u, _, k in pressures]  # type: ignore[misc]
     low, high = float(e.min()), float(e.max())
     span = max(high - low, 1e-9)
     smooth = [(np.ones_like(e), 'constant', '1'), (e, 'in proportion to strain', 'strain'),
               (e ** 2, 'with the square of strain', 'strain**2'),
               (e ** 3, 'with the cube of strain', 'strain**3')]
     for g, g_words, g_unit, g_text, power in pressures:
-        def text(formula: str, g_text: str | None = g_text) -> str | None:
-            return None if g_text is None else f'k * {formula}{g_text}'
+        def text(formula: str, g_text: str = g_text) -> str | None:
+            return f'k * {formula}{g_text}' if single else None
         for h, words, formula in smooth:
             add(h * g, words + g_words, 'N' + g_unit, makers(f'smooth{power}'), text(formula),
                 f'smooth{power}')

@@ -213,11 +213,8 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
             verdict = 'unexplained'
         else:
             verdict = 'recalibrate' if _moved(fitter, null, inclusion) else 'adequate'
-    elif after.total > max(small(cells), abnormal):
-        verdict = 'unexplained'
-    elif after.beside > small(cells) and explained < settings.MOST_OF_IT:
-        verdict = 'unexplained'
-    elif refusals:
+    elif (refusals or after.total > max(small(cells), abnormal)
+          or after.beside > small(cells) and explained < settings.MOST_OF_IT):
         verdict = 'unexplained'
     else:
         rest = structured or after.total > small(cells)

@@ -25,7 +25,16 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros import kernels
-from fam_bundle_ros.model.laws.base import FELT, Law, Part, Place, SHAPE, STEPPING, TABLES
+from fam_bundle_ros.model.laws.base import (
+    arguments,
+    FELT,
+    Law,
+    Part,
+    Place,
+    SHAPE,
+    STEPPING,
+    TABLES,
+)
 from fam_bundle_ros.model.seam import CURVE, pointers
 from fam_bundle_ros.model.source import filed
 from fam_bundle_ros.model.vocabulary import bound
@@ -137,21 +146,21 @@ class Composition:
         first = sum(len(other.parameters) for other in self.laws[:offset])
         remembered = sum(len(other.memory) for other in self.laws[:offset])
         own = list(law.names)
-        arguments, after = [], []
-        for name in Part(part.place, function).arguments:
+        given, after = [], []
+        for name in arguments(function):
             if name in law.names:
-                arguments.append(f'parameters[{first + own.index(name)}]')
+                given.append(f'parameters[{first + own.index(name)}]')
             elif name in law.memory:
                 index = remembered + law.memory.index(name)
-                arguments.append('0.0' if static else f'memory[{index}]')
+                given.append('0.0' if static else f'memory[{index}]')
                 after.append(f', after[{index}]')
             elif name == 'table':
-                arguments.append(f'int(tables[{self.tabled.index(law.name)}])')
+                given.append(f'int(tables[{self.tabled.index(law.name)}])')
             elif static and name in STEPPING:
-                arguments.append('0.0' if name == 'dt' else 'True')
+                given.append('0.0' if name == 'dt' else 'True')
             else:
-                arguments.append(name)
-        call = f'{called}{"_at_rest" if rest else ""}({", ".join(arguments)})'
+                given.append(name)
+        call = f'{called}{"_at_rest" if rest else ""}({", ".join(given)})'
         if after and static and not rest:
             call, after = f'{call}[0]', []
         return f'by_{called}{"".join(after)} = {call}'
@@ -163,7 +172,7 @@ class Composition:
         """Return the names that the laws at some places ask for."""
         return {name for place in places for _, _, part in self._parts[place]
                 for function in (part.function, part.equilibrium) if function is not None
-                for name in Part(place, function).arguments}
+                for name in arguments(function)}
 
     def _felt_pressure(self, static):
         lines = self._calls(self._parts[Place.PRESSURE], static)
