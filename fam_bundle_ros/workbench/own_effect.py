@@ -19,7 +19,7 @@ from fam_bundle_ros.model.expression import (
     usual_place,
     VARIABLES,
 )
-from fam_bundle_ros.units import express, parse, registry
+from fam_bundle_ros.units import express, parse, si_factor
 from fam_bundle_ros.workbench.session import Session
 
 #: Where a formula may act, in words.
@@ -145,7 +145,6 @@ def _parameter(name: str, item: Field) -> Parameter:
         raise InputError(f"parameter {name}: '{unit}' is not a unit") from error
     if not high > low:
         raise InputError(f'parameter {name}: its lower bound is not below its upper bound')
-    scale = float(registry().Quantity(1.0, unit if unit != '1' else 'dimensionless')
-                  .to_base_units().magnitude)
+    scale = si_factor(unit, unit)
     return Parameter(value / scale, unit, low / scale, high / scale,
                      f'start {express(value, unit, 4)}', name=name)
