@@ -81,7 +81,7 @@ def test_at_fixed_thread_stretch_the_volume_rises_by_its_slope(strain, pressure)
     def volume(e):
         stretch = 1.0 - e
         return PAPER.area * PAPER.length * stretch * (
-            stretched - stretch ** 2 * PAPER.cos2) / PAPER.sin2 - PAPER.bladder_volume
+            stretched - stretch ** 2 * PAPER.cos2) / PAPER.sin2 - PAPER.wall_area * PAPER.length
 
     assert_allclose(bundle.gas_volume(strain, felt), volume(strain), rtol=1e-12)
     h = 1e-5
