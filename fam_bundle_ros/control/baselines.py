@@ -211,7 +211,7 @@ def in_turn(settings: Any, state: Any, order: Any, limits: Any, proportional: fl
 
 
 def play(command: Any, unit: int, pressure: float, limit: float, still: float) -> None:
-    """Write a pressure with changes inside the quiet band left out; empty and full are exact."""
+    """Write a pressure; changes in the quiet band are left out, except to empty and to full."""
     if 0.0 < pressure < limit:
         pressure = max(min(max(command.pressure[unit], pressure - still), pressure + still), 0.0)
     command.pressure[unit] = pressure

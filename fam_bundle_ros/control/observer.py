@@ -154,6 +154,7 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     noise = noise_of(state)
     noise *= noise
     gain, slow = low_pass(dt, time), low_pass(dt, PATIENT_TIME)
+    quick = noise * gain / (2.0 - gain)  # what of it is left behind the quick observer's lag
     compare(state, error, noise, dt)
     follow(state, error, time, dt)
     state.patient += slow * (error - state.patient)
@@ -165,7 +166,7 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.power += low_pass(dt, _LEARN_TIME) * (left * left - state.power)
     # What four standard deviations of noise cannot be counts at once.
     power = max(state.power, _AT_ONCE * left * left)
-    state.weight = beyond_noise(power, noise * gain / (2.0 - gain))
+    state.weight = beyond_noise(power, quick)
     if state.seen == 1:
         state.asked = believed
     state.asked += gain * (asked - state.asked)
@@ -179,10 +180,8 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
     # As far as the model is known to be off, what moves needs no proof.
-    doubt = _SURELY * (1.0 - state.weight) * noise * gain / (2.0 - gain)
-    found = towards(average(state), quick_of(state), doubt)
-    state.bias = found - state.short * beyond_noise(
-        state.short_power, noise * gain / (2.0 - gain))
+    found = towards(average(state), quick_of(state), _SURELY * (1.0 - state.weight) * quick)
+    state.bias = found - state.short * beyond_noise(state.short_power, quick)
 
 
 def quick_of(state: Any) -> float:

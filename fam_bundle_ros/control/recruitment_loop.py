@@ -29,6 +29,7 @@ from fam_bundle_ros.control.baselines import (
     BaselineSettings,
     BaselineState,
     forget_baseline,
+    play,
 )
 from fam_bundle_ros.control.crossing import Crossings, doubt_of, no_crossings
 from fam_bundle_ros.control.curves import (
@@ -405,16 +406,11 @@ def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
 
 def write_command(settings: Any, state: Any, demand: float, command: Any) -> None:
     """Write pressures, with changes inside the quiet band left out (a play), and shares."""
-    shares, still, total = state.shares, settings.still, 0.0
+    shares, total = state.shares, 0.0
     for unit in range(len(command.pressure)):
         total += abs(shares.force[unit])
     for unit in range(len(command.pressure)):
-        pressure = shares.pressure[unit]
-        # Empty is empty and full is full: a play would stop short of both.
-        if 0.0 < pressure < settings.max_pressure[unit]:
-            pressure = max(min(max(command.pressure[unit], pressure - still), pressure + still),
-                           0.0)
-        command.pressure[unit] = pressure
+        play(command, unit, shares.pressure[unit], settings.max_pressure[unit], settings.still)
         size = abs(shares.force[unit])
         command.share[unit] = size / total if total > 0.0 else size
     show_state(state, command)
