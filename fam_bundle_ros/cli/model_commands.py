@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands that need a model only: `map`, `effects`, `tune`."""
 
+import inspect
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -98,7 +99,7 @@ def effects(
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
 ) -> None:
-    """List the catalogue of effects, or show one in full with its parameters and bounds."""
+    """List the catalogue of effects, or show one with formula, parameters and bounds."""
     from fam_bundle_ros.model import catalogue
     items: list[Any]
     if model is not None:
@@ -230,17 +231,22 @@ def _hertz(text: str) -> float:
 
 
 def _describe(item: Any) -> None:
-    values = getattr(item, 'values', None)
+    values, law = getattr(item, 'values', None), getattr(item, 'law', item)
     console.print(effect_name(item.name), f'  {item.summary}', sep='', soft_wrap=True)
+    for line in inspect.cleandoc(vars(law).get('__doc__') or '').splitlines():
+        console.print(f'    {line}'.rstrip(), markup=False, highlight=False)
     console.print(f'  acts on {item.place.value}, family {item.family}'
                   + (f', another shape of {item.variant_of}' if item.variant_of else ''))
     console.print(f'  source: {item.source}', soft_wrap=True)
     console.print(f'  missing when: {item.signature}', soft_wrap=True)
+    if '__module__' in vars(law):
+        code = law.python_file or f'{law.__module__.replace(".", "/")}.py'
+        console.print(f'  code: {code}', soft_wrap=True)
     if item.parameters:
         rows = []
         for p in item.parameters:
             own = [] if values is None else [values[p.name] / p.scale]
-            rows.append((f'  {p.name}', *own, p.default, p.lower, p.upper,
+            rows.append((f'  {p.name}', *own, f'{p.default:g}', f'{p.lower:g}', f'{p.upper:g}',
                          '' if p.unit == '1' else p.unit, p.description))
         head = ('  parameter', *(['value'] if values is not None else []), 'default', 'lower',
                 'upper', 'unit', '')

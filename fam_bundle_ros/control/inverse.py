@@ -110,8 +110,7 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
                 missing -= room
             continue
         wanted = table.bottom_force[unit] + missing
-        bottom = table.bottom[unit]
-        i, below = len(grid) - 1, bottom
+        i, below = len(grid) - 1, table.bottom[unit]
         while i - below > 1:
             middle = (below + i) // 2
             if curve[middle] < wanted:

@@ -155,6 +155,7 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     noise = noise_of(state)
     noise *= noise
     gain, slow = low_pass(dt, time), low_pass(dt, PATIENT_TIME)
+    quick_noise_square = noise * gain / (2.0 - gain)
     update_odds(state, error, noise, dt)
     update_bank(state, error, time, dt)
     state.patient += slow * (error - state.patient)
@@ -166,7 +167,7 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.power += low_pass(dt, _LEARN_TIME) * (left * left - state.power)
     # A value beyond four standard deviations of the noise counts at once.
     power = max(state.power, _AT_ONCE * left * left)
-    state.weight = beyond_noise(power, noise * gain / (2.0 - gain))
+    state.weight = beyond_noise(power, quick_noise_square)
     if state.seen == 1:
         state.asked = believed
     state.asked += gain * (asked - state.asked)
@@ -180,10 +181,9 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
     # Where the model error is known to vary, the shrinkage threshold is low.
-    doubt = _SURELY * (1.0 - state.weight) * noise * gain / (2.0 - gain)
-    found = shrink(average(state), quick_of(state), doubt)
-    state.bias = found - state.short * beyond_noise(
-        state.short_power, noise * gain / (2.0 - gain))
+    found = shrink(average(state), quick_of(state),
+                   _SURELY * (1.0 - state.weight) * quick_noise_square)
+    state.bias = found - state.short * beyond_noise(state.short_power, quick_noise_square)
 
 
 def quick_of(state: Any) -> float:
@@ -238,7 +238,7 @@ def shrink(value: float, other: float, noise: float) -> float:
     return value + way * max(1.0 - noise / (way * way), 0.0) if way != 0.0 else value
 
 
-def hand_over(state: Any, error: float, jump: float) -> float:
+def take_out_late(state: Any, error: float, jump: float) -> float:
     """
     Remove from the observers what the model now explains; return that share of the jump.
 

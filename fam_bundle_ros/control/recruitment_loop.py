@@ -30,6 +30,7 @@ from fam_bundle_ros.control.baselines import (
     BaselineSettings,
     BaselineState,
     forget_baseline,
+    play,
 )
 from fam_bundle_ros.control.crossing import Crossings, doubt_of, no_crossings
 from fam_bundle_ros.control.curves import (
@@ -53,7 +54,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import Shares, total_of
-from fam_bundle_ros.control.observer import hand_over, quick_noise, quick_of
+from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -246,7 +247,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     force = believed_force(table, model, measurement.pressure, state.adaptation.force)
     if turned:
         jump = force - known
-        state.adaptation.believed += jump * hand_over(
+        state.adaptation.believed += jump * take_out_late(
             outer.observer, measurement.force - force, jump)
     believed = lagged(state.adaptation, force, dt)
     adapt(settings.adaptation, state, measurement.force, dt, settings.outer.feedback)
@@ -407,16 +408,11 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
 
 def write_command(settings: Any, state: Any, demand: float, command: Any) -> None:
     """Write pressures, with a backlash of ``still`` (Pa) against chatter, and shares."""
-    shares, still, total = state.shares, settings.still, 0.0
+    shares, total = state.shares, 0.0
     for unit in range(len(command.pressure)):
         total += abs(shares.force[unit])
     for unit in range(len(command.pressure)):
-        pressure = shares.pressure[unit]
-        # No backlash at 0 and at the limit: the pressure would stop short of both.
-        if 0.0 < pressure < settings.max_pressure[unit]:
-            pressure = max(min(max(command.pressure[unit], pressure - still), pressure + still),
-                           0.0)
-        command.pressure[unit] = pressure
+        play(command, unit, shares.pressure[unit], settings.max_pressure[unit], settings.still)
         size = abs(shares.force[unit])
         command.share[unit] = size / total if total > 0.0 else size
     show_state(state, command)

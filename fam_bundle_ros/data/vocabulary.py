@@ -120,10 +120,9 @@ def words_of(name: str) -> list[str]:
     (['mu1', 'pressure'], ['muskellaenge', 'ist'])
     """
     text = re.sub(r'(?<=[a-z])(?=[A-Z])', ' ', name).casefold()
-    for umlaut, spelt in (('\u00e4', 'ae'), ('\u00f6', 'oe'), ('\u00fc', 'ue'), ('ss', 'ss')):
+    for umlaut, spelt in (('\u00e4', 'ae'), ('\u00f6', 'oe'), ('\u00fc', 'ue')):
         text = text.replace(umlaut, spelt)
-    words = re.findall(r'mu\d+|[^\W\d_]+|\d+', text)
-    return words
+    return re.findall(r'mu\d+|[^\W\d_]+|\d+', text)
 
 
 def recognise(header: str, unit_text: str = '') -> Match:
@@ -266,10 +265,8 @@ def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
 
 
 def _with_unit(found: Match, text: str | None) -> Match:
-    if text is None:
-        # a bare name is worth less than one whose end is a unit that fits
-        return found
-    if found.quantity == 'trial':
+    # a bare name is worth less than one whose end is a unit that fits
+    if text is None or found.quantity == 'trial':
         return found
     for like in likes(found.quantity):
         unit = unit_of(text, like)

@@ -24,7 +24,7 @@ from fam_bundle_ros.discovery.evidence import Fit
 from fam_bundle_ros.discovery.options import makers
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect, Parameter
-from fam_bundle_ros.model.expression import expression_law
+from fam_bundle_ros.model.expression import expression_law, usual_place
 from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 
 
@@ -93,8 +93,8 @@ class Template:
                                 self.words, name='k')
         others = (Parameter(value, of, 0.1 * value, 10.0 * value, 'of the shape', fitted=False,
                             name=key) for key, value, of in self.constants)
-        place = 'loss' if 'strain_rate' in self.expression else 'force'
-        return expression_law(name, self.expression, place, (coefficient, *others))()
+        return expression_law(name, self.expression, usual_place(self.expression),
+                              (coefficient, *others))()
 
 
 @dataclass(frozen=True)
@@ -128,16 +128,14 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
     pressures = [(np.ones_like(total), '', '', '', 0),
                  (total, ' times pressure', '/Pa', ' * pressure', 1),
                  (total ** 2, ' times pressure squared', '/Pa**2', ' * pressure**2', 2)]
-    if not single:
-        pressures = [(g, w, u, None, k) for g, w, u, _, k in pressures]  # type: ignore[misc]
     low, high = float(e.min()), float(e.max())
     span = max(high - low, 1e-9)
     smooth = [(np.ones_like(e), 'constant', '1'), (e, 'in proportion to strain', 'strain'),
               (e ** 2, 'with the square of strain', 'strain**2'),
               (e ** 3, 'with the cube of strain', 'strain**3')]
     for g, g_words, g_unit, g_text, power in pressures:
-        def text(formula: str, g_text: str | None = g_text) -> str | None:
-            return None if g_text is None else f'k * {formula}{g_text}'
+        def text(formula: str, g_text: str = g_text) -> str | None:
+            return f'k * {formula}{g_text}' if single else None
         for h, words, formula in smooth:
             add(h * g, words + g_words, 'N' + g_unit, makers(f'smooth{power}'), text(formula),
                 f'smooth{power}')

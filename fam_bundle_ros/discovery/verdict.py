@@ -214,11 +214,8 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         else:
             moved = _needs_recalibration(fitter, null, inclusion)
             verdict = 'recalibrate' if moved else 'adequate'
-    elif after.total > max(negligible(cells), abnormal):
-        verdict = 'unexplained'
-    elif after.beside > negligible(cells) and explained < settings.MOST_OF_IT:
-        verdict = 'unexplained'
-    elif refusals:
+    elif (refusals or after.total > max(negligible(cells), abnormal)
+          or after.beside > negligible(cells) and explained < settings.MOST_OF_IT):
         verdict = 'unexplained'
     else:
         rest = structured or after.total > negligible(cells)

@@ -8,6 +8,9 @@ import importlib
 import importlib.util
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
+
+import numpy as np
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effect import CLASSES_ARE_GONE
@@ -41,6 +44,7 @@ def available() -> Mapping[str, Law]:
         law = point.load()
         if not isinstance(law, Law):
             raise InputError(f'entry point {point.name}: {law!r} is not a law: {CLASSES_ARE_GONE}')
+        _try(law, f'entry point {point.name}')
         laws.setdefault(law.name, law)
     check_variants(laws, laws)
     return MappingProxyType(laws)
@@ -91,7 +95,7 @@ def from_python_file(path: Path) -> Iterator[Law]:
     Raises
     ------
     InputError
-        If the file cannot be imported or defines no law.
+        If the file cannot be imported, defines no law, or one that does not run on arrays.
     """
     spec = importlib.util.spec_from_file_location(f'fam_bundle_user_{path.stem}', path)
     if spec is None or spec.loader is None or not path.is_file():
@@ -109,9 +113,33 @@ def from_python_file(path: Path) -> Iterator[Law]:
     if not found:
         raise InputError(f'{path}: defines no law: {CLASSES_ARE_GONE}')
     for law in found:
+        _try(law, str(path))
         vars(law).update(python_file=str(path.resolve()),
                          remake=(_from_python_file_again, (str(path.resolve()), law.name)))
         yield law
+
+
+def _try(law: Law, where: str) -> None:
+    """Raise InputError where a law does not run on rows, or does not return its memory."""
+    for part in law.parts if law.load is None else ():
+        values: dict[str, Any] = {name: np.array([0.1, 0.2]) for name in part.arguments}
+        for name in values:
+            if name in law.names:
+                parameter = law.parameter(law.names[name])
+                values[name] = parameter.default * parameter.scale
+            elif name in ('start', 'log_start'):
+                values[name] = np.array([True, False])
+        try:
+            with np.errstate(all='ignore'):
+                found = part.function(**values)
+        except Exception as error:  # whatever the user's function raises
+            raise InputError(
+                f'{where}: law {law.name} does not run on arrays of rows ({type(error).__name__}: '
+                f"{error}); for an if write NumPy's where, minimum or maximum") from error
+        fields = [name for name in part.arguments if name in law.memory]
+        if (len(found) if isinstance(found, tuple) else 1) != 1 + len(fields):
+            raise InputError(f'{where}: law {law.name} returns {found!r}; expected its value'
+                             + ''.join(f', then {name} after the sample' for name in fields))
 
 
 def _from_python_file_again(path: str, name: str) -> Law:

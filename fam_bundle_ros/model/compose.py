@@ -25,7 +25,16 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros import kernels
-from fam_bundle_ros.model.laws.base import FELT, Law, Part, Place, SHAPE, STEPPING, TABLES
+from fam_bundle_ros.model.laws.base import (
+    arguments,
+    FELT,
+    Law,
+    Part,
+    Place,
+    SHAPE,
+    STEPPING,
+    TABLES,
+)
 from fam_bundle_ros.model.seam import CURVE, pointers
 from fam_bundle_ros.model.source import filed
 from fam_bundle_ros.model.vocabulary import bound
@@ -137,21 +146,21 @@ class Composition:
         first = sum(len(other.parameters) for other in self.laws[:offset])
         remembered = sum(len(other.memory) for other in self.laws[:offset])
         own = list(law.names)
-        arguments, after = [], []
-        for name in Part(part.place, function).arguments:
+        given, after = [], []
+        for name in arguments(function):
             if name in law.names:
-                arguments.append(f'parameters[{first + own.index(name)}]')
+                given.append(f'parameters[{first + own.index(name)}]')
             elif name in law.memory:
                 index = remembered + law.memory.index(name)
-                arguments.append('0.0' if static else f'memory[{index}]')
+                given.append('0.0' if static else f'memory[{index}]')
                 after.append(f', after[{index}]')
             elif name == 'table':
-                arguments.append(f'int(tables[{self.tabled.index(law.name)}])')
+                given.append(f'int(tables[{self.tabled.index(law.name)}])')
             elif static and name in STEPPING:
-                arguments.append('0.0' if name == 'dt' else 'True')
+                given.append('0.0' if name == 'dt' else 'True')
             else:
-                arguments.append(name)
-        call = f'{called}{"_at_rest" if rest else ""}({", ".join(arguments)})'
+                given.append(name)
+        call = f'{called}{"_at_rest" if rest else ""}({", ".join(given)})'
         if after and static and not rest:
             call, after = f'{call}[0]', []
         return f'by_{called}{"".join(after)} = {call}'
@@ -163,7 +172,7 @@ class Composition:
         """Return the argument names of the laws at some places."""
         return {name for place in places for _, _, part in self._parts[place]
                 for function in (part.function, part.equilibrium) if function is not None
-                for name in Part(place, function).arguments}
+                for name in arguments(function)}
 
     def _felt_pressure(self, static):
         lines = self._calls(self._parts[Place.PRESSURE], static)
@@ -181,7 +190,7 @@ class Composition:
         used = self._used(Place.PRESSURE, Place.GEOMETRY, Place.FORCE, Place.LIMIT, Place.LOSS,
                           Place.RESIDUAL)
         lines = [f'{name} = shape[{SHAPE.index(name)}]' for name in SHAPE if name in used]
-        lines += ['braid = 1.0', 'bladder = 0.0', 'force = 0.0', 'stretch = 1.0 - strain']
+        lines += ['braid = 1.0', 'bladder = 0.0', 'stretch = 1.0 - strain']
         residual = self._parts[Place.RESIDUAL]
         lines += self._calls(residual, static)
         lines += self._felt_pressure(static)
@@ -220,8 +229,7 @@ class Composition:
         used = self._used(Place.PRESSURE, Place.GEOMETRY) | {
             'length', 'area', 'wall_area', 'cos2', 'sin2', 'cot2'}
         lines = [f'{name} = shape[{SHAPE.index(name)}]' for name in SHAPE if name in used]
-        lines += ['braid = 1.0', 'bladder = 0.0', 'force = 0.0', 'strain_rate = 0.0',
-                  'stretch = 1.0 - strain', *self._felt_pressure(True)]
+        lines += ['strain_rate = 0.0', 'stretch = 1.0 - strain', *self._felt_pressure(True)]
         lines += self._calls(self._changing('braid') + self._changing('area'))
         for name, quantity in (('stretched', 'braid'), ('grown', 'area')):
             change = self._changing(quantity)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 import linecache
 import operator
+import re
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,11 @@ _UNARY: dict[Any, tuple[Callable, str]] = {ast.USub: (operator.neg, '-'),
                                            ast.UAdd: (operator.pos, '+')}
 
 
+def usual_place(formula: str) -> str:
+    """Return where a formula acts unless told: only there force and rate make sense."""
+    return 'loss' if {'force', 'strain_rate'} & set(re.findall(r'\w+', formula)) else 'force'
+
+
 @lru_cache(maxsize=256)
 def expression_law(name: str, formula: str, place: str, parameters: tuple[Parameter, ...]) -> Law:
     """
@@ -66,7 +72,8 @@ def expression_law(name: str, formula: str, place: str, parameters: tuple[Parame
     ------
     InputError
         If the formula has anything else in it, a parameter has the name of a variable or
-        function, the formula divides by a constant zero, or its unit does not fit the place.
+        function, the formula divides by a constant zero, its unit does not fit the place, or it
+        has a variable that is not known there.
     """
     if place not in RESULTS:
         raise InputError(f"{name}: place '{place}' is not one of {', '.join(RESULTS)}")

@@ -57,15 +57,12 @@ class Geometry:
     #: pi r0^2, m^2, and the cross-section of the bladder's wall, pi (r0^2 - (r0 - t)^2), m^2.
     area: Any = field(init=False)
     wall_area: Any = field(init=False)
-    #: Volume of the bladder's wall, m^3.
-    bladder_volume: Any = field(init=False)
 
     def __post_init__(self):
         """Compute once what the model needs at every tick."""
         values = derived(self.radius, self.braid_angle, self.wall_thickness)
         for name, value in zip(DERIVED, values, strict=True):
             object.__setattr__(self, name, value)
-        object.__setattr__(self, 'bladder_volume', self.wall_area * self.length)
 
     @classmethod
     def stack(cls, geometries):

@@ -19,7 +19,7 @@ from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.effect import Effect
-from fam_bundle_ros.model.expression import check_division, expression_law
+from fam_bundle_ros.model.expression import check_division, expression_law, usual_place
 from fam_bundle_ros.model.geometry import Geometry, geometry_problem
 from fam_bundle_ros.model.laws.base import Law, Parameter
 from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
@@ -221,10 +221,9 @@ class _Reader:
         if not isinstance(listed, _Map):
             raise self.error(settings.lines['parameters'],
                              f'parameters of {name} must be a mapping of name to value')
-        place = settings.get('place')
-        if place is None:
-            place = 'loss' if 'strain_rate' in settings['expression'] else 'force'
-        return expression_law(str(name), str(settings['expression']), str(place), tuple(
+        formula = str(settings['expression'])
+        place = str(settings.get('place') or usual_place(formula))
+        return expression_law(str(name), formula, place, tuple(
             self.user_parameter(name, key, value, listed.lines[key])
             for key, value in listed.items()))
 

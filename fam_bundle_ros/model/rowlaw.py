@@ -136,12 +136,9 @@ class RowLaw:
         with np.errstate(all='ignore'):
             if self._fields and not self._runs_along_time:
                 return self._sample_by_sample(function, count, inputs, size)
-            try:
-                if self._fields:
-                    return self._along_time(function, count, inputs, size)
-                return _on_arrays(function, inputs, size), ()
-            except (TypeError, ValueError):  # a user's law with an `if` does not take arrays
-                return self._sample_by_sample(function, count, inputs, size)
+            if self._fields:
+                return self._along_time(function, count, inputs, size)
+            return _on_arrays(function, inputs, size), ()
 
     def _compiled(self, function, count, inputs, size):
         out = np.empty((count, size))

@@ -12,8 +12,14 @@ from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Effect, Parameter
-from fam_bundle_ros.model.expression import expression_law, FUNCTIONS, RESULTS, VARIABLES
-from fam_bundle_ros.units import express, parse, registry
+from fam_bundle_ros.model.expression import (
+    expression_law,
+    FUNCTIONS,
+    RESULTS,
+    usual_place,
+    VARIABLES,
+)
+from fam_bundle_ros.units import express, parse, si_factor
 from fam_bundle_ros.workbench.session import Session
 
 #: Results of a formula, and their names on the page.
@@ -114,8 +120,7 @@ def from_template(template: Template) -> Draft:
     if template.expression is None:
         raise InputError(f"'{template.words}' cannot be written as a formula")
     unit = f' {template.unit}' if template.unit else ''
-    place = 'loss' if 'strain_rate' in template.expression else 'force'
-    draft = Draft('found_shape', template.expression, place)
+    draft = Draft('found_shape', template.expression, usual_place(template.expression))
     draft.sync()
     if 'k' in draft.fields:
         draft.fields['k'] = Field(f'{template.coefficient:.4g}{unit}')
@@ -140,7 +145,6 @@ def _parameter(name: str, item: Field) -> Parameter:
         raise InputError(f"parameter {name}: '{unit}' is not a unit") from error
     if not high > low:
         raise InputError(f'parameter {name}: its lower bound is not below its upper bound')
-    scale = float(registry().Quantity(1.0, unit if unit != '1' else 'dimensionless')
-                  .to_base_units().magnitude)
+    scale = si_factor(unit, unit)
     return Parameter(value / scale, unit, low / scale, high / scale,
                      f'start {express(value, unit, 4)}', name=name)

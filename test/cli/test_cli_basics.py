@@ -54,14 +54,15 @@ def test_map_writes_page_and_numbers(fam_bundle, tmp_path):
 
 
 def test_effects_lists_the_whole_catalogue(fam_bundle, tmp_path):
-    """`effects` has every effect; one by name shows parameters with unit and bounds."""
+    """`effects` has every effect; one by name shows formula, file, units and bounds."""
     listed = fam_bundle('effects', '--json', 'effects.json')
     assert [name for name in catalogue.names() if name not in listed.stdout] == []
     entries = json.loads((tmp_path / 'effects.json').read_text())['effects']
     assert [entry['name'] for entry in entries] == catalogue.names()
     assert all(entry['source'] for entry in entries)
     one = fam_bundle('effects', 'coulomb_friction').stdout
-    assert all(word in one for word in ('force', 'lower', 'upper', 'N/kPa', 'source'))
+    assert [word for word in ('F = -', 'laws/dry_friction.py', 'force', 'lower', 'upper', 'N/kPa',
+                              'source') if word not in one] == []
 
 
 def test_tune_shows_gains_and_margins(fam_bundle, tmp_path):

@@ -15,7 +15,6 @@ from fam_bundle_ros.control.observer import (
     begin_at,
     beyond_noise,
     forget_observer,
-    hand_over,
     learn_noise,
     low_pass,
     noise_gain,
@@ -27,6 +26,7 @@ from fam_bundle_ros.control.observer import (
     quick_of,
     shift,
     shrink,
+    take_out_late,
     update_bank,
     update_odds,
 )
@@ -164,7 +164,7 @@ def test_what_the_model_explains_late_is_handed_over(corrected, error, jump, lef
     """Friction that feedback has made up for and that is believed at last is nowhere twice."""
     state = ObserverState()
     begin_at(state, corrected)
-    share = hand_over(state, error, jump)
+    share = take_out_late(state, error, jump)
     assert state.bank == pytest.approx([left] * 4)
     assert share * jump == pytest.approx(corrected - left)
 

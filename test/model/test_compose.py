@@ -83,6 +83,24 @@ def test_an_argument_that_no_law_gets_is_refused():
             return -speed
 
 
+@pytest.mark.parametrize(('place', 'felt', 'known'), [
+    ('geometry', 'force', 'limit, loss'), ('force', 'force', 'limit, loss'),
+    ('pressure', 'bladder', 'force, limit, loss'), ('residual', 'braid', 'force, limit, loss')])
+def test_what_is_not_known_yet_at_a_place_is_refused(place, felt, known):
+    """It was zero there, and the law did nothing without a word."""
+    function = {'force': lambda force: force, 'bladder': lambda bladder: bladder,
+                'braid': lambda braid: braid}[felt]
+    told = f"argument '{felt}' is not known at place {place}, only at {known}$"
+    with pytest.raises(InputError, match=told):
+        law(place, **FACTS, changes='strain' if place == 'geometry' else '')(function)
+
+
+def test_a_place_that_there_is_not_is_refused():
+    """With those that there are."""
+    with pytest.raises(InputError, match="place 'lose' is not known; expected one of .*loss"):
+        two_parts.also('lose')(lambda strain: strain)
+
+
 def test_a_parameter_must_not_hide_what_a_law_feels():
     """`pressure` is felt; a parameter of that name is given under another argument."""
     with pytest.raises(InputError, match="pressure has the name of an input of a law.*name='"):
@@ -95,6 +113,7 @@ def test_a_parameter_must_not_hide_what_a_law_feels():
     ({'leaves': ('speed', 'velocity')}, "leaves 'velocity'; expected .* smooth0, .*, speed, "),
     ({'leaves': 'speed'}, "leaves 'speed'; expected a tuple of"),
     ({'variantof': 'mesh'}, "'variantof' is 'mesh'; expected a Parameter, .*, variant_of, "),
+    ({'off': {'size': 0.0}}, "off 'size'; expected one of its parameters"),
     ({'source': ''}, 'needs source=')])
 def test_what_is_told_of_a_law_is_checked(field, message):
     """A misspelt field or kind of shape is named, and what may stand there."""

@@ -46,6 +46,16 @@ def test_a_parameter_may_not_have_the_name_of_something_known(name):
         model('k * strain', f'k: 5 N, {name}: 5 N')
 
 
+def test_a_formula_of_the_force_acts_where_the_force_is_known():
+    """Gearing that loses a tenth; as an elastic force, beside the others, there is none yet."""
+    own = '  - own: {expression: "-k * force", parameters: {k: 0.1}'
+    whole, less = loads_model(HEAD), loads_model(f'{HEAD}{own}}}\n')
+    assert_allclose(less.force(0.05, [2e5]), 0.9 * whole.force(0.05, [2e5]))
+    with pytest.raises(InputError, match="line 6: law own: argument 'force' is not known at "
+                                         'place force, only at limit, loss'):
+        loads_model(f'{HEAD}{own}, place: force}}\n')
+
+
 @pytest.mark.parametrize(('formula', 'told'), [
     ('k / 0', "'0' is always zero"), ('k / (1 - 1)', "'1 - 1' is always zero"),
     ('k / strain', "'strain' is zero near strain 0"),

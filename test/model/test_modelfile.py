@@ -173,6 +173,18 @@ def test_a_users_law_is_a_variant_of_one_that_there_is(tmp_path, first, message)
             assert load_model(path, allow_python=True).effect('glue').variant_of == name
 
 
+@pytest.mark.parametrize(('was', 'is_now', 'message'), [
+    ('return size +', 'return 0.0 if strain > 0.1 else size +', 'run on arrays of rows .*where'),
+    (', 0.5 * (strain + last)', '', 'returns .*; expected its value, then last after the sample')])
+def test_a_users_law_is_tried_when_it_is_read(tmp_path, was, is_now, message):
+    """An `if` over rows, a memory that is not returned: told at once, with file and law."""
+    (tmp_path / 'mine.py').write_text(GLUE.replace(was, is_now))
+    path = tmp_path / 'm.yaml'
+    path.write_text(GOOD.replace('effects:', 'effect_files: [mine.py]\neffects:\n  - glue'))
+    with pytest.raises(InputError, match=f'mine.py: law glue .*{message}'):
+        load_model(path, allow_python=True)
+
+
 def test_a_users_law_with_a_memory_of_its_own_kind_runs_over_a_record(tmp_path):
     """Without the recurrences of the vocabulary it is computed sample by sample, to the same."""
     (tmp_path / 'mine.py').write_text(GLUE)

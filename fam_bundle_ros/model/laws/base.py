@@ -43,6 +43,10 @@ class Place(Enum):
 #: muscle); ``unit`` is the index of the motor unit.
 FELT = ('unit', 'strain', 'stretch', 'strain_rate', 'pressure', 'time', 'force', 'bladder',
         'braid')
+#: Where those of them are known that are worked out on the way.
+_KNOWN_AT = {'braid': (Place.FORCE, Place.LIMIT, Place.LOSS),
+             'bladder': (Place.FORCE, Place.LIMIT, Place.LOSS),
+             'force': (Place.LIMIT, Place.LOSS)}
 #: Geometry of the muscle: fields of `fam_bundle_ros.model.geometry.Geometry`.
 SHAPE = ('radius', 'length', 'braid_angle', 'wall_thickness', 'cos2', 'sin2', 'cot2', 'area',
          'wall_area')
@@ -120,6 +124,16 @@ class Part:
     def arguments(self) -> tuple[str, ...]:
         """Names of the function's arguments."""
         return arguments(self.function)
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """What the function may ask for at this place, besides parameters, memory and tables."""
+        if self.place is Place.PNEUMATICS:
+            return ()
+        if self.place is Place.SENSOR:
+            return (self.changes, 'time', 'strain_rate')
+        return (*(name for name in FELT if self.place in _KNOWN_AT.get(name, Place)), *SHAPE,
+                *STEPPING)
 
 
 @cache
@@ -204,9 +218,12 @@ class Law:
     remake: tuple[Callable, tuple] | None = None
 
     def __post_init__(self):
-        """Check the arguments of every part, and the kinds of shape."""
+        """Check the arguments of every part, the names in ``off``, and the kinds of shape."""
         for part in self.parts:
             self._check(part)
+        for name in self.off.keys() - {parameter.name for parameter in self.parameters}:
+            raise InputError(f"law {self.name}: off '{name}'; expected one of its parameters: "
+                             f"{', '.join(p.name for p in self.parameters) or 'it has none'}")
         leaves: Any = self.leaves  # may be a str by mistake
         for kind in (leaves,) if isinstance(leaves, str) else leaves:
             if kind not in KINDS or kind == leaves:
@@ -268,30 +285,42 @@ class Law:
         It shares the law's parameters and memory fields (a field is changed by one part only).
         """
         def add(function: Callable) -> Callable:
-            part = Part(Place(place), function, changes, equilibrium)
+            part = Part(_place(place), function, changes, equilibrium)
             self._check(part)
             object.__setattr__(self, 'parts', (*self.parts, part))
             return function
         return add
 
     def _check(self, part):
-        known = {*FELT, *SHAPE, *STEPPING, *TABLES, *self.names, *self.memory}
-        for function in (part.function, part.equilibrium):
-            for argument in arguments(function) if function else ():
-                if argument not in known:
-                    raise InputError(
-                        f"law {self.name}: argument '{argument}' is neither a parameter nor a "
-                        f"memory field nor one of {', '.join((*FELT, *SHAPE, *STEPPING))}")
         expected = CHANGES.get(part.place, ('',))
         if part.changes not in expected:
             raise InputError(f"law {self.name}: changes '{part.changes}'; expected one of "
                              f"{', '.join(map(repr, expected))} for place {part.place.value}")
+        given = part.given
+        known = {*given, *TABLES, *self.names, *self.memory}
+        for function in (part.function, part.equilibrium):
+            for argument in arguments(function) if function else ():
+                if argument not in known:
+                    places = [place.value for place in _KNOWN_AT.get(argument, ())]
+                    raise InputError(f"law {self.name}: argument '{argument}' is " + (
+                        f"not known at place {part.place.value}, only at {', '.join(places)}"
+                        if places else 'neither a parameter nor a memory field nor one of '
+                        f"{', '.join(given) or 'those'} (place {part.place.value})"))
         shadowed = (set(self.names) | set(self.memory)) & {*FELT, *SHAPE, *STEPPING, *TABLES}
         if shadowed:
             raise InputError(
                 f"law {self.name}: parameter or memory field {', '.join(sorted(shadowed))} has "
                 "the name of an input of a law; rename the argument and give the parameter's "
                 "own name as Parameter(..., name='...')")
+
+
+def _place(name):
+    """Return the place of a name; InputError with the places where there is none."""
+    try:
+        return Place(name)
+    except ValueError:
+        raise InputError(f"place '{name}' is not known; expected one of "
+                         f"{', '.join(place.value for place in Place)}") from None
 
 
 #: Fields of a law that are not arguments of `law`.
@@ -337,7 +366,7 @@ def law(place: str, *, changes: str = '', equilibrium: Callable | None = None,
             if not facts.get(key):
                 raise InputError(f'law {name}: needs {key}=...')
         made = Law(name=name, parts=(
-            Part(Place(place), function, changes, equilibrium),),
+            Part(_place(place), function, changes, equilibrium),),
             parameters=tuple(parameters.values()),
             names={key: item.name for key, item in parameters.items()}, **facts)
         vars(made).update(__doc__=function.__doc__, __module__=function.__module__)
