@@ -208,8 +208,11 @@ def dimension_of(header: str, unit_text: str = '') -> Unit | None:
 #: The rest length above a table: 'L0 = 250 mm', 'Rest length [mm];250,0', 'L0;250;mm'.
 _REST = re.compile(
     r'(?<![^\W_])(?:l_?0|(?:rest|resting|initial|original|nominal|free|slack|relaxed|deflated|'
-    r'uninflated|unpressuri[sz]ed)[ _]length|'
-    r'(?:ruhe|anfangs|ausgangs|nenn)l(?:\u00e4|ae)nge)(?:[\s_]*[\[(]?(mm|cm|m|in)\b[\])]?)?'
+    r'uninflated|unpressuri[sz]ed|unstretched|undeformed|unloaded|natural|vented)[ _]length'
+    r'(?: of (?:the |this )?\w+)?|length at rest|(?:ruhe|anfangs|ausgangs|nenn)l(?:\u00e4|ae)nge|'
+    r'(?:ungedehnt|entspannt|unbelastet|drucklos)e l(?:\u00e4|ae)nge|'
+    r'l(?:\u00e4|ae)nge[ ,(]+(?:ungedehnt|entspannt|unbelastet|drucklos|in ruhe)\)?)'
+    r'(?:[\s_]*[\[(]?(mm|cm|m|in)\b[\])]?)?'
     r'[\s:=;,|]+(\d+(?:[.,]\d+)?)[\s;,|]*(?:[\[(]?(mm|cm|m|in)\b)?', re.IGNORECASE)
 
 
@@ -225,6 +228,11 @@ def rest_length_of(line: str) -> float | None:
     found = _REST.search(line)
     unit = unit_of(found[1] or found[3] or '', 'm') if found else None
     return float(found[2].replace(',', '.')) * unit.factor if found and unit else None
+
+
+def names_rest_length(line: str) -> bool:
+    """Return whether a line tells a rest length, be it without a unit."""
+    return _REST.search(line) is not None
 
 
 def unit_text_of(header: str) -> str | None:

@@ -15,10 +15,9 @@ def length_of(model: Bundle) -> float | None:
 
 
 def recipe_for(model: Bundle, recipe: Recipe | None = None) -> Recipe:
-    """Return a recipe with what the model knows where it has none: rest length, pressure."""
+    """Return a recipe with what the model knows: length, and pressure where it has none."""
     recipe = recipe or Recipe()
-    if recipe.rest_length is None:
-        recipe = recipe.merged(rest_length=length_of(model))
+    recipe = recipe.merged(muscle_length=length_of(model))
     if recipe.max_pressure is None:
         recipe = recipe.merged(max_pressure=max(float(unit.max_pressure)
                                                 for unit in model.motor_units))

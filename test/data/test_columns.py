@@ -5,7 +5,14 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import checks, preview, read_measurement, taken_words, unit_names
+from fam_bundle_ros.data import (
+    checks,
+    preview,
+    read_measurement,
+    Recipe,
+    taken_words,
+    unit_names,
+)
 from fam_bundle_ros.data.formats.layout import find_data
 from fam_bundle_ros.data.formats.text import split
 from fam_bundle_ros.data.grouping import pressure_levels
@@ -159,6 +166,28 @@ def test_a_column_that_repeats_the_rest_length_tells_it(log):
     data['L0 [mm]'][-1] = 300.0
     with pytest.raises(InputError, match='expected a strain, or the rest length'):
         read_measurement(data)
+
+
+def test_a_rest_length_without_a_unit_is_not_used_and_said(log, tmp_path):
+    """The muscle's length is used, which may be another."""
+    rows = np.stack([log[0], 250 * (1 - log[1]), log[2] / 1e3, log[3]], axis=1)
+    np.savetxt(tmp_path / 'a.csv', rows, '%.6f', ',', comments='', header='# L0 = 250\n'
+               'time [s],length [mm],pressure [kPa],force [N]')
+    data = read_measurement(tmp_path / 'a.csv', recipe=Recipe(muscle_length=0.26))
+    assert np.allclose(data.strain, 1 - 250 / 260 * (1 - log[1]))
+    assert "in the file stands '# L0 = 250', without a unit: not used" in ' '.join(data.notes)
+
+
+def test_several_rest_lengths_in_a_file_are_said(log, tmp_path):
+    """Two specimens in one file have a length each."""
+    rows = np.stack([log[0], 250 * log[1], log[2] / 1e3, log[3]], axis=1)
+    with open(tmp_path / 'a.csv', 'w') as file:
+        file.write('time [s],contraction [mm],pressure [kPa],force [N]\n')
+        for length, part in ((250, rows[:90]), (240, rows[90:])):
+            file.write(f'# L0 = {length} mm\n')
+            np.savetxt(file, part, '%.6f', ',')
+    data = read_measurement(tmp_path / 'a.csv')
+    assert 'several rest lengths in the file: 250 mm, 240 mm' in ' '.join(data.notes)
 
 
 def test_lengths_need_a_rest_length_that_fits(log):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import read_measurement, taken_words
+from fam_bundle_ros.data import read_measurement, Recipe, taken_words
 from fam_bundle_ros.data.formats.layout import BLANKS
 from fam_bundle_ros.errors import InputError
 
@@ -361,7 +361,8 @@ def test_a_short_last_run_below_its_name_is_no_footer(log, tmp_path, label):
 
 @pytest.mark.parametrize('kind', ['csv', 'xlsx'])
 @pytest.mark.parametrize('line', ['L0 [mm];250,0', 'L0;250;mm', 'Ruhel\u00e4nge: 25 cm',
-                                  'Rest length = 250 mm'])
+                                  'Rest length = 250 mm', 'resting length of the muscle: 250 mm',
+                                  'L\u00e4nge ungedehnt: 25,0 cm'])
 def test_a_rest_length_above_the_table_is_heard(log, tmp_path, line, kind):
     """It is taken where none is told; one that is told counts more, and the other is noted."""
     path = tmp_path / f'a.{kind}'
@@ -375,6 +376,9 @@ def test_a_rest_length_above_the_table_is_heard(log, tmp_path, line, kind):
             book.active.append(row.split(';'))
         book.save(path)
     same(read_measurement(path), log)
+    read = read_measurement(path, recipe=Recipe(muscle_length=0.251))
+    same(read, log)
+    assert any('250 mm, as the file says; the model has 251 mm' in note for note in read.notes)
     told = read_measurement(path, rest_length='240 mm')
     assert np.allclose(told.strain, log['strain'] * 250 / 240, atol=1e-5)
     assert any('rest length of 240 mm; the file says 250 mm' in note for note in told.notes)
