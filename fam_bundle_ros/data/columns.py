@@ -90,9 +90,10 @@ class _Reader:
             table.name, strain, pressure, values['force'],
             labels(table.columns[trial.header])[rows] if trial and trial.header else None, time,
             [key.partition('.')[2] or 'mu1' for key in pressures], values.get('strain_rate'),
-            rows=table.rows[rows], notes=[*table.notes, *self.notes], max_strain=recipe.max_strain,
+            rows=table.rows[rows], notes=list(dict.fromkeys((*table.notes, *self.notes))),
+            max_strain=recipe.max_strain, max_pressure=recipe.max_pressure,
             units={key: unit for key, unit in given.items() if key in ('force', *pressures) or (
-                key == 'strain' and strains[0] == 'strain')}, max_pressure=recipe.max_pressure)
+                key == 'strain' and strains[0] == 'strain')})
         lengths = self.choices.chosen[strains[0]].unit
         return replace(measured, taken=self.choices.taken(), rest_length=self.rest_length
                        if lengths is not None and lengths.like == 'm' else None,

@@ -41,7 +41,8 @@ def table(log, **renamed):
     ('F_lbf', 'force', 'lbf', 4.4482216),
     ('Zugkraft [kN]', 'force', 'kN', 1e3), ('Force [MN]', 'force', 'MN', 1e6),
     ('Force [mN]', 'force', 'mN', 1e-3), ('L\u00e4nge [mm]', 'length', 'mm', 1e-3),
-    ('\u03b5 [%]', 'strain', '%', 1e-2), ('t_ms', 'time', 'ms', 1e-3),
+    ('\u03b5 [%]', 'strain', '%', 1e-2), ('t_ms', 'time', 'ms', 1e-3), ('ms', 'time', 'ms', 1e-3),
+    ('millis()', 'time', 'millis', 1e-3), ('epoch_ns', 'time', 'ns', 1e-9),
     ('PRESSURE_KPA', 'pressure', 'KPA', 1e3), ('Weg [\u00b5m]', 'shift', '\u00b5m', 1e-6),
     ('Verk\u00fcrzung [%]', 'contraction', '%', 1e-2),
     ('p_N_mm2', 'pressure', 'N_mm2', 1e6), ('p_atm', 'pressure', 'atm', 101325.0),
@@ -50,7 +51,7 @@ def table(log, **renamed):
 def test_names_and_units_are_recognised(header, quantity, unit, factor):
     """English and German, brackets or not, whatever the case."""
     found = recognise(header)
-    assert (found.quantity, found.unit.text) == (quantity, unit)
+    assert (found.quantity, found.unit.text, found.score > 1) == (quantity, unit, True)
     assert found.unit.factor == pytest.approx(factor)
 
 
@@ -64,6 +65,20 @@ def test_names_and_units_are_recognised(header, quantity, unit, factor):
 def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
     """Setpoints, supplies, models and other sensors are left alone."""
     assert recognise(header).quantity == ''
+
+
+def test_both_ends_of_a_line_may_be_the_pressure_of_the_muscle(log):
+    """None of them is chosen for its name."""
+    data = table(log, pressure=('p_in [bar]', log[2] / 1e5))
+    with pytest.raises(InputError, match=r"'p_in \[bar\]' and 'p_out \[bar\]' both may be"):
+        read_measurement({**data, 'p_out [bar]': 0.9 * log[2] / 1e5})
+
+
+def test_counts_are_to_be_told_with_what_one_is_worth(log):
+    """A force in counts of a converter that is told as N would be read as N."""
+    data = table(log, force=('adc', np.round(10.0 * log[3])))
+    with pytest.raises(InputError, match=r'"force=adc \* 0.5 N"'):
+        read_measurement(data)
 
 
 @pytest.mark.parametrize(('unit', 'factor', 'absolute'), [
@@ -321,7 +336,7 @@ def test_another_quantity_is_not_taken_for_its_unit(log, key, header):
 def test_two_equal_forces_are_asked_for(log):
     """Forces of two cells add up, be they equal; a clock beside each channel is one clock."""
     data = {**table(log, force=('force 1 [N]', log[3] / 2)), 'force 2 [N]': log[3] / 2}
-    with pytest.raises(InputError, match='both may be force'):
+    with pytest.raises(InputError, match=r'their sum, "force=force 1 \[N\] \+ force 2 \[N\]"'):
         read_measurement(data)
 
 
