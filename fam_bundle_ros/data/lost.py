@@ -85,7 +85,7 @@ def stood_still(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> sl
     at = int(np.argmax(lengths))
     elsewhere = fast & (force[1:] != force[begin[at]])
     share = ((elsewhere & same).sum() + 1) / (elsewhere.sum() + 2)
-    if fast.sum() * share ** int(lengths[at]) >= _CHANCE:
+    if max(fast.sum(), 1) * share ** int(lengths[at]) >= _CHANCE:
         return None
     return slice(int(begin[at]), int(end[at]) + 1)
 
