@@ -618,3 +618,19 @@ def test_a_sheet_of_results_does_not_stand_for_the_log(log, tmp_path):
     read = read_measurement(tmp_path / 'a.xlsx', rest_length=REST)
     same(read, log)
     assert read.notes == ('not read: sheet Summary (tell the sheet)',)
+
+
+def test_a_cover_sheet_and_a_head_of_merged_cells_are_heard(log, tmp_path):
+    """The rest length on the cover; a name above its unit, beside names that have theirs."""
+    import openpyxl
+    book = openpyxl.Workbook()
+    book.active.append(['Ruhel\u00e4nge', 250, 'mm'])
+    sheet = book.create_sheet('Messdaten')
+    for row in (['Zeit', 'Messwerte'], ['[s]', *HEAD.split(',')[1:]], *(
+            [float(cell) for cell in row] for row in cells(log))):
+        sheet.append(row)
+    sheet.merge_cells('B1:D1')
+    book.save(tmp_path / 'a.xlsx')
+    data = read_measurement(tmp_path / 'a.xlsx')
+    same(data, log)
+    assert data.time is not None
