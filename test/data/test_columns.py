@@ -224,11 +224,13 @@ def test_a_length_that_is_another_than_the_muscle_s_is_told(log, fittings, said)
     assert bool(said) == ('of the rest length' in ' '.join(data.notes))
 
 
-def test_a_displacement_with_an_offset_is_noticed(log):
+@pytest.mark.parametrize(('header', 'offset', 'said'), [
+    ('contraction [mm]', 40, True), ('contraction [mm]', 20, False), ('position [mm]', 20, True),
+    ('position [mm]', 0, False)])
+def test_a_displacement_with_an_offset_is_noticed(log, header, offset, said):
     """A position that never is near zero is no contraction from the rest length."""
-    data = read_measurement(table(log, strain=('contraction [mm]', 25 + 125 * log[1])),
-                            rest_length=0.25)
-    assert any('never is near zero' in note for note in data.notes)
+    data = read_measurement(table(log, strain=(header, offset + 250 * log[1])), rest_length=0.25)
+    assert any('never is near zero' in note for note in data.notes) == said
 
 
 def test_a_column_that_counts_rows_is_no_trial(log):
