@@ -154,7 +154,8 @@ def _done(job: Job) -> dict[str, Any]:
     # a result must not be stored under the hash of other data
     if file_digest(path) != job.sha256:
         raise OSError('it was changed while the campaign ran')
-    measured = read_measurement(path, recipe=recipe_for(model, job.recipe))
+    told = job.recipe.merged(rest_length=dict(job.dimensions).get('length'))
+    measured = read_measurement(path, recipe=recipe_for(model, told))
     result = diagnose(model, measured, choices=job.choices)
     compared, said = result.comparison.to_dict(), result.to_dict()
     # large parts are omitted from stored results

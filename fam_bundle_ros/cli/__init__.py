@@ -63,6 +63,9 @@ def _report(error: Exception) -> int:
         return _fail(str(error), 2)
     if isinstance(error, ModuleNotFoundError):
         return _fail(_missing(error), 1)
+    if isinstance(error, OSError) and error.filename:
+        return _fail(f'{error.filename}: {error.strerror}; expected a file that this user may '
+                     'read or write', 2)
     if hasattr(error, 'format_message'):  # a usage error of typer, with its own click or not
         context = getattr(error, 'ctx', None)
         command = f'{context.command_path}: ' if context else ''

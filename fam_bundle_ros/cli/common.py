@@ -110,7 +110,7 @@ _READING: dict[str, Any] = {
         'column. May be given several times.')],
     'rest_length': Annotated[str | None, typer.Option(
         '--rest-length', metavar='LENGTH', rich_help_panel=_PANEL, help='Rest length, "127 mm", '
-        'for data with lengths; by default that of the model.')],
+        'for data with lengths; by default that of the file, else of the model.')],
     'gauge': Annotated[bool | None, typer.Option(
         '--gauge/--absolute', rich_help_panel=_PANEL, show_default=False, help='Whether pressures '
         'are gauge or absolute, if the header does not say it.')],
@@ -192,9 +192,8 @@ def read_data(data: str | Sequence[str], reading: Reading, model: Any = None) ->
             recipe.rest_length / length - 1.0) > 0.02:
         notes.print(f'note: --rest-length is {1e3 * recipe.rest_length:.4g} mm, the length of '
                     f'{model.name} {1e3 * length:.4g} mm')
-    if model is not None:
-        recipe = recipe_for(model, recipe)
-    recordings = read_recordings([data] if isinstance(data, str) else data, recipe=recipe)
+    used = recipe if model is None else recipe_for(model, recipe)
+    recordings = read_recordings([data] if isinstance(data, str) else data, recipe=used)
     for measured in recordings:
         words = taken_words(measured)
         for line in [*([words] if words else []), *([measured.dropped_words] if measured.dropped

@@ -216,7 +216,8 @@ class Choices:
                     f'{self.table.name}: {names} both may be {_shown(key)}; expected one, or to '
                     f'be told, for example --columns "{_shown(key)}={best_ones[0][0]}"'
                     + f', or their sum, "force={" + ".join(header for header, _ in best_ones)}"'
-                    * (key == 'force'))
+                    # axes, or a raw and a filtered one, do not add up
+                    * (key == 'force' and all(match.part for _, match in best_ones)))
             self._refuse([entry for entry in entries if entry is not best_ones[0]],
                          f"less like {_shown(key)} than '{best_ones[0][0]}'")
             header, match = best_ones[0]
@@ -325,7 +326,12 @@ class Choices:
             told = _shown(meant) if alike else key
             text = self.table.units.get(header) or unit_text_of(header)
             if text is None:
-                example = f'{told}={name_of(header)} [{_EXAMPLES.get(told, "mm")}]'
+                values = numbers(column)[0]
+                counts = not alike and (values[np.isfinite(values)] % 1.0 == 0.0).all()
+                told = told.replace('strain', 'contraction') if counts else told
+                unit = _EXAMPLES.get(told, 'mm')
+                example = f'{told}={name_of(header)} ' + (
+                    f'* 0.5 {unit}' if counts else f'[{unit}]')
                 without.insert(0 if alike else len(without), example)
             elif any(unit_of(text, like) for like in likes(key)):
                 fitting.insert(0 if alike else len(fitting), f'{told}={header}')

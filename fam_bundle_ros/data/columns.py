@@ -35,14 +35,22 @@ from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.telling import Choice, with_sums
 from fam_bundle_ros.data.unit_names import is_unit, Unit, unit_of
-from fam_bundle_ros.data.vocabulary import absolute_of, likes, recognise, rest_length_of
+from fam_bundle_ros.data.vocabulary import (
+    absolute_of,
+    likes,
+    names_rest_length,
+    recognise,
+    rest_length_of,
+)
 from fam_bundle_ros.errors import InputError
 
 #: What else a rest length is called above a table.
 _OF_MUSCLE = re.compile('(muscle|actuator|pam|active|gau?ge|specimen|sample)[ _]length|'
                         '(muskel|einspann|mess)l(\u00e4|ae)nge', re.IGNORECASE)
-#: By how much a rest length may be another than the file says.
-_SAME_LENGTH = 0.02
+#: Rest lengths that differ by less are one: no sensor tells such a shift of the strain.
+_SAME_LENGTH = 5e-4
+#: How closely a length and a contraction add up to the rest length.
+_SUM = 0.01
 #: Beside these a force may be in lbf.
 _INCHES = ('psi', 'psia', 'psig', 'in', 'inch', 'inches')
 #: The lowest reading of a vented sensor that shows absolute pressures, Pa.
@@ -82,9 +90,10 @@ class _Reader:
             table.name, strain, pressure, values['force'],
             labels(table.columns[trial.header])[rows] if trial and trial.header else None, time,
             [key.partition('.')[2] or 'mu1' for key in pressures], values.get('strain_rate'),
-            rows=table.rows[rows], notes=[*table.notes, *self.notes], max_strain=recipe.max_strain,
+            rows=table.rows[rows], notes=list(dict.fromkeys((*table.notes, *self.notes))),
+            max_strain=recipe.max_strain, max_pressure=recipe.max_pressure,
             units={key: unit for key, unit in given.items() if key in ('force', *pressures) or (
-                key == 'strain' and strains[0] == 'strain')}, max_pressure=recipe.max_pressure)
+                key == 'strain' and strains[0] == 'strain')})
         lengths = self.choices.chosen[strains[0]].unit
         return replace(measured, taken=self.choices.taken(), rest_length=self.rest_length
                        if lengths is not None and lengths.like == 'm' else None,
@@ -101,17 +110,26 @@ class _Reader:
         return '' if is_number(text) else text[:40]
 
     @property
+    def _remarks(self) -> list[str]:
+        """The lines above the data and the comments between."""
+        return [*self.table.above, *(text for _, text in self.table.remarks)]
+
+    @property
     def rest_length(self) -> float | None:
-        """The rest length, m: as told, else as the file says."""
-        return self.recipe.rest_length or self._told_length
+        """The rest length, m: as told, else as the file says, else the muscle's."""
+        return self.recipe.rest_length or self._told_length or self.recipe.muscle_length
 
     @cached_property
     def _told_length(self) -> float | None:
-        """What the file says of the rest length, above the table or in a column that stays."""
-        for line in self.table.above:
-            line = _OF_MUSCLE.sub('rest length', line)
-            if (above := rest_length_of(line)) is not None:
-                return above
+        """What the file says of the rest length, in its remarks or in a column that stays."""
+        said = [length for line in self._remarks
+                if (length := rest_length_of(_OF_MUSCLE.sub('rest length', line))) is not None]
+        if said:
+            if len(set(said)) > 1:
+                self.notes.append('several rest lengths in the file: ' + ', '.join(
+                    f'{1e3 * length:.4g} mm' for length in dict.fromkeys(said))
+                    + '; the first is taken (--rest-length)')
+            return said[0]
         for header, column in self.table.columns.items():
             name = f"{header} {self.table.units.get(header, '')}".strip()
             if rest_length_of(f'{name}=1') is not None:
@@ -131,7 +149,7 @@ class _Reader:
                 parts[match.quantity] = numbers(column)[0] * unit.factor
         total = sum(parts.values()) if len(parts) > 1 else np.zeros(1)
         middle = float(np.nanmedian(total))
-        return middle if np.nanmax(np.abs(total - middle)) < 0.5 * _SAME_LENGTH * middle else None
+        return middle if np.nanmax(np.abs(total - middle)) < _SUM * middle else None
 
     def _numbers(self) -> dict[str, np.ndarray]:
         """Return the readings of each quantity as floats; a word among readings is an error."""
@@ -340,7 +358,7 @@ class _Reader:
 
     def _may_be_absolute(self, pressure: np.ndarray, force: np.ndarray) -> str:
         """Return what tells that: a remark, or hardly a force at that of the atmosphere; or ''."""
-        for line in (*self.table.above, *(text for _, text in self.table.remarks)):
+        for line in self._remarks:
             if absolute_of(line) and re.search('(?i)press|druck', line):
                 return f"in the file stands '{line.strip()[:60]}'"
         rows = np.isfinite(pressure) & np.isfinite(force)
@@ -358,16 +376,23 @@ class _Reader:
         choice, rest = self.choices.chosen[key], self.rest_length
         given, shown = values[key], choice.header or key
         in_lengths = choice.unit is not None and choice.unit.like == 'm'
+        if in_lengths and self._told_length is None and self.recipe.rest_length is None:
+            self.notes += [f"in the file stands '{line.strip()[:60]}', without a unit: not used "
+                           '(--rest-length)' for line in self._remarks
+                           if names_rest_length(line)]
         if in_lengths and rest is None:
             longest = (f'; the longest here is {1e3 * np.nanmax(given):.4g} mm'
                        if key == 'length' else '')
             raise InputError(
                 f"{self.table.name}: '{shown}' is a length; expected a strain, or the rest length "
                 f'to make one (--rest-length, rest_length, or a model){longest}')
-        told = self._told_length
-        if in_lengths and rest and told and abs(told / rest - 1.0) > _SAME_LENGTH:
-            self.notes.append(f'read with a rest length of {1e3 * rest:.4g} mm; the file says '
-                              f'{1e3 * told:.4g} mm (--rest-length)')
+        told, by_file = self._told_length, self.recipe.rest_length is None
+        other = self.recipe.muscle_length if by_file else told
+        if in_lengths and rest and other and abs(other / rest - 1.0) > _SAME_LENGTH:
+            self.notes.append(
+                f'read with a rest length of {1e3 * rest:.4g} mm' + (
+                    f', as the file says; the model has {1e3 * other:.4g} mm' if by_file else
+                    f'; the file says {1e3 * other:.4g} mm') + ' (--rest-length)')
         if key == 'length':
             share = given / rest if in_lengths and rest is not None else given
             self._length_fits(share, rest or 1.0)
@@ -377,7 +402,8 @@ class _Reader:
             ratio = ratio * self._sign_of_shift(ratio, pressure, values['force'])
         low, high = ((np.nanmin(ratio), np.nanmax(ratio)) if np.isfinite(ratio).any()
                      else (0.0, 0.0))
-        if in_lengths and low > 0.05 and low > 0.5 * (high - low):
+        # the zero of a position is anywhere; a contraction may begin within its range
+        if in_lengths and low > 0.05 and (key == 'shift' or low > 0.5 * (high - low)):
             self.notes.append(f"'{shown}' never is near zero ({low:.3f} of the rest length at "
                               'least): expected zero at the rest length')
         if low < -0.05:

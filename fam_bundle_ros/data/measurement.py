@@ -22,6 +22,7 @@ import numpy as np
 
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
+from fam_bundle_ros.data.lost import what_was_lost
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.told import Told
 
@@ -382,6 +383,8 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
         return Measurement(name, strain, pressure, force, trials.of_row, None,
                            np.zeros(len(force)), 0.0, still, trials.names, tuple(motor_units),
                            '', tuple(notes), still, dropped, first_dropped=lost)
+    notes += what_was_lost(strain, {label: named[label] for label in labels}, force,
+                           trials.of_row, rows if trials.order is None else rows[trials.order])
     time = checks.spread_stamps(named['time'], trials.of_row)
     shared = int((~checks.fresh_stamps(named['time'], trials.of_row)).sum())
     if shared:

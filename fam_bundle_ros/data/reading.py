@@ -89,8 +89,8 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
                    max_strain=max_strain, sheet=sheet, drop_bad=drop_bad)
     path = _path(source)
     if path is not None and is_bag(path) and not used.columns:
-        measured = read_bag(path, rest_length=used.rest_length, gauge=used.gauge,
-                            ambient_pressure=used.ambient_pressure, name=name,
+        measured = read_bag(path, rest_length=used.rest_length or used.muscle_length,
+                            gauge=used.gauge, ambient_pressure=used.ambient_pressure, name=name,
                             max_pressure=used.max_pressure, max_strain=used.max_strain)
         if measured is not None:
             return measured

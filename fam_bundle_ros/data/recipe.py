@@ -17,8 +17,8 @@ from fam_bundle_ros.units import express, parse
 
 FORMAT = 'fam-bundle-recipe/1'
 #: Keys with a unit: (unit like, unit to write).
-_WITH_UNIT = {'rest_length': ('m', 'mm'), 'ambient_pressure': ('Pa', 'kPa'),
-              'max_pressure': ('Pa', 'MPa')}
+_WITH_UNIT = {'rest_length': ('m', 'mm'), 'muscle_length': ('m', 'mm'),
+              'ambient_pressure': ('Pa', 'kPa'), 'max_pressure': ('Pa', 'MPa')}
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,9 @@ class Recipe:
         ``{'pressure': '300 kPa'}``, ``{'time': '100 Hz'}``. ``{'trial': 'none'}``: no column is
         that. What is not named is recognised.
     rest_length : float, m, optional
-        By which lengths become strains.
+        By which lengths become strains, whatever the file says.
+    muscle_length : float, m, optional
+        The same where the file says nothing: the length of the model.
     gauge : bool, optional
         Whether pressures are gauge (True) or absolute (False); by default as headers say, and
         gauge where they do not.
@@ -53,6 +55,7 @@ class Recipe:
 
     columns: Mapping[str, str] = field(default_factory=dict)
     rest_length: float | None = None
+    muscle_length: float | None = None
     gauge: bool | None = None
     ambient_pressure: float = 101325.0
     max_pressure: float | None = None
@@ -66,7 +69,7 @@ class Recipe:
                 known = ', '.join(name for name in QUANTITIES if name != 'shift')
                 raise InputError(f"columns: '{key}' is not a quantity; expected one of {known}, "
                                  'pressure.<motor unit>')
-        for key in ('rest_length', 'ambient_pressure', 'max_pressure', 'max_strain'):
+        for key in (*_WITH_UNIT, 'max_strain'):
             value = getattr(self, key)
             if value is not None and not value > 0.0:
                 raise InputError(f'{key} is {value:g}; expected more than 0')
@@ -141,7 +144,11 @@ def save_recipe(recipe: Recipe, path: str | Path) -> None:
 
 
 def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
-    """Return a recipe with everything that was recognised or guessed in reading a file."""
+    """
+    Return a recipe with all columns that were recognised or guessed in reading a file.
+
+    Not its rest length: the next file may be of another muscle.
+    """
     columns = dict(recipe.columns)
     for taken in measurement.taken:
         if not taken.quantity or taken.quantity in columns:
@@ -150,8 +157,7 @@ def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
         unit = f' [{taken.unit}]' if taken.unit and own is None else ''
         turned = taken.sign < 0 if taken.quantity != 'elongation' else taken.sign > 0
         columns[taken.quantity] = ('-' if turned else '') + taken.header + unit
-    return replace(recipe, columns=columns,
-                   rest_length=recipe.rest_length or measurement.rest_length)
+    return replace(recipe, columns=columns)
 
 
 def _quantity(value: Any, like: str, what: str) -> float:

@@ -26,8 +26,8 @@ _NAMES: dict[str, tuple[str, ...]] = {
     'time': ('time', 't', 'ts', 'zeit', 'timestamp', 'time stamp', 'stamp', 'zeitstempel',
              'uhrzeit', 'elapsed', 'elapsed time', 'clock', 'x value', 'seconds', 'sekunden',
              'datetime', 'date time', 'datum uhrzeit', 'datum zeit', 'messzeit', 'laufzeit',
-             'zeitpunkt', 'relative time', 'rel time', 'test time', 'run time', 'tout', '時間',
-             '時刻', '时间'),
+             'zeitpunkt', 'relative time', 'rel time', 'test time', 'run time', 'tout', 'epoch',
+             'epoch time', 'unix', 'unix time', 'uptime', '時間', '時刻', '时间'),
     'trial': ('trial', 'run', 'test', 'versuch', 'messung', 'lauf', 'wiederholung', 'rep',
               'repeat', 'repetition', 'experiment', 'cycle', 'zyklus', 'series', 'reihe',
               'messreihe'),
@@ -55,9 +55,9 @@ _NAMES: dict[str, tuple[str, ...]] = {
 _NEUTRAL = frozenset("""measured meas measurement actual act ist current gemessen mess messwert
     value wert sensor signal channel kanal ch ai raw roh reading muscle muskel pam mckibben bpa
     dmsp mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen
-    der des the of in am im total id nr no number nummer name avg average mean mittelwert filtered
-    filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared tariert zeroed
-    compensated kompensiert signals values data line""".split())
+    der des the of in out am im total id nr no number nummer name avg average mean mittelwert
+    filtered filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared
+    tariert zeroed compensated kompensiert signals values data line""".split())
 #: Of these a column of its own is better, where there is one.
 _LESSER = frozenset("""raw roh filtered filt gefiltert smoothed smooth avg average mean
     mittelwert line""".split())
@@ -157,7 +157,8 @@ def recognise(header: str, unit_text: str = '') -> Match:
         found = _with_unit(found, unit)
         if found.score > best.score or (found.quantity and not best.quantity):
             best = found
-    clock = unit_of(header, 's') if len(header) > 3 else None  # 'min' is a minimum too
+    name = header.removesuffix('()')  # 'min' is a minimum too
+    clock = unit_of(name, 's') if len(name) > 3 or name.casefold() in _SHORT_CLOCKS else None
     return best if best.quantity or clock is None else Match('time', 2, clock)
 
 
@@ -179,6 +180,8 @@ def _of_topic(path: str, unit_text: str) -> Match:
 _VAGUE = frozenset(('g', 'kg', 'lb', 'lbs', 'at', 'd', 'h', 'nm', 'um', '-', '', '1', '%'))
 
 
+#: Units of time that are a column's whole name, beside the longer ones.
+_SHORT_CLOCKS = ('ms', 'us', '\u00b5s', '\u03bcs', 'ns', 'sec', 'sek', 'hrs')
 #: Units that are a column's whole name: 'PSIG'.
 _BARE = re.compile(r'(psi|m?bar|[kmh]?pa|lbf|kgf|newtons?|mm)[ _]?([ag]|abs)?', re.IGNORECASE)
 
@@ -207,8 +210,11 @@ def dimension_of(header: str, unit_text: str = '') -> Unit | None:
 #: The rest length above a table: 'L0 = 250 mm', 'Rest length [mm];250,0', 'L0;250;mm'.
 _REST = re.compile(
     r'(?<![^\W_])(?:l_?0|(?:rest|resting|initial|original|nominal|free|slack|relaxed|deflated|'
-    r'uninflated|unpressuri[sz]ed)[ _]length|'
-    r'(?:ruhe|anfangs|ausgangs|nenn)l(?:\u00e4|ae)nge)(?:[\s_]*[\[(]?(mm|cm|m|in)\b[\])]?)?'
+    r'uninflated|unpressuri[sz]ed|unstretched|undeformed|unloaded|natural|vented)[ _]length'
+    r'(?: of (?:the |this )?\w+)?|length at rest|(?:ruhe|anfangs|ausgangs|nenn)l(?:\u00e4|ae)nge|'
+    r'(?:ungedehnt|entspannt|unbelastet|drucklos)e l(?:\u00e4|ae)nge|'
+    r'l(?:\u00e4|ae)nge[ ,(]+(?:ungedehnt|entspannt|unbelastet|drucklos|in ruhe)\)?)'
+    r'(?:[\s_]*[\[(]?(mm|cm|m|in)\b[\])]?)?'
     r'[\s:=;,|]+(\d+(?:[.,]\d+)?)[\s;,|]*(?:[\[(]?(mm|cm|m|in)\b)?', re.IGNORECASE)
 
 
@@ -224,6 +230,11 @@ def rest_length_of(line: str) -> float | None:
     found = _REST.search(line)
     unit = unit_of(found[1] or found[3] or '', 'm') if found else None
     return float(found[2].replace(',', '.')) * unit.factor if found and unit else None
+
+
+def names_rest_length(line: str) -> bool:
+    """Return whether a line tells a rest length, be it without a unit."""
+    return _REST.search(line) is not None
 
 
 def unit_text_of(header: str) -> str | None:

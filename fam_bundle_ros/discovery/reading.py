@@ -15,10 +15,9 @@ def length_of(model: Bundle) -> float | None:
 
 
 def recipe_for(model: Bundle, recipe: Recipe | None = None) -> Recipe:
-    """Return a recipe whose missing rest length and highest pressure come from the model."""
+    """Return a recipe with the length, and a missing highest pressure, of the model."""
     recipe = recipe or Recipe()
-    if recipe.rest_length is None:
-        recipe = recipe.merged(rest_length=length_of(model))
+    recipe = recipe.merged(muscle_length=length_of(model))
     if recipe.max_pressure is None:
         recipe = recipe.merged(max_pressure=max(float(unit.max_pressure)
                                                 for unit in model.motor_units))

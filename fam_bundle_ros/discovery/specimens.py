@@ -25,6 +25,7 @@ import numpy as np
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.reading import read_measurement
+from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.compare import compare
@@ -35,6 +36,7 @@ from fam_bundle_ros.discovery.material import Constant, constants, sharings
 from fam_bundle_ros.discovery.options import Names, Options, with_name, without
 from fam_bundle_ros.discovery.posterior import Change, changes, Posterior
 from fam_bundle_ros.discovery.predict import predict
+from fam_bundle_ros.discovery.reading import recipe_for
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
@@ -86,8 +88,8 @@ class Specimen:
         """Return the recording; lengths in it are converted with this specimen's rest length."""
         if isinstance(self.data, Measurement):
             return self.data
-        length = self.dimensions.get('length', nominal.motor_units[0].geometry.length)
-        return read_measurement(self.data, rest_length=float(length))
+        return read_measurement(self.data, recipe=recipe_for(nominal, Recipe(
+            rest_length=self.dimensions.get('length'))))
 
 
 def read_specimens(path: str | Path) -> list[Specimen]:

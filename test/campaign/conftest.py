@@ -47,7 +47,8 @@ def lab(tmp_path_factory):
     (folder / 'later' / 'broken.csv').write_text('L [mm];p (bar)\n1;2\n')
     (folder / 'a_copy.csv').write_bytes((folder / 'm2.csv').read_bytes())
     (folder / 'recipe.yaml').write_text('format: fam-bundle-recipe/1\n'
-                                        'columns: {force: "Kraft [N]"}\n')
+                                        'columns: {force: "Kraft [N]"}\n'
+                                        'rest_length: 200 mm\n')  # the table counts more
     save_model(muscle(0.2), folder / 'model.yaml')
     return folder
 

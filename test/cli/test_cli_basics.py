@@ -173,6 +173,18 @@ def test_an_unexpected_error_is_a_short_line(fam_bundle, monkeypatch):
         fam_bundle('effects', '--debug')
 
 
+def test_a_file_that_must_not_be_read_is_named(fam_bundle, tmp_path, monkeypatch):
+    """As root every file may be read, so the system's answer is put in its place."""
+    (tmp_path / 'log.csv').write_text('strain,pressure [kPa],force [N]\n')
+
+    def denied(path):
+        raise PermissionError(13, 'Permission denied', str(path))
+    monkeypatch.setattr('fam_bundle_ros.data.reading.is_bag', denied)
+    result = fam_bundle('compare', 'log.csv', '--model', 'spie2021')
+    assert result.returncode == 2
+    assert 'log.csv: Permission denied; expected a file that this user may' in result.stderr
+
+
 def test_benchmark_control_reports_every_run_beside_equal_pressure(fam_bundle, tmp_path,
                                                                    monkeypatch):
     """One trajectory on two plants: rows and summary in JSON, a page, the terminal's tables."""

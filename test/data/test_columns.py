@@ -5,7 +5,14 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import checks, preview, read_measurement, taken_words, unit_names
+from fam_bundle_ros.data import (
+    checks,
+    preview,
+    read_measurement,
+    Recipe,
+    taken_words,
+    unit_names,
+)
 from fam_bundle_ros.data.formats.layout import find_data
 from fam_bundle_ros.data.formats.text import split
 from fam_bundle_ros.data.grouping import pressure_levels
@@ -34,7 +41,8 @@ def table(log, **renamed):
     ('F_lbf', 'force', 'lbf', 4.4482216),
     ('Zugkraft [kN]', 'force', 'kN', 1e3), ('Force [MN]', 'force', 'MN', 1e6),
     ('Force [mN]', 'force', 'mN', 1e-3), ('L\u00e4nge [mm]', 'length', 'mm', 1e-3),
-    ('\u03b5 [%]', 'strain', '%', 1e-2), ('t_ms', 'time', 'ms', 1e-3),
+    ('\u03b5 [%]', 'strain', '%', 1e-2), ('t_ms', 'time', 'ms', 1e-3), ('ms', 'time', 'ms', 1e-3),
+    ('millis()', 'time', 'millis', 1e-3), ('epoch_ns', 'time', 'ns', 1e-9),
     ('PRESSURE_KPA', 'pressure', 'KPA', 1e3), ('Weg [\u00b5m]', 'shift', '\u00b5m', 1e-6),
     ('Verk\u00fcrzung [%]', 'contraction', '%', 1e-2),
     ('p_N_mm2', 'pressure', 'N_mm2', 1e6), ('p_atm', 'pressure', 'atm', 101325.0),
@@ -43,7 +51,7 @@ def table(log, **renamed):
 def test_names_and_units_are_recognised(header, quantity, unit, factor):
     """English and German, brackets or not, whatever the case."""
     found = recognise(header)
-    assert (found.quantity, found.unit.text) == (quantity, unit)
+    assert (found.quantity, found.unit.text, found.score > 1) == (quantity, unit, True)
     assert found.unit.factor == pytest.approx(factor)
 
 
@@ -57,6 +65,20 @@ def test_names_and_units_are_recognised(header, quantity, unit, factor):
 def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
     """Setpoints, supplies, models and other sensors are left alone."""
     assert recognise(header).quantity == ''
+
+
+def test_both_ends_of_a_line_may_be_the_pressure_of_the_muscle(log):
+    """None of them is chosen for its name."""
+    data = table(log, pressure=('p_in [bar]', log[2] / 1e5))
+    with pytest.raises(InputError, match=r"'p_in \[bar\]' and 'p_out \[bar\]' both may be"):
+        read_measurement({**data, 'p_out [bar]': 0.9 * log[2] / 1e5})
+
+
+def test_counts_are_to_be_told_with_what_one_is_worth(log):
+    """A force in counts of a converter that is told as N would be read as N."""
+    data = table(log, force=('adc', np.round(10.0 * log[3])))
+    with pytest.raises(InputError, match=r'"force=adc \* 0.5 N"'):
+        read_measurement(data)
 
 
 @pytest.mark.parametrize(('unit', 'factor', 'absolute'), [
@@ -161,6 +183,28 @@ def test_a_column_that_repeats_the_rest_length_tells_it(log):
         read_measurement(data)
 
 
+def test_a_rest_length_without_a_unit_is_not_used_and_said(log, tmp_path):
+    """The muscle's length is used, which may be another."""
+    rows = np.stack([log[0], 250 * (1 - log[1]), log[2] / 1e3, log[3]], axis=1)
+    np.savetxt(tmp_path / 'a.csv', rows, '%.6f', ',', comments='', header='# L0 = 250\n'
+               'time [s],length [mm],pressure [kPa],force [N]')
+    data = read_measurement(tmp_path / 'a.csv', recipe=Recipe(muscle_length=0.26))
+    assert np.allclose(data.strain, 1 - 250 / 260 * (1 - log[1]))
+    assert "in the file stands '# L0 = 250', without a unit: not used" in ' '.join(data.notes)
+
+
+def test_several_rest_lengths_in_a_file_are_said(log, tmp_path):
+    """Two specimens in one file have a length each."""
+    rows = np.stack([log[0], 250 * log[1], log[2] / 1e3, log[3]], axis=1)
+    with open(tmp_path / 'a.csv', 'w') as file:
+        file.write('time [s],contraction [mm],pressure [kPa],force [N]\n')
+        for length, part in ((250, rows[:90]), (240, rows[90:])):
+            file.write(f'# L0 = {length} mm\n')
+            np.savetxt(file, part, '%.6f', ',')
+    data = read_measurement(tmp_path / 'a.csv')
+    assert 'several rest lengths in the file: 250 mm, 240 mm' in ' '.join(data.notes)
+
+
 def test_lengths_need_a_rest_length_that_fits(log):
     """None, or that of another muscle, is an error that shows the lengths."""
     data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
@@ -180,11 +224,13 @@ def test_a_length_that_is_another_than_the_muscle_s_is_told(log, fittings, said)
     assert bool(said) == ('of the rest length' in ' '.join(data.notes))
 
 
-def test_a_displacement_with_an_offset_is_noticed(log):
+@pytest.mark.parametrize(('header', 'offset', 'said'), [
+    ('contraction [mm]', 40, True), ('contraction [mm]', 20, False), ('position [mm]', 20, True),
+    ('position [mm]', 0, False)])
+def test_a_displacement_with_an_offset_is_noticed(log, header, offset, said):
     """A position that never is near zero is no contraction from the rest length."""
-    data = read_measurement(table(log, strain=('contraction [mm]', 25 + 125 * log[1])),
-                            rest_length=0.25)
-    assert any('never is near zero' in note for note in data.notes)
+    data = read_measurement(table(log, strain=(header, offset + 250 * log[1])), rest_length=0.25)
+    assert any('never is near zero' in note for note in data.notes) == said
 
 
 def test_a_column_that_counts_rows_is_no_trial(log):
@@ -292,7 +338,7 @@ def test_another_quantity_is_not_taken_for_its_unit(log, key, header):
 def test_two_equal_forces_are_asked_for(log):
     """Forces of two cells add up, be they equal; a clock beside each channel is one clock."""
     data = {**table(log, force=('force 1 [N]', log[3] / 2)), 'force 2 [N]': log[3] / 2}
-    with pytest.raises(InputError, match='both may be force'):
+    with pytest.raises(InputError, match=r'their sum, "force=force 1 \[N\] \+ force 2 \[N\]"'):
         read_measurement(data)
 
 

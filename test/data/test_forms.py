@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data import read_measurement, taken_words
+from fam_bundle_ros.data import read_measurement, Recipe, taken_words
 from fam_bundle_ros.data.formats.layout import BLANKS
 from fam_bundle_ros.errors import InputError
 
@@ -122,7 +122,7 @@ def test_a_text_that_turns_binary_far_down_fails(log, tmp_path):
     """A log whose disk was full ends in zeros: not a text file, and not half a log."""
     rows = text([HEAD], cells(log) * 2).encode()
     (tmp_path / 'a.csv').write_bytes(rows + bytes(4096))
-    with pytest.raises(InputError, match='not a text file'):
+    with pytest.raises(InputError, match=f'not a text file from row {rows.count(10) + 1} on'):
         read_measurement(tmp_path / 'a.csv', rest_length=REST)
 
 
@@ -361,7 +361,8 @@ def test_a_short_last_run_below_its_name_is_no_footer(log, tmp_path, label):
 
 @pytest.mark.parametrize('kind', ['csv', 'xlsx'])
 @pytest.mark.parametrize('line', ['L0 [mm];250,0', 'L0;250;mm', 'Ruhel\u00e4nge: 25 cm',
-                                  'Rest length = 250 mm'])
+                                  'Rest length = 250 mm', 'resting length of the muscle: 250 mm',
+                                  'L\u00e4nge ungedehnt: 25,0 cm'])
 def test_a_rest_length_above_the_table_is_heard(log, tmp_path, line, kind):
     """It is taken where none is told; one that is told counts more, and the other is noted."""
     path = tmp_path / f'a.{kind}'
@@ -375,6 +376,9 @@ def test_a_rest_length_above_the_table_is_heard(log, tmp_path, line, kind):
             book.active.append(row.split(';'))
         book.save(path)
     same(read_measurement(path), log)
+    read = read_measurement(path, recipe=Recipe(muscle_length=0.251))
+    same(read, log)
+    assert any('250 mm, as the file says; the model has 251 mm' in note for note in read.notes)
     told = read_measurement(path, rest_length='240 mm')
     assert np.allclose(told.strain, log['strain'] * 250 / 240, atol=1e-5)
     assert any('rest length of 240 mm; the file says 250 mm' in note for note in told.notes)
@@ -614,3 +618,19 @@ def test_a_sheet_of_results_does_not_stand_for_the_log(log, tmp_path):
     read = read_measurement(tmp_path / 'a.xlsx', rest_length=REST)
     same(read, log)
     assert read.notes == ('not read: sheet Summary (tell the sheet)',)
+
+
+def test_a_cover_sheet_and_a_head_of_merged_cells_are_heard(log, tmp_path):
+    """The rest length on the cover; a name above its unit, beside names that have theirs."""
+    import openpyxl
+    book = openpyxl.Workbook()
+    book.active.append(['Ruhel\u00e4nge', 250, 'mm'])
+    sheet = book.create_sheet('Messdaten')
+    for row in (['Zeit', 'Messwerte'], ['[s]', *HEAD.split(',')[1:]], *(
+            [float(cell) for cell in row] for row in cells(log))):
+        sheet.append(row)
+    sheet.merge_cells('B1:D1')
+    book.save(tmp_path / 'a.xlsx')
+    data = read_measurement(tmp_path / 'a.xlsx')
+    same(data, log)
+    assert data.time is not None

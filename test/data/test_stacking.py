@@ -47,7 +47,7 @@ def test_runs_side_by_side_are_trials_one_below_the_other(trials, tmp_path):
 
 
 @pytest.mark.parametrize('name', ['{} bar', '{}bar', 'F at {} bar [N]', 'p = {} bar',
-                                  'Kraft bei {} bar (N)', 'Force @ {} bar'])
+                                  'Kraft bei {} bar (N)', 'Force @ {} bar', 'F_{}bar_N'])
 def test_a_column_of_force_per_pressure_is_a_static_map(trials, name):
     """The way in which data sheets and papers print isobars."""
     table = {'contraction [%]': 100 * trials[0][1],
@@ -130,6 +130,23 @@ def test_a_pressure_that_only_the_sheets_tell_is_that_of_their_rows(trials, name
     data = read_measurement(path)
     same(data, trials)
     assert data.trial_names == names
+
+
+@pytest.mark.parametrize(('last', 'taken'), [('p = 4 bar', True), ('', False)])
+def test_the_pressures_in_titles_of_sheets_are_those_of_their_rows(trials, last, taken, tmp_path):
+    """Where a sheet has none, the first one's is not said to be that of all rows."""
+    import openpyxl
+    book = openpyxl.Workbook()
+    for k, ((t, e, _, f), title) in enumerate(zip(trials, ('p = 1 bar', 'p = 2.5 bar', last))):
+        sheet = book.create_sheet(f'Run {k}')
+        for row in ([title or 'spare'], ['time [s]', 'strain', 'force [N]'], *zip(t, e, f)):
+            sheet.append(list(row))
+    book.save(tmp_path / 'runs.xlsx')
+    if taken:
+        same(read_measurement(tmp_path / 'runs.xlsx'), trials)
+    else:
+        with pytest.raises(InputError, match='titles tell several'):
+            read_measurement(tmp_path / 'runs.xlsx')
 
 
 @pytest.mark.parametrize('extra', ['F filtered 2 bar', 'temperature at 2 bar'])

@@ -245,8 +245,10 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     # one known word in a row with gaps is of a setting
     at = max(candidates, default=-1, key=lambda i: (
         known[i] if known[i] > 1 or filled[i] else 0, filled[i], i))
+    over = near[at - 1][1] if at > 0 else [''] * width
     names = [f'column {i + 1}' for i in range(width)] if at < 0 else [
-        cell.strip() or f'column {i + 1}' for i, cell in enumerate(near[at][1])]
+        _with_name_above(cell.strip(), above.strip()) or f'column {i + 1}'
+        for i, (cell, above) in enumerate(zip(near[at][1], over))]
     units_at = sorted((i for i in range(len(near)) if i != at and unit_like[i]), key=lambda i: (
         sum(recognise(*pair).score > 0 for pair in zip(names, near[i][1])), i))[-1:]
     units = {name: cell.strip().strip('[](){}<>') for i in units_at
@@ -285,6 +287,12 @@ def counts_rows(rows: Sequence[Sequence[str]]) -> bool:
     first = [row[0] for row in rows]
     return all(re.fullmatch(r'\d+', cell) for cell in first) and {
         int(later) - int(cell) for cell, later in zip(first, first[1:])} == {1}
+
+
+def _with_name_above(cell: str, above: str) -> str:
+    """Return a name; of a cell that is merged with the one above, or has a unit alone, both."""
+    alone = not cell or cell[0] in '[(' and is_unit(cell)
+    return f'{above} {cell}'.strip() if alone and recognise(above).quantity else cell
 
 
 def _of_columns(row: Sequence[str]) -> bool:

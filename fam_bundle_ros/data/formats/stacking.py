@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.formats.titles import titles_of
 from fam_bundle_ros.data.guesses import time_unit
 from fam_bundle_ros.data.unit_names import unit_of
 from fam_bundle_ros.data.vocabulary import recognise, STRAINS
@@ -26,7 +27,8 @@ _AGAIN = re.compile(r'.* \(\d+\)')
 #: A trial in a name: 'Run 2: F [N]', 'F [N] Run #2'.
 _TRIAL = re.compile(r'(?<!\w)([^\W\d_]+)[ _]?#?\d+(?!\w)\s*:?')
 #: A reading in a name: '1.5 bar', 'F at 200 kPa [N]'.
-_LEVEL = re.compile(r'(?<![\w.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?abs\b\.?)?|%)(?!\w)')
+_LEVEL = re.compile(
+    r'(?<![^\W_])(?<![.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?abs\b\.?)?|%)(?![^\W_])')
 
 
 class _Level(NamedTuple):
@@ -64,7 +66,7 @@ def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:
     Return tables of the same columns as one, by name; None where they are no trials of one kind.
 
     They are where their names are pressures ('1 bar'), or words for trials that differ in a number
-    ('Run 1'). A pressure that only the names tell becomes a column.
+    ('Run 1'). A pressure that only the names tell, or one title each, becomes a column.
     """
     first, *others = tables.values()
     kinds = {'level' if _level(name) else re.sub(r'[\d\s_.-]+', ' ', name).strip()
@@ -78,7 +80,15 @@ def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:
                for header in first.columns}
     lengths = [len(table.rows) for table in tables.values()]
     columns, units = _with_levels(columns, dict(first.units), list(tables), lengths)
+    titles = [titles_of(table) for table in tables.values()]
+    known = {recognise(header, units.get(header, '')).quantity for header in columns}
+    if 'pressure' not in known and all(len(each) == 1 for each in titles) and len(
+            {(title.kind, title.absolute) for title, in titles}) == 1:
+        columns['pressure'] = np.repeat([title.pressure for title, in titles], lengths)
+        units['pressure'] = 'Pa abs' if titles[0][0].absolute else 'Pa'
     return replace(first, columns=columns, units=units, blanks=None,
+                   above=tuple(dict.fromkeys(line for table in tables.values()
+                                             for line in table.above)),
                    rows=np.concatenate([table.rows for table in tables.values()]),
                    notes=(*first.notes, f'read one below the other: {", ".join(tables)}'))
 
@@ -213,7 +223,7 @@ def _level(name: str) -> _Level | None:
     for match in _LEVEL.finditer(name):
         quantity = 'pressure' if unit_of(match[2], 'Pa') else 'strain' if match[2] == '%' else ''
         if quantity:
-            before = re.sub(r'(^|[\s_])(at|bei|p)$', '', name[:match.start()].strip(' @=,:'))
+            before = re.sub(r'(^|[\s_])(at|bei|p)$', '', name[:match.start()].strip(' @=,:_'))
             rest = before + ' ' + name[match.end():]
             named = re.sub(r'[\[(<][^\])>]*[\])>]', '', rest).strip()
             return _Level(quantity, float(match[1].replace(',', '.')), match[2],

@@ -181,10 +181,9 @@ def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
 
 def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
     """Yield lines; refuse what is no text before much of it is in memory."""
-    while True:
-        line = stream.readline(_LONGEST)
-        if not line:
-            return
+    number = 0
+    while line := stream.readline(_LONGEST):
+        number += 1
         if "'" in line or not line.isascii():
             line = _GROUPS.sub('', line)
         if line[:1] in '[(':
@@ -192,7 +191,9 @@ def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
         if ' -> ' in line:
             line = _MONITOR.sub(_clock_cell, line, count=1)
         if '\0' in line:
-            raise InputError(f'{name}: not a text file; expected a table with a header')
+            raise InputError(f'{name}: not a text file' + (
+                '; expected a table with a header' if number < 3 else
+                f' from row {number} on, where zero bytes stand; expected them cut off'))
         if len(line) >= _LONGEST and not line.endswith('\n'):
             raise InputError(f'{name}: a line of more than {_LONGEST} characters; expected one '
                              'row per line')

@@ -62,8 +62,12 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     if sheet is not None and sheet not in sheets:
         raise InputError(f"{path.name}: no sheet '{sheet}'; expected one of {', '.join(sheets)}")
     names = list(sheets) if sheet is None else [sheet]
-    found = [(table, known) for name in names
-             for table, known in [_of_sheet(path.name, name, sheets[name])] if table is not None]
+    read = {name: _of_sheet(path.name, name, sheets[name]) for name in names}
+    # a sheet without a table may tell settings of the others, such as the rest length
+    told = tuple(';'.join(map(_text, row)) for name, (own, _) in read.items() if own is None
+                 for row in sheets[name].to_numpy(object)[:_SNIFFED])
+    found = [(replace(own, above=own.above + told), known) for own, known in read.values()
+             if own is not None]
     if not found:
         raise InputError(f'{path.name}: no rows of numbers in {", ".join(names)}; expected a '
                          'table (formulas need the values that Excel saves with them)')

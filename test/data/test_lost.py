@@ -1,0 +1,61 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Readings that a sensor lost are said: a diagnosis would name effects for them."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.measurement import build
+
+
+@pytest.fixture
+def noisy(log):
+    """Return the channels of a log with noise, and a function that makes a measurement of them."""
+    time, strain, pressure, force = log
+    rng = np.random.default_rng(3)
+    channels = {'strain': strain, 'pressure': pressure + 300.0 * rng.standard_normal(len(time)),
+                'force': force + 0.3 * rng.standard_normal(len(time))}
+
+    def said(**changed):
+        read = {**channels, **changed}
+        return ' '.join(build('log', read['strain'], read['pressure'], read['force'],
+                              time=time).notes)
+    return channels, said
+
+
+@pytest.mark.parametrize(('label', 'rows', 'words'), [
+    ('force', slice(235, 238), 'force jumps to 0 N and back in 3 rows (first row 236)'),
+    ('pressure', [30, 31, 100, 200], 'pressure jumps to 0 kPa and back in 4 rows (first row 31)')])
+def test_a_sensor_that_reads_zero_for_a_while_is_said(noisy, label, rows, words):
+    """It jumps there and back, while nothing else does."""
+    channels, said = noisy
+    lost = channels[label].copy()
+    lost[rows] = 0.0
+    assert words in said(**{label: lost})
+
+
+def test_a_muscle_that_is_vented_loses_no_reading(noisy, muscle):
+    """The force falls with the pressure."""
+    channels, said = noisy
+    pressure = channels['pressure'].copy()
+    pressure[20:30] = 0.0
+    assert 'lost' not in said(pressure=pressure, force=muscle(channels['strain'], pressure))
+
+
+@pytest.mark.parametrize(('force', 'stuck'), [
+    (lambda force, rows: np.where(rows, force[100], force), True),  # the last reading again
+    (lambda force, rows: np.minimum(force, 150.0), True),           # beyond the range
+    (lambda force, rows: 20.0 * np.round(force / 20.0), False),     # a coarse converter
+    (lambda force, rows: force, False)])
+def test_a_force_that_stands_still_while_the_muscle_moves_is_said(noisy, force, stuck):
+    """Unless its converter is so coarse that it does so all the time."""
+    channels, said = noisy
+    rows = (np.arange(240) >= 100) & (np.arange(240) < 125)
+    assert ('stands still' in said(force=force(channels['force'], rows))) == stuck
+
+
+def test_a_force_of_a_muscle_that_is_held_may_stand_still(noisy):
+    """An isometric log between whose levels nothing changes has lost no reading."""
+    _, said = noisy
+    level = np.repeat([20.0, 50.0, 90.0], 80)
+    assert 'stands still' not in said(strain=np.full(240, 0.1), pressure=1e4 * level, force=level)
